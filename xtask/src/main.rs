@@ -5,6 +5,7 @@
 
 mod dial;
 mod embed;
+mod scripts;
 mod stress;
 mod study;
 mod test;
@@ -15,7 +16,7 @@ use std::process::{Command, ExitCode};
 
 const USAGE: &str = "usage: cargo xtask <command>
 
-  check           fmt, clippy, rustdoc, shaders and tidy: what must hold before a change lands
+  check           fmt, clippy, rustdoc, shaders, scripts and tidy: what must hold before a change lands
   test            [-p CRATE ...]: all tests, and how many could not run here, and why
   tidy            the crates' edges and the other invariants of docs/architecture.md
   parity          DIR [--json] [--strict]: every module against the files of reference numbers in DIR
@@ -68,6 +69,7 @@ fn check() -> Result<(), String> {
     cargo(&["doc", "--workspace", "--no-deps", "--locked"], &[("RUSTDOCFLAGS", "-D warnings")])?;
     // The shaders by their text; no device is needed.
     cargo(&["test", "--quiet", "--locked", "--package", "weaver-gpu", "--test", "it", "shaders::"], &[])?;
+    scripts::check(&tidy::root()?)?;
     tidy::run()?;
     println!("check: fine");
     Ok(())

@@ -18,6 +18,7 @@ use std::ffi::OsString;
   splatweaver eval --run runs/mine --json
   splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
   splatweaver fit capture --minutes 2 -o scene
+  splatweaver view scene --open                        look at it in the browser
   splatweaver render result/scene.ply --orbit 60 -o turn
   splatweaver align scene.ply --photos later --cameras guess.json -o aligned
   splatweaver lift scene.ply --cameras transforms.json --features dino -o lifted.safetensors

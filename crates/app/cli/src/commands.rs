@@ -17,6 +17,7 @@ mod info;
 mod reconstruct;
 mod render;
 mod train;
+mod view;
 
 use clap::Subcommand;
 use weaver_command::{Console, Failure, Interrupt};
@@ -62,6 +63,7 @@ table! {
         Infer(infer::Infer) => infer::run,
     }
     "Look": {
+        View(view::View) => view::run,
         Render(render::Render) => |it, console, _| render::run(it, console),
         Compare(compare::Compare) => |it, console, _| compare::run(it, console),
         Info(info::Info) => |it, console, _| info::run(it, console),

@@ -9,6 +9,7 @@ mod commands;
 mod estimate;
 mod ffmpeg;
 mod flags;
+mod gif;
 mod old_names;
 mod reference;
 mod refine;

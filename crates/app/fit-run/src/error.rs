@@ -19,6 +19,9 @@ pub enum RunError {
     /// The capture could not be read.
     #[error(transparent)]
     Capture(#[from] weaver_data::Error),
+    /// The page of the scene cannot be made.
+    #[error(transparent)]
+    View(#[from] weaver_view::ViewError),
     /// The rasterizer refused.
     #[error(transparent)]
     Raster(#[from] weaver_splat::RasterError),

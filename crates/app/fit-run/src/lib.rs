@@ -10,6 +10,7 @@
 //! | `summary.json` | the outcome |
 //! | `metrics.jsonl`, `events/` | logged values, also for TensorBoard |
 //! | `report.html` | held-out photos beside renders, maps, curves |
+//! | `view.html` | the scene to look at in a browser, with cameras and photos |
 //! | `written.jsonl` | which of these files the fit wrote, and may replace |
 //!
 //! [`Run`] is such a fit, [`RunSettings`] what is asked of it, [`plan`](fn@plan) what it would take.
@@ -27,6 +28,7 @@ mod results;
 mod run;
 mod settings;
 mod sources;
+mod view;
 
 pub use error::RunError;
 pub use matching::Matching;

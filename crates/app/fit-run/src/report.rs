@@ -12,6 +12,8 @@ use weaver_io::Image;
 use weaver_run::Page;
 use weaver_splat::Workspace;
 
+/// Fewer photos than this leave much of a scene unseen.
+const FEW: usize = 8;
 /// Views with pictures.
 const PICTURES: usize = 6;
 
@@ -35,6 +37,18 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
     if let Some(cameras) = &cameras {
         cameras::warning(cameras, &mut page);
     }
+    if !outcome.strangers.is_empty() {
+        page.warning(&format!(
+            "These photos are met far worse than the others; they may show something else, or their cameras may be wrong: {}.",
+            outcome.strangers.join(", ")
+        ));
+    }
+    if run.fit().photos() < FEW {
+        page.warning(&format!(
+            "The scene was fitted to {} photos only: from elsewhere it may look different from what is there.",
+            run.fit().photos()
+        ));
+    }
     page.heading(1, &format!("Fit of {}", run.settings.capture.display()));
     let [width, height] = outcome.size;
     page.paragraph(&format!(
@@ -50,7 +64,10 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
         let [psnr, aligned, ssim, lpips] = numbers(&views.quality);
         [name.to_string(), views.views.to_string(), psnr, aligned, ssim, lpips]
     };
-    let rows: Vec<_> = [Some(row("fitted", &outcome.train)), outcome.test.as_ref().map(|t| row("held out", t))]
+    if run.settings.html {
+        page.link("Look at the scene", crate::view::FILE);
+    }
+    let rows: Vec<_> = [outcome.test.as_ref().map(|t| row("held out", t)), Some(row("fitted", &outcome.train))]
         .into_iter()
         .flatten()
         .collect();
@@ -73,15 +90,9 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
             p.points, p.pixels.unwrap_or(f64::NAN), p.degrees, 100.0 * p.distance, p.focal
         ));
     }
-    if !outcome.strangers.is_empty() {
-        page.paragraph(&format!(
-            "These photos are met far worse than the others; they may show something else, or their cameras may be wrong: {}.",
-            outcome.strangers.join(", ")
-        ));
-    }
     let (title, shown) = if test.is_empty() { ("Fitted photos", train) } else { ("Held-out photos", test) };
     page.heading(2, title);
-    page.paragraph("Photo, render, error (brightest: a quarter of the range), Gaussians blended per pixel, Gaussians per cell of 8 x 8 pixels.");
+    page.paragraph("Below each: error (brightest: a quarter of the range), Gaussians blended per pixel, Gaussians per cell of 8 x 8 pixels.");
     pictures(run, shown, test.is_empty(), &mut page)?;
     page.heading(2, "Every photo");
     let quality = |(kind, j): (&str, &Judged)| {
@@ -105,10 +116,14 @@ fn pictures(run: &Fitting, shown: &[Judged], training: bool, page: &mut Page) ->
         let (count, most) = maps::count(&gaussians, camera, &settings, &mut workspace)?;
         let (density, densest) = maps::density(&gaussians, camera, settings.near);
         let given = Image::from_bytes(camera.width, camera.height, &photo.rgb);
-        let row = [&given, &maps::picture(image, camera), &maps::error(image, &photo.rgb, camera), &count, &density];
-        let caption =
-            format!("{name}: {:.2} dB; at most {most} Gaussians in a pixel, {densest} in a cell", quality.psnr);
-        page.picture(&caption, &Image::mosaic(&row));
+        let render = maps::picture(image, camera);
+        page.comparison(&format!("{name}: {:.2} dB", quality.psnr), [("photo", &given), ("render", &render)])
+            .map_err(weaver_view::ViewError::from)?;
+        let row = [&maps::error(image, &photo.rgb, camera), &count, &density];
+        page.picture(
+            &format!("{name}: at most {most} Gaussians in a pixel, {densest} in a cell"),
+            &Image::mosaic(&row),
+        );
     }
     Ok(())
 }

@@ -5,7 +5,7 @@ use crate::judged::Judged;
 use crate::loaded::{Loaded, Origin};
 use crate::outcome::{Outcome, PoseChange, Views};
 use crate::run::{MODEL, file_of_scene};
-use crate::{Run, RunError, report};
+use crate::{Run, RunError, report, view};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -13,7 +13,7 @@ use weaver_fit::{Exposure, Judge, Quality};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::colmap::{Model, Point};
-use weaver_io::{Drawing, OutputFolder, Transforms, write_scene};
+use weaver_io::{Drawing, OutputFolder, Transforms, write_scene, write_text};
 use weaver_scene::{Frame, Photo};
 use weaver_sfm::carried;
 
@@ -39,6 +39,9 @@ impl Run {
         }
         let test_cameras = job.held_out_cameras()?;
         job.write_cameras(&test_cameras, out)?;
+        if job.settings.html {
+            write_text(out.file(view::FILE)?, &view::page(job, &gaussians, &test_cameras)?)?;
+        }
         let seconds = job.seconds();
         let train = job.judge_training()?;
         let test = job.judge_held_out(&test_cameras)?;

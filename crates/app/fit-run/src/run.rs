@@ -11,6 +11,7 @@ use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Judge, steps_in};
 use weaver_io::SceneFormat;
 use weaver_run::{Folder, Kind, StepReport};
 use weaver_scene::{Gaussians, Photo};
+use weaver_view::Shot;
 
 /// A run under way. Its folder is its own until this value is dropped.
 #[derive(Debug)]
@@ -23,7 +24,14 @@ pub(crate) const MODEL: &str = "sparse/0";
 const KIND: Kind = Kind {
     command: "fit",
     settings: RunFile::NAME,
-    results: &["scene.ply", "transforms.json", "sparse/0/cameras.bin", "sparse/0/images.bin", "sparse/0/points3D.bin"],
+    results: &[
+        "scene.ply",
+        crate::view::FILE,
+        "transforms.json",
+        "sparse/0/cameras.bin",
+        "sparse/0/images.bin",
+        "sparse/0/points3D.bin",
+    ],
 };
 
 impl Run {
@@ -146,6 +154,15 @@ impl Run {
     /// The photos that are held out.
     pub fn held_out(&self) -> &[Photo] {
         &self.0.job.capture.held_out
+    }
+
+    /// The cameras of the photos as they are now, held-out ones first as they were given, and the photos of some of them: for a page to look at.
+    ///
+    /// # Errors
+    /// When a photo cannot be encoded.
+    pub fn shots(&self) -> Result<Vec<Shot>, RunError> {
+        let given: Vec<_> = self.held_out().iter().map(|photo| photo.camera).collect();
+        crate::view::shots(&self.0.job, &given)
     }
 
     /// Seconds since the run began, those of earlier sessions included.

@@ -41,8 +41,16 @@ pub struct RunSettings {
     pub save_every: f64,
     /// Further files of the scene, beside `scene.ply`.
     pub formats: Vec<SceneFormat>,
+    /// True if the scene is also written as a page to look at, `view.html`.
+    #[serde(default = "written")]
+    pub html: bool,
     /// Settings of the fit.
     pub fit: FitSettings,
+}
+
+/// The choice of runs that are older than the key.
+fn written() -> bool {
+    true
 }
 
 /// Where Gaussians begin.
@@ -76,6 +84,7 @@ impl RunSettings {
             least_steps: 1,
             save_every: 20.0,
             formats: Vec::new(),
+            html: true,
             fit,
         }
     }

@@ -7,11 +7,10 @@ const HEIGHT: f64 = 140.0;
 /// Room for numbers beside the chart.
 const LEFT: f64 = 64.0;
 
-/// A small line chart of the finite points (step, value), and whether its axis is logarithmic, which it is if all values are
+/// A small line chart of points (step, value), finite ones, and whether its axis is logarithmic, which it is if all values are
 /// positive, and the last value; none without points.
-pub(crate) fn svg(points: impl IntoIterator<Item = (usize, f64)>) -> Option<(String, bool, f64)> {
-    let points: Vec<(f64, f64)> =
-        points.into_iter().filter(|(_, v)| v.is_finite()).map(|(step, v)| (step as f64, v)).collect();
+pub(crate) fn svg(points: &[(usize, f64)]) -> Option<(String, bool, f64)> {
+    let points: Vec<(f64, f64)> = points.iter().map(|(step, value)| (*step as f64, *value)).collect();
     let (first, (last, end)) = (points.first()?.0, *points.last()?);
     let last = last.max(first + 1.0);
     let logarithmic = points.iter().all(|p| p.1 > 0.0);

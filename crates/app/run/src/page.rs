@@ -1,13 +1,13 @@
-//! A page in one file, without scripts or links, to open anywhere.
+//! A page in one file, to open anywhere.
 
 use crate::curve;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
 use std::path::Path;
-use weaver_io::{Error, Image, Result};
+use weaver_io::{Bitmap, Error, Image, Result};
 
-/// An HTML page that is built from top to bottom. Pictures are inside the file; all text is escaped.
+/// An HTML page that is built from top to bottom. Pictures are inside the file; all text is escaped; nothing comes from elsewhere.
 ///
 /// ```
 /// let mut page = weaver_run::Page::new("Run 7");
@@ -19,8 +19,13 @@ use weaver_io::{Error, Image, Result};
 #[derive(Clone, Debug)]
 pub struct Page {
     title: String,
+    /// What stands above everything else.
+    warnings: String,
     body: String,
-    tables: bool,
+    /// Titles of sections.
+    sections: Vec<String>,
+    /// Something in it moves.
+    scripted: bool,
 }
 
 /// A part of a paragraph.
@@ -32,33 +37,33 @@ pub enum Span<'a> {
     Bold(&'a str),
 }
 
-const STYLE: &str =
-    "body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}
-pre{background:#f5f5f5;padding:1rem;overflow-x:auto;font-size:13px}
-figure{display:inline-block;margin:.5rem 1rem .5rem 0;vertical-align:top}
-figcaption{font-size:13px;color:#666}
-img{image-rendering:pixelated;max-width:100%;min-width:28rem}
-";
+const STYLE: &str = include_str!("../web/report.css");
+const SCRIPT: &str = include_str!("../web/report.js");
 
-const TABLE_STYLE: &str = "table{border-collapse:collapse;font-size:13px}
-th,td{padding:.2rem .8rem;text-align:right;border-bottom:1px solid #ddd}
-th:first-child,td:first-child{text-align:left}
-";
-
-const WARNING_STYLE: &str = "border-left:.4rem solid #c60;background:#fff3e0;padding:.6rem 1rem";
+/// Sections from which a page has a table of contents.
+const LONG: usize = 4;
+/// Quality of compared pictures as libjpeg counts it.
+const QUALITY: u8 = 92;
 
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 impl Page {
     /// An empty page with this title, which the browser shows and the page does not.
     pub fn new(title: &str) -> Self {
-        Self { title: escape(title), body: String::new(), tables: false }
+        let [warnings, body] = [const { String::new() }; 2];
+        Self { title: escape(title), warnings, body, sections: Vec::new(), scripted: false }
     }
 
-    /// Adds a heading of a level, 1 to 6.
+    /// Adds a heading of a level, 1 to 6. Those of level 2 begin sections, which a long page lists at its top.
     pub fn heading(&mut self, level: usize, text: &str) -> &mut Self {
-        let level = level.clamp(1, 6);
-        self.put(format_args!("<h{level}>{}</h{level}>", escape(text)))
+        let (level, text) = (level.clamp(1, 6), escape(text));
+        if level != 2 {
+            return self.put(format_args!("<h{level}>{text}</h{level}>"));
+        }
+        let number = self.sections.len() + 1;
+        self.put(format_args!("<h2 id=\"section-{number}\">{text}</h2>"));
+        self.sections.push(text);
+        self
     }
 
     /// Adds a paragraph.
@@ -76,9 +81,16 @@ impl Page {
         self.put(format_args!("<p>{text}</p>"))
     }
 
-    /// Adds a paragraph that stands out: what the reader must know before the rest.
+    /// Adds a paragraph above everything else: what the reader must know before the rest.
     pub fn warning(&mut self, text: &str) -> &mut Self {
-        self.put(format_args!("<p style=\"{WARNING_STYLE}\"><b>Warning:</b> {}</p>", escape(text)))
+        self.warnings += &format!("<p class=\"warning\"><b>Warning:</b> {}</p>", escape(text));
+        self
+    }
+
+    /// Adds a link to a file beside the page.
+    pub fn link(&mut self, text: &str, file: &str) -> &mut Self {
+        let (text, file) = (escape(text), escape(file));
+        self.put(format_args!("<p><a class=\"open\" href=\"./{file}\">{text}</a></p>"))
     }
 
     /// Adds text whose line breaks and spaces stay, in letters of one width.
@@ -89,15 +101,14 @@ impl Page {
     /// Adds a table: a row of names above the rows. The first column is aligned to the left, the others, usually numbers, to the
     /// right.
     pub fn table<T: AsRef<str>>(&mut self, header: &[&str], rows: &[impl AsRef<[T]>]) -> &mut Self {
-        self.tables = true;
         let cell = |tag: &str, text: &str| format!("<{tag}>{}</{tag}>", escape(text));
         let head: String = header.iter().map(|name| cell("th", name)).collect();
-        self.put(format_args!("<table><tr>{head}</tr>"));
+        self.put(format_args!("<div class=\"table\"><table><tr>{head}</tr>"));
         for row in rows {
             let cells: String = row.as_ref().iter().map(|text| cell("td", text.as_ref())).collect();
             self.put(format_args!("<tr>{cells}</tr>"));
         }
-        self.put(format_args!("</table>"))
+        self.put(format_args!("</table></div>"))
     }
 
     /// Adds a picture from a PNG file, whose bytes stay as they are; its caption is the file's name without extension.
@@ -126,18 +137,49 @@ impl Page {
     fn put_picture(&mut self, caption: &str, png: &[u8]) -> &mut Self {
         let (caption, data) = (escape(caption), STANDARD.encode(png));
         self.put(format_args!(
-            "<figure><img alt=\"{caption}\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>"
+            "<figure class=\"picture\"><img alt=\"{caption}\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>"
         ))
+    }
+
+    /// Adds two pictures of one size, one over the other, with a slider between them: each with its name, the first to the left.
+    ///
+    /// # Errors
+    /// When a picture has no pixels, or more than 65535 on a side.
+    ///
+    /// # Panics
+    /// When an image has not `height * width * 3` values.
+    pub fn comparison(&mut self, caption: &str, pictures: [(&str, &Image); 2]) -> std::io::Result<&mut Self> {
+        let mut images = Vec::new();
+        for (name, image) in pictures {
+            let Image { width, height, .. } = *image;
+            let file = Bitmap { width, height, pixels: image.to_bytes() }.to_jpeg(QUALITY)?;
+            images.push((escape(name), STANDARD.encode(file)));
+        }
+        let [(left, left_data), (right, right_data)] = &images[..] else { unreachable!("two pictures") };
+        let (caption, aspect) = (escape(caption), pictures[0].1.width as f64 / pictures[0].1.height as f64);
+        self.scripted = true;
+        Ok(self.put(format_args!(
+            "<figure class=\"compare\" style=\"--aspect:{aspect:.4}\"><div><img alt=\"{right}\" src=\"data:image/jpeg;base64,{right_data}\">\
+             <img alt=\"{left}\" src=\"data:image/jpeg;base64,{left_data}\"><i></i><span>{left}</span><span>{right}</span>\
+             <input type=\"range\" min=\"0\" max=\"100\" step=\"0.5\" value=\"50\" aria-label=\"{left} or {right}: {caption}\"></div>\
+             <figcaption>{caption}</figcaption></figure>"
+        )))
     }
 
     /// Adds a small line chart of points (step, value) in order of their steps; adds nothing without points.
     ///
     /// Values that are not finite are left out. The axis is logarithmic if all values are positive.
     pub fn curve(&mut self, name: &str, points: impl IntoIterator<Item = (usize, f64)>) -> &mut Self {
-        let Some((svg, logarithmic, last)) = curve::svg(points) else { return self };
+        let points: Vec<(usize, f64)> = points.into_iter().filter(|(_, value)| value.is_finite()).collect();
+        let Some((svg, logarithmic, last)) = curve::svg(&points) else { return self };
         let axis = if logarithmic { ", log axis" } else { "" };
         let name = escape(name);
-        self.put(format_args!("<figure>{svg}<figcaption>{name} (last {last:.4}{axis})</figcaption></figure>"))
+        let rows: Vec<String> = points.iter().map(|(step, value)| format!("[{step},{value:?}]")).collect();
+        let rows = rows.join(",");
+        self.scripted = true;
+        self.put(format_args!(
+            "<figure class=\"curve\" data-points=\"[{rows}]\">{svg}<figcaption>{name} (last {last:.4}{axis})</figcaption></figure>"
+        ))
     }
 
     fn put(&mut self, html: std::fmt::Arguments<'_>) -> &mut Self {
@@ -148,11 +190,18 @@ impl Page {
 
     /// The page as HTML.
     pub fn html(&self) -> String {
-        let Self { title, body, tables } = self;
-        let tables = if *tables { TABLE_STYLE } else { "" };
+        let Self { title, warnings, body, sections, scripted } = self;
+        let script = if *scripted { format!("<script type=\"module\">{SCRIPT}</script>") } else { String::new() };
+        let entry = |(i, title): (usize, &String)| format!("<a href=\"#section-{}\">{title}</a>", i + 1);
+        let entries: String = sections.iter().enumerate().map(entry).collect();
+        let contents =
+            if sections.len() < LONG { String::new() } else { format!("<nav aria-label=\"Contents\">{entries}</nav>") };
+        // Contents stand behind the title of the page.
+        let (head, rest) = body.split_at(body.find("</h1>").map_or(0, |at| at + "</h1>".len()));
         format!(
-            "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title><style>\n\
-             {STYLE}{tables}</style></head><body>{body}</body></html>\n"
+            "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><title>{title}</title><style>\n\
+             {STYLE}</style></head><body>{warnings}{head}{contents}{rest}{script}</body></html>\n"
         )
     }
 

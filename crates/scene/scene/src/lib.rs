@@ -32,7 +32,7 @@ pub use cameras::{CameraRows, CameraSlices, Model, intrinsics_row, viewmat};
 pub use difference::{Difference, Errors};
 pub use frame::Frame;
 pub use gaussians::Gaussians;
-pub use orbit::orbit;
+pub use orbit::{middle, orbit};
 pub use photo::Photo;
 pub use points::PointCloud;
 pub use prune::Region;

@@ -5,11 +5,10 @@ use std::f64::consts::FRAC_PI_3;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 
-/// Cameras on a circle around the middle of a scene, -y up, with a horizontal field of view of 60 degrees and pictures of `[width, height]`
+/// Cameras on a circle around a scene, -y up, with a horizontal field of view of 60 degrees and pictures of `[width, height]`
 /// pixels; `None` of a scene without Gaussians.
 ///
-/// The middle is halfway between the 10 % and 90 % quantiles, so that neither a dense floor nor outliers shift it. The circle is far enough
-/// to have most of the Gaussians inside the picture, and never inside a single one.
+/// The circle is about the [`middle`] of the scene, far enough to have most of the Gaussians inside the picture, and never inside a single one.
 ///
 /// ```
 /// use weaver_scene::{Gaussians, orbit};
@@ -20,19 +19,25 @@ use weaver_geometry::{Camera, Intrinsics, trajectory};
 /// assert_eq!(orbit(&Gaussians::default(), 4, [64, 48]), None);
 /// ```
 pub fn orbit(gaussians: &Gaussians, count: usize, [width, height]: [usize; 2]) -> Option<Vec<Camera>> {
-    let means: Vec<DVec3> = gaussians.means.iter().map(|m| DVec3::from(m.map(f64::from))).collect();
-    let axis = |of: fn(&DVec3) -> f64| {
-        let tenth = |q| quantile(q, means.iter().map(of).collect());
-        Some((tenth(0.1)? + tenth(0.9)?) / 2.0)
-    };
-    let middle = DVec3::new(axis(|m| m.x)?, axis(|m| m.y)?, axis(|m| m.z)?);
-    let spread = quantile(0.8, means.iter().map(|m| m.distance(middle)).collect())?;
+    let middle = middle(gaussians)?;
+    let means = gaussians.means.iter().map(|mean| DVec3::from(mean.map(f64::from)));
+    let spread = quantile(0.8, means.map(|mean| mean.distance(middle)).collect())?;
     let scale = quantile(0.5, gaussians.log_scales.as_flattened().iter().map(|s| f64::from(*s).exp()).collect())?;
     let eye = middle - DVec3::Z * (2.0 * spread + 4.0 * scale);
     let focal = width as f64 / 2.0 / (FRAC_PI_3 / 2.0).tan();
     let intrinsics = Intrinsics { fx: focal, fy: focal, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
     let poses = trajectory::orbit(eye, middle, -DVec3::Y, count);
     Some(poses.into_iter().map(|pose| Camera { pose, intrinsics, width, height }).collect())
+}
+
+/// The middle of a scene: on each axis halfway between the 10 % and 90 % quantiles, so that neither a dense floor nor outliers shift it; `None`
+/// without Gaussians.
+pub fn middle(gaussians: &Gaussians) -> Option<DVec3> {
+    let axis = |axis: usize| {
+        let tenth = |q| quantile(q, gaussians.means.iter().map(|mean| f64::from(mean[axis])).collect());
+        Some((tenth(0.1)? + tenth(0.9)?) / 2.0)
+    };
+    Some(DVec3::new(axis(0)?, axis(1)?, axis(2)?))
 }
 
 /// The value below which a part `q` of the values lie.

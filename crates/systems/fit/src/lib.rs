@@ -42,6 +42,7 @@ pub use gradients::Gradients;
 pub use objective::{L1Ssim, Objective};
 pub use population::{Field, Population};
 pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
+pub use state::gaussians_of;
 pub use strategy::{Moment, Regularizer, Strategy};
 pub use timing::steps_in;
 pub use weaver_scene::Photo;

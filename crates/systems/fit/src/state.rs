@@ -8,6 +8,7 @@ use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::sh::{MAX_DEGREE, coefficients};
 use weaver_io::safetensors::{Element, Tensors};
 use weaver_io::{Error, Result};
+use weaver_scene::Gaussians;
 use weaver_splat::GaussianStatistics;
 
 /// Numbers of a row of statistics.
@@ -78,6 +79,28 @@ impl Fit {
         self.changed();
         Ok(())
     }
+}
+
+/// The Gaussians of the [state](Fit::state) of a fit, as a checkpoint has it.
+///
+/// # Errors
+/// When tensors are missing or of other sizes.
+pub fn gaussians_of(state: &Tensors) -> Result<Gaussians> {
+    let n = state.get("logits.values")?.shape.first().copied().unwrap_or(0);
+    let sh = state.get("sh.values")?.shape.get(1).copied().unwrap_or(0);
+    let Some(degree) = (0..=MAX_DEGREE).find(|degree| 3 * coefficients(*degree) == sh) else {
+        let (path, place) = (state.origin().into(), "tensor sh.values".into());
+        return Err(Error::Invalid { path, place, expected: "rows of 3 (degree + 1)^2".into(), found: sh.to_string() });
+    };
+    let values = |name: &str, width: usize| state.values::<f32>(&format!("{name}.values"), &[n, width]);
+    Ok(Gaussians {
+        means: values("means", 3)?.as_chunks().0.to_vec(),
+        log_scales: values("log_scales", 3)?.as_chunks().0.to_vec(),
+        quats: values("quats", 4)?.as_chunks().0.to_vec(),
+        opacity_logits: values("logits", 1)?.to_vec(),
+        sh: values("sh", sh)?.to_vec(),
+        degree,
+    })
 }
 
 fn statistics_row(s: &GaussianStatistics<f32>) -> [f32; STATISTICS] {

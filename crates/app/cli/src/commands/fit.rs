@@ -3,7 +3,7 @@
 mod course;
 mod initial;
 
-pub use course::{Means, begin, print};
+pub use course::{Means, VIEW, begin, print};
 
 use super::convert::scene_format;
 use crate::clip;
@@ -119,6 +119,12 @@ pub struct Fit {
     /// Further files of the scene, in formats that `splatweaver convert --help` lists; may be repeated
     #[arg(long = "also", value_parser = scene_format(), value_name = "FORMAT", help_heading = SCENE)]
     pub formats: Vec<SceneFormat>,
+    /// Writes no view.html, the page to look at the scene
+    #[arg(long, help_heading = SCENE, conflicts_with = "resume")]
+    pub no_html: bool,
+    /// Shows the fit in the browser while it goes on, at an address that is printed
+    #[arg(long, help_heading = RUN, conflicts_with = "dry_run")]
+    pub live: bool,
     /// Also LPIPS, with the weights in this safetensors file
     #[arg(long, value_name = "WEIGHTS", help_heading = SCENE)]
     pub lpips: Option<PathBuf>,
@@ -162,8 +168,8 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
 
 fn fit(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     if let Some(folder) = &arguments.resume {
-        let Means { judge, rasterizer, .. } = Means::of(arguments)?;
-        let outcome = finish(Run::resume(folder, judge, rasterizer)?, folder, console, interrupt)?;
+        let Means { judge, rasterizer, live, .. } = Means::of(arguments)?;
+        let outcome = finish(Run::resume(folder, judge, rasterizer)?, (folder, live), console, interrupt)?;
         return print(&outcome, folder, arguments.json, console);
     }
     let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
@@ -225,6 +231,7 @@ fn settings(arguments: &Fit, (capture, hold_out): (PathBuf, HoldOut), initial: &
         least_steps: arguments.least_steps as usize,
         save_every: arguments.save_every,
         formats: arguments.formats.clone(),
+        html: !arguments.no_html,
         ..RunSettings::new(capture, FitSettings::default())
     };
     let fit = fit_settings(arguments, &plan(&settings)?.usual())?;

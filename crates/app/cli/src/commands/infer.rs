@@ -1,5 +1,7 @@
 //! `splatweaver infer`.
 
+use super::fit::VIEW;
+use super::view::{self, Seen};
 use crate::clip;
 use crate::estimate::{cameras_folder, estimated};
 use crate::flags::{CameraChoice, ClipFlags, DensityFlags, LightFlags, MatchingFlags, RefineFlags};
@@ -14,7 +16,9 @@ use weaver_fit::FitRasterizer;
 use weaver_inference::published::{self, Fit};
 use weaver_inference::reconstruct::{self, Options, Report, reconstruct};
 use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
+use weaver_io::write_text;
 use weaver_splat::Renderer;
+use weaver_view::HtmlOptions;
 
 /// Heading of flags.
 const PUBLISHED: &str = "With --weights";
@@ -88,6 +92,9 @@ pub struct Infer {
     /// Prints the result as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
+    /// Writes no view.html, the page to look at the scene
+    #[arg(long)]
+    pub no_html: bool,
     #[command(flatten)]
     pub threads: Threads,
 }
@@ -120,6 +127,7 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     let photos = clip::photos(&arguments.images, ClipFlags::default(), &out, console)?;
     let mut images = photos.paths.clone();
     reconstruct::check(&out, &images)?;
+    out.check([VIEW])?;
     let built_in = arguments.run.is_none() && arguments.weights.is_none();
     let estimating = asked || built_in && arguments.cameras.is_none();
     if estimating {
@@ -168,6 +176,11 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     for remark in &report.remarks {
         console.note(remark);
     }
+    // A network without Gaussians leaves nothing to look at.
+    let viewed = report.psnr.is_some() && !arguments.no_html;
+    if viewed {
+        write_text(out.file(VIEW)?, &view::exhibit(&Seen::of(out.path()))?.html(HtmlOptions::default())?)?;
+    }
     if arguments.json {
         let Report { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
         let result = json!({"gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks});
@@ -184,7 +197,8 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
         None => format!("points: {}\ncameras: {}", file("points.ply"), file("transforms.json")),
     };
     let looks = arguments.light.light.as_ref().map_or(String::new(), |_| format!("\nlooks: {}", file("looks.png")));
-    console.print(&format!("{result}\noverview: {}{looks}", report.overview.display()))
+    let look = if viewed { format!("\nlook: {}", file(VIEW)) } else { String::new() };
+    console.print(&format!("{result}\noverview: {}{looks}{look}", report.overview.display()))
 }
 
 /// Runs the network of a run, of a file of a run's weights, or the one that comes with the program.

@@ -54,6 +54,12 @@ pub struct Reconstruct {
     /// Prints the result as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
+    /// Writes no view.html, the page to look at the scene
+    #[arg(long)]
+    pub no_html: bool,
+    /// Shows the fit in the browser while it goes on, at an address that is printed
+    #[arg(long)]
+    pub live: bool,
     #[command(flatten)]
     pub clip: ClipFlags,
     #[command(flatten)]
@@ -129,6 +135,7 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
         long_side: Some(size as usize),
         hold_out,
         measure_exposure: true,
+        html: !arguments.no_html,
         ..RunSettings::new(capture, FitSettings::default())
     };
     let usual = plan(&settings)?.usual();
@@ -137,7 +144,7 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
     settings.fit.check()?;
     let capture = settings.capture.display();
     console.note(&format!("fit: {capture}, {minutes:.2} minutes, photos of at most {size} pixels"));
-    let outcome = fit::begin(settings, fit::Means::usual()?, out, console, interrupt)?;
+    let outcome = fit::begin(settings, fit::Means::usual(arguments.live)?, out, console, interrupt)?;
     fit::print(&outcome, &arguments.out, arguments.json, console)
 }
 

@@ -1,8 +1,12 @@
 //! `splatweaver render`.
 
+mod path;
+
 use crate::flags::rate;
+use crate::gif::Gif;
 use crate::video::Video;
 use clap::{ArgGroup, Args};
+use path::{PathKind, along};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weaver_command::camera_files::{self, Size};
@@ -11,19 +15,21 @@ use weaver_command::{
 };
 use weaver_geometry::Camera;
 use weaver_io::{Image, OutputFolder, SceneFile, check_output_file, read_scene};
-use weaver_scene::{Frame, Gaussians};
+use weaver_scene::{Frame, Gaussians, middle};
 use weaver_splat::Renderer;
 
 /// Draws a file of Gaussians from given cameras or along an orbit.
 ///
 /// One PNG per camera, named after its photo where the names are distinct, else numbered; or a video, with an ffmpeg on
-/// the PATH; or both.
+/// the PATH; or a GIF; or all of them.
 #[derive(Args, Debug)]
+#[command(group(ArgGroup::new("film").multiple(true).args(["video", "gif"])))]
 #[command(group(ArgGroup::new("viewpoints").required(true).args(["cameras", "orbit"])))]
 #[command(after_help = "Examples:
   splatweaver render scene.ply --cameras transforms.json -o renders
   splatweaver render scene.ply --cameras capture/sparse/0 --width 640 -o renders
   splatweaver render scene.ply --cameras clip.txt --width 640 --height 360 -o renders
+  splatweaver render scene.ply --cameras transforms.json --path ellipse --width 480 --gif around.gif
   splatweaver render scene.ply --orbit 90 --background 0,0,0 -o turn
   splatweaver render scene.ply --orbit 120 --width 1280 --height 720 --video turn.mp4")]
 pub struct Render {
@@ -36,14 +42,23 @@ pub struct Render {
     /// Cameras on a circle around the scene instead, this many
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub orbit: Option<u32>,
+    /// A path along these cameras in place of the cameras themselves
+    #[arg(long, value_enum, requires = "cameras")]
+    pub path: Option<PathKind>,
+    /// Cameras of the path
+    #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(2..=100_000), requires = "path")]
+    pub poses: u32,
     /// Folder for the pictures
-    #[arg(short, long, value_name = "DIR", required_unless_present = "video")]
+    #[arg(short, long, value_name = "DIR", required_unless_present = "film")]
     pub out: Option<PathBuf>,
     /// Makes a video of the pictures, in the cameras' order
     #[arg(long, value_name = "FILE.mp4")]
     pub video: Option<PathBuf>,
-    /// Pictures of the video per second
-    #[arg(long, value_name = "F", default_value = "30", value_parser = rate, requires = "video")]
+    /// Makes a GIF of the pictures, in the cameras' order, of 256 colors each
+    #[arg(long, value_name = "FILE.gif")]
+    pub gif: Option<PathBuf>,
+    /// Pictures of the video or GIF per second
+    #[arg(long, value_name = "F", default_value = "30", value_parser = rate, requires = "film")]
     pub fps: f64,
     /// Width in pixels; intrinsics follow [default: the cameras', or 640 for an orbit]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
@@ -70,11 +85,17 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
 fn draw(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let read: Vec<&Path> = std::iter::once(&arguments.scene).chain(&arguments.cameras).map(PathBuf::as_path).collect();
     let out = arguments.out.as_ref().map(|folder| OutputFolder::claim(folder, "render", &read)).transpose()?;
-    arguments.video.as_ref().map_or(Ok(()), |path| check_output_file(path, &read))?;
+    arguments.video.iter().chain(&arguments.gif).try_for_each(|path| check_output_file(path, &read))?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
     let cameras = match (&arguments.cameras, arguments.orbit) {
-        (Some(file), _) => camera_files::read(file, size)?,
+        (Some(file), _) => {
+            let cameras = camera_files::read(file, size)?;
+            match arguments.path {
+                Some(kind) => along(kind, &cameras, arguments.poses as usize, middle(&gaussians).unwrap_or_default()),
+                None => cameras,
+            }
+        }
         (None, count) => orbit(&gaussians, count.unwrap_or(1) as usize, size).ok_or_else(|| {
             Failure::message(format!("{}: expected Gaussians to turn around, found none", arguments.scene.display()))
         })?,
@@ -123,25 +144,22 @@ const MOST_WAITING: usize = 8;
 struct Output<'a> {
     folder: Option<&'a OutputFolder>,
     video: Option<Video>,
+    gif: Option<Gif>,
 }
 
 impl<'a> Output<'a> {
     fn create(arguments: &Render, folder: Option<&'a OutputFolder>, cameras: &[Frame]) -> Result<Self, Failure> {
         let size = |view: &Frame| (view.camera.width, view.camera.height);
-        let video = match &arguments.video {
-            None => None,
-            Some(path) => {
-                let first = cameras.first().map(size).unwrap_or_default();
-                if let Some(other) = cameras.iter().map(size).find(|other| *other != first) {
-                    let sizes = format!("{}x{} and {}x{}", first.0, first.1, other.0, other.1);
-                    return Err(Failure::Usage(format!(
-                        "--video: pictures of {sizes}; --width and --height make them equal"
-                    )));
-                }
-                Some(Video::create(path, first, arguments.fps)?)
-            }
-        };
-        Ok(Self { folder, video })
+        let first = cameras.first().map(size).unwrap_or_default();
+        let flag = if arguments.video.is_some() { "--video" } else { "--gif" };
+        let other = cameras.iter().map(size).find(|other| *other != first);
+        if let (Some(other), true) = (other, arguments.video.is_some() || arguments.gif.is_some()) {
+            let sizes = format!("{}x{} and {}x{}", first.0, first.1, other.0, other.1);
+            return Err(Failure::Usage(format!("{flag}: pictures of {sizes}; --width and --height make them equal")));
+        }
+        let video = arguments.video.as_ref().map(|path| Video::create(path, first, arguments.fps)).transpose()?;
+        let gif = arguments.gif.as_ref().map(|path| Gif::create(path, first, arguments.fps)).transpose()?;
+        Ok(Self { folder, video, gif })
     }
 
     /// Writes pictures with these names.
@@ -150,14 +168,16 @@ impl<'a> Output<'a> {
             let write = |(stem, image): &(&str, Image)| image.write_png(folder.file(format!("{stem}.png"))?);
             pictures.par_iter().try_for_each(write)?;
         }
-        self.video.as_mut().map_or(Ok(()), |video| pictures.iter().try_for_each(|(_, image)| video.push(image)))
+        self.video.as_mut().map_or(Ok(()), |video| pictures.iter().try_for_each(|(_, image)| video.push(image)))?;
+        self.gif.as_mut().map_or(Ok(()), |gif| pictures.iter().try_for_each(|(_, image)| gif.push(image)))
     }
 
     /// Prints where the results are.
     fn finish(self) -> Result<String, Failure> {
         let folder = self.folder.map(|folder| folder.path().display().to_string());
         let video = self.video.map(Video::finish).transpose()?.map(|path| path.display().to_string());
-        Ok(folder.into_iter().chain(video).collect::<Vec<_>>().join(" and "))
+        let gif = self.gif.map(Gif::finish).transpose()?.map(|path| path.display().to_string());
+        Ok(folder.into_iter().chain(video).chain(gif).collect::<Vec<_>>().join(" and "))
     }
 }
 

@@ -21,3 +21,4 @@ mod plan;
 mod process;
 mod vad;
 mod video;
+mod view;

@@ -9,11 +9,14 @@ fn everything_is_escaped() {
     let mut page = Page::new(hostile);
     page.heading(2, hostile).paragraph(hostile).spans(&[Span::Plain(hostile), Span::Bold(hostile)]).warning(hostile);
     page.preformatted(hostile).table(&[hostile], &[[hostile]]).curve(hostile, [(1, 2.0)]);
-    page.picture(hostile, &Image::filled(1, 1, [0.5; 3]));
+    let image = Image::filled(1, 1, [0.5; 3]);
+    page.picture(hostile, &image).link(hostile, hostile);
+    page.comparison(hostile, [(hostile, &image), (hostile, &image)]).unwrap();
     let html = page.html();
-    assert!(!html.contains("script>"), "{html}");
-    // Title, heading, paragraph, two spans, warning, preformatted, two cells, curve, and a picture's text and caption.
-    assert_eq!(html.matches("&lt;script&gt;alert(&quot;1 &amp; 2&quot;)&lt;/script&gt;").count(), 12, "{html}");
+    assert_eq!(html.matches("<script").count(), 1, "{html}");
+    // Title, heading, paragraph, two spans, warning, preformatted, two cells, curve, a picture's text and caption, a link's text and
+    // place, and of a comparison the names beside and within pictures, both in the slider's, and the caption there and below.
+    assert_eq!(html.matches("&lt;script&gt;alert(&quot;1 &amp; 2&quot;)&lt;/script&gt;").count(), 22, "{html}");
 }
 
 #[test]
@@ -22,7 +25,8 @@ fn parts_stand_in_the_order_in_which_they_were_added() {
     page.heading(1, "a").spans(&[Span::Plain("b "), Span::Bold("c")]).preformatted("d\n e");
     page.table(&["view", "PSNR"], &[vec!["x".to_string(), "1.5".to_string()]]).heading(2, "f");
     let body = "<body><h1>a</h1><p>b <b>c</b></p><pre>d\n e</pre>\
-                <table><tr><th>view</th><th>PSNR</th></tr><tr><td>x</td><td>1.5</td></tr></table><h2>f</h2></body>";
+                <div class=\"table\"><table><tr><th>view</th><th>PSNR</th></tr><tr><td>x</td><td>1.5</td></tr></table></div>\
+                <h2 id=\"section-1\">f</h2></body>";
     assert!(page.html().contains(body), "{}", page.html());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("report.html");
@@ -72,7 +76,7 @@ fn curve(points: &[(usize, f64)]) -> (Vec<[f64; 2]>, String) {
     let html = page.html();
     let between =
         |start: &str, end: &str| html.split(start).nth(1).and_then(|s| s.split(end).next()).unwrap_or("").to_string();
-    let corners = between("points=\"", "\"");
+    let corners = between(" points=\"", "\"");
     let corners = corners.split_whitespace().map(|pair| {
         let (x, y) = pair.split_once(',').unwrap();
         [x, y].map(|number| number.parse().unwrap())
@@ -112,4 +116,28 @@ fn a_curve_has_numbers_at_the_ends_of_its_axes() {
         assert!(html.contains(number), "{number}: {html}");
     }
     assert_eq!(html.matches("<text").count(), 4);
+}
+
+#[test]
+fn warnings_and_contents_stand_at_the_top() {
+    let mut page = Page::new("t");
+    page.heading(1, "a").heading(2, "b").heading(2, "c").heading(2, "d").paragraph("text");
+    assert!(!page.html().contains("<nav"));
+    page.heading(2, "e").warning("mind this");
+    let html = page.html();
+    let at = |text: &str| html.find(text).unwrap_or_else(|| panic!("{text} in {html}"));
+    let places =
+        ["<p class=\"warning\"", "<h1>a", "<nav", "<a href=\"#section-4\">e</a>", "<h2 id=\"section-1\">b", "<p>text"]
+            .map(at);
+    assert!(places.is_sorted(), "{places:?}");
+}
+
+#[test]
+fn only_what_moves_has_a_script() {
+    let mut page = Page::new("t");
+    page.heading(1, "a").table(&["b"], &[["c"]]).picture("d", &Image::filled(2, 2, [0.5; 3]));
+    assert!(!page.html().contains("<script"));
+    page.curve("loss", [(1, 2.0), (2, 1.0)]);
+    assert!(page.html().contains("data-points=\"[[1,2.0],[2,1.0]]\""));
+    assert!(page.html().contains("<script type=\"module\">"));
 }

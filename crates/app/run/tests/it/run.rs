@@ -150,7 +150,7 @@ fn a_page_has_a_curve_for_each_number_and_for_the_loss_of_each_stage() {
     for title in ["loss, first", "loss, second", "seconds", "square", "numbers so far"] {
         assert!(html.contains(&format!("<figcaption>{title} (last ")), "{title}: {html}");
     }
-    assert_eq!(html.matches("<figure>").count(), 5);
+    assert_eq!(html.matches("<figure class=\"curve\"").count(), 5);
 }
 
 #[test]

@@ -6,10 +6,16 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Progress, device, duration, memory};
-use weaver_fit::{FitRasterizer, Judge, Quality};
+use weaver_fit::{FitRasterizer, Judge, Quality, gaussians_of};
 use weaver_fit_run::{Folder, Outcome, Run, RunSettings, Views, plan};
 use weaver_trainer::evaluate::load_lpips;
+use weaver_view::Look;
+use weaver_view_run::{Exhibit, Followed, Server, Visitors};
 
+/// Seconds between checkpoints of a fit that is followed, at least.
+const LIVE: f64 = 3.0;
+/// The page to look at a scene.
+pub const VIEW: &str = "view.html";
 /// Fewer points than this say little about cameras.
 const FEW_POINTS: usize = 50;
 /// Fewer Gaussians than this for each pixel of a photo cannot show much.
@@ -20,26 +26,28 @@ pub struct Means {
     pub judge: Judge,
     pub rasterizer: Arc<dyn FitRasterizer>,
     pub initial: Start,
+    /// A page in the browser follows the fit.
+    pub live: bool,
 }
 
 impl Means {
     pub fn of(arguments: &Fit) -> Result<Self, Failure> {
         let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
         let rasterizer = device::rasterizer(&arguments.device)?;
-        Ok(Self { judge, rasterizer, initial: Start::of(arguments.init.as_deref())? })
+        Ok(Self { judge, rasterizer, initial: Start::of(arguments.init.as_deref())?, live: arguments.live })
     }
 
     /// Those of a fit about which nothing is said.
-    pub fn usual() -> Result<Self, Failure> {
+    pub fn usual(live: bool) -> Result<Self, Failure> {
         let rasterizer = device::rasterizer(&DeviceFlag::default())?;
-        Ok(Self { judge: Judge::default(), rasterizer, initial: Start::default() })
+        Ok(Self { judge: Judge::default(), rasterizer, initial: Start::default(), live })
     }
 }
 
 /// Fits a capture, into a folder that was claimed.
 pub fn begin(
-    settings: RunSettings,
-    Means { judge, rasterizer, initial }: Means,
+    mut settings: RunSettings,
+    Means { judge, rasterizer, initial, live }: Means,
     out: Folder,
     console: &mut Console,
     interrupt: &Interrupt,
@@ -58,6 +66,9 @@ pub fn begin(
     if settings.fit.poses.refine {
         console.note(&format!("matching {} photos", plan.training + plan.held_out));
     }
+    if live {
+        settings.save_every = settings.save_every.min(LIVE);
+    }
     let folder = out.path().to_path_buf();
     let run = Run::begin(out, settings, given.as_ref(), judge, rasterizer)?;
     run.remarks().iter().for_each(|remark| console.note(&format!("warning: {remark}")));
@@ -75,11 +86,16 @@ pub fn begin(
             console.note("warning: photos agree about few points: cameras stay nearly as given");
         }
     }
-    finish(run, &folder, console, interrupt)
+    finish(run, (&folder, live), console, interrupt)
 }
 
-/// Goes on to the end.
-pub fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interrupt) -> Result<Outcome, Failure> {
+/// Goes on to the end; a page follows if the fit is live.
+pub fn finish(
+    mut run: Run,
+    (folder, live): (&Path, bool),
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<Outcome, Failure> {
     let settings = run.settings();
     let (steps, budget) = (settings.fit.steps, settings.fit.gaussians);
     console.note(&format!(
@@ -88,21 +104,40 @@ pub fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &In
         run.held_out().len(),
         folder.display()
     ));
+    let stop = interrupt.watch();
+    let exhibit = live.then(|| exhibit(&run, folder)).transpose()?;
+    let followed = Followed { folder, steps, scene: &gaussians_of, stop };
+    let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
+    if let Some(server) = &server {
+        console.note(&format!("live: {}", server.address()));
+    }
     let mut progress = Progress::new("fit", run.fit().steps_done(), steps, console);
     let (mut psnr, start) = (None, Instant::now());
-    let stop = interrupt.watch();
-    let advanced = run.advance(stop, |report| {
-        // Smoothed over about fifty photos.
-        let [last, gaussians] = ["psnr", "gaussians"].map(|name| report.scalar(name).unwrap_or(f64::NAN));
-        let smooth = psnr.map_or(last, |p: f64| p + 0.02 * (last - p));
-        psnr = Some(smooth);
-        progress.at(report.step, steps, || format!("{smooth:.2} dB, {gaussians} Gaussians"), console);
-    });
+    let mut advance = || {
+        run.advance(stop, |report| {
+            // Smoothed over about fifty photos.
+            let [last, gaussians] = ["psnr", "gaussians"].map(|name| report.scalar(name).unwrap_or(f64::NAN));
+            let smooth = psnr.map_or(last, |p: f64| p + 0.02 * (last - p));
+            psnr = Some(smooth);
+            progress.at(report.step, steps, || format!("{smooth:.2} dB, {gaussians} Gaussians"), console);
+        })
+    };
+    let advanced = match &server {
+        Some(server) => server.during(advance),
+        None => advance(),
+    };
     progress.finish();
     advanced?;
     console
         .note(&format!("{} for the steps; drawing and judging every photo", duration(start.elapsed().as_secs_f64())));
     Ok(run.finish()?)
+}
+
+/// The fit as it begins, to look at.
+fn exhibit(run: &Run, folder: &Path) -> Result<Exhibit, Failure> {
+    let look = Look { background: run.settings().fit.background, settings: run.fit().raster_settings() };
+    let exhibit = Exhibit::new(folder.display().to_string(), run.fit().gaussians(), look);
+    Ok(Exhibit { shots: run.shots()?, ..exhibit })
 }
 
 /// Prints the quality of a scene, for people or as JSON.
@@ -132,10 +167,11 @@ pub fn print(outcome: &Outcome, folder: &Path, json: bool, console: &mut Console
         return console.print(&serde_json::to_string_pretty(outcome)?);
     }
     console.print(&format!(
-        "photos   views     PSNR  aligned    SSIM   LPIPS\n{test}{}{} Gaussians: {}\nreport: {}",
+        "photos   views     PSNR  aligned    SSIM   LPIPS\n{test}{}{} Gaussians: {}\nreport: {}{}",
         views("fitted", &outcome.train),
         outcome.gaussians,
         path("scene.ply"),
-        path("report.html")
+        path("report.html"),
+        if folder.join(VIEW).is_file() { format!("\nlook: {}", path(VIEW)) } else { String::new() }
     ))
 }

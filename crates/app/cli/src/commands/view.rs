@@ -1,0 +1,185 @@
+//! `splatweaver view`.
+
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Interrupt, Threads, in_pool};
+use weaver_io::{SceneFile, check_output_file, read_scene, write_text};
+use weaver_view::{HtmlOptions, Look};
+use weaver_view_run::{Exhibit, Server, Visitors};
+
+/// Megabytes of a page above which there is a warning.
+const LARGE: f64 = 60.0;
+/// Megabytes of a page above which it is written only with --yes.
+const TOO_LARGE: f64 = 200.0;
+
+/// Shows a scene in the browser, or writes it as one HTML file.
+///
+/// The page is served to this machine alone, at a free port. A folder of `fit`, `reconstruct` or `infer` is opened with its cameras, photos
+/// and report.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver view scene
+  splatweaver view scene.ply --cameras capture/transforms.json --open
+  splatweaver view scene.spz --html scene.html")]
+pub struct View {
+    /// A file of Gaussians, or the folder of a result
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file [default: the transforms.json of the folder]
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Option<PathBuf>,
+    /// Folder with the photos of the cameras [default: where the cameras say that they are]
+    #[arg(long, value_name = "DIR", requires = "cameras")]
+    pub photos: Option<PathBuf>,
+    /// Writes one HTML file that needs nothing else, in place of a server
+    #[arg(long, value_name = "FILE.html")]
+    pub html: Option<PathBuf>,
+    /// Keeps every bit of the scene in the file; else it is rounded as SPZ does
+    #[arg(long, requires = "html")]
+    pub lossless: bool,
+    /// Writes the file even if it has more than 200 MB
+    #[arg(long, requires = "html")]
+    pub yes: bool,
+    /// Asks the desktop to open the page
+    #[arg(long)]
+    pub open: bool,
+    /// Serves everybody in the network who has the address with its token
+    #[arg(long, conflicts_with = "html")]
+    pub host: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+    // Last: its heading would be that of what follows.
+    #[command(flatten)]
+    pub drawing: DrawingFlags,
+}
+
+pub fn run(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    in_pool(arguments.threads.count(), || {
+        let View { scene, cameras, photos, drawing, .. } = arguments;
+        let seen = Seen { scene, cameras: cameras.as_deref(), photos: photos.as_deref(), drawing: (*drawing).into() };
+        let exhibit = exhibit(&seen)?;
+        match &arguments.html {
+            Some(file) => write(&exhibit, file, arguments, console),
+            None => serve(&exhibit, arguments, console, interrupt),
+        }
+    })
+}
+
+/// A scene and what belongs to it, as files.
+#[derive(Debug)]
+pub struct Seen<'a> {
+    scene: &'a Path,
+    cameras: Option<&'a Path>,
+    photos: Option<&'a Path>,
+    drawing: DrawingOptions,
+}
+
+impl<'a> Seen<'a> {
+    /// A file of Gaussians or the folder of a result, with everything as it says.
+    pub fn of(scene: &'a Path) -> Self {
+        Self { scene, cameras: None, photos: None, drawing: DrawingOptions::default() }
+    }
+}
+
+/// Reads a scene with its cameras.
+pub fn exhibit(seen: &Seen<'_>) -> Result<Exhibit, Failure> {
+    let folder = seen.scene.is_dir().then_some(seen.scene);
+    let within = |name: &str| folder.map(|folder| folder.join(name)).filter(|path| path.exists());
+    let file = within("scene.ply").unwrap_or_else(|| seen.scene.to_path_buf());
+    let SceneFile { gaussians, drawing } = read_scene(&file)?;
+    let (background, settings) = seen.drawing.beside(&file, drawing)?;
+    let named = folder.unwrap_or(&file);
+    let absolute = std::path::absolute(named).unwrap_or_else(|_| named.into());
+    let title = absolute.file_name().map_or("scene".into(), |name| name.to_string_lossy().into_owned());
+    let mut exhibit = Exhibit::new(title, gaussians, Look { background, settings });
+    if let Some(cameras) = seen.cameras.map(PathBuf::from).or_else(|| within("transforms.json")) {
+        exhibit = exhibit.with_cameras(&cameras, seen.photos)?;
+    }
+    exhibit.report = within("report.html");
+    exhibit.file = Some(file);
+    Ok(exhibit)
+}
+
+fn write(exhibit: &Exhibit, file: &Path, arguments: &View, console: &mut Console) -> Result<(), Failure> {
+    let read = [Some(&arguments.scene), exhibit.file.as_ref(), arguments.cameras.as_ref()];
+    check_output_file(file, &read.into_iter().flatten().collect::<Vec<_>>())?;
+    let page = exhibit.html(HtmlOptions { lossless: arguments.lossless })?;
+    let megabytes = page.len() as f64 / 1e6;
+    match weighed(megabytes, arguments.yes) {
+        Weight::Small => {}
+        Weight::Large => console.note(&format!("warning: the page has {megabytes:.0} MB, more than phones may open")),
+        Weight::TooLarge => {
+            let file = file.display();
+            return Err(Failure::message(format!(
+                "{file}: the page has {megabytes:.0} MB, which many browsers do not open; --yes writes it all the same, `splatweaver view` without --html needs no file"
+            )));
+        }
+    }
+    write_text(file, &page)?;
+    if arguments.open {
+        open(&file.display().to_string(), console);
+    }
+    console.print(&format!("page: {} Gaussians, {megabytes:.1} MB, in {}", exhibit.gaussians.len(), file.display()))
+}
+
+/// What is done about the size of a page.
+#[derive(Debug, PartialEq, Eq)]
+enum Weight {
+    Small,
+    Large,
+    TooLarge,
+}
+
+fn weighed(megabytes: f64, yes: bool) -> Weight {
+    if megabytes > TOO_LARGE && !yes {
+        Weight::TooLarge
+    } else if megabytes > LARGE {
+        Weight::Large
+    } else {
+        Weight::Small
+    }
+}
+
+fn serve(exhibit: &Exhibit, arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let visitors = if arguments.host { Visitors::Network } else { Visitors::Here };
+    if arguments.host {
+        console.note("warning: everybody in the network who has the address can look at the scene and save changed ones beside it");
+    }
+    let server = Server::bind(exhibit, None, visitors)?;
+    console.print(&server.address())?;
+    console.note("Ctrl-C ends the server");
+    if arguments.open {
+        open(&server.address(), console);
+    }
+    server.run(interrupt.watch());
+    Ok(())
+}
+
+/// Asks the desktop to open an address or a file.
+pub fn open(address: &str, console: &mut Console) {
+    let program = if cfg!(target_os = "macos") {
+        "open"
+    } else if cfg!(windows) {
+        "explorer"
+    } else {
+        "xdg-open"
+    };
+    let mut command = Command::new(program);
+    let quiet = command.arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    if quiet.spawn().is_err() {
+        console.note(&format!("note: found no {program}, which would open the page"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_pages_are_warned_of_and_larger_ones_need_a_word() {
+        let weights = [(59.0, false), (61.0, false), (199.0, false), (201.0, false), (201.0, true)]
+            .map(|(mb, yes)| weighed(mb, yes));
+        assert_eq!(weights, [Weight::Small, Weight::Large, Weight::Large, Weight::TooLarge, Weight::Large]);
+    }
+}

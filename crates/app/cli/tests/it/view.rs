@@ -1,0 +1,159 @@
+//! Scenes that are looked at: pages in files, servers, live fits, paths and GIFs.
+
+use crate::command::{BINARY, capture, printed, refused};
+use crate::compare::gaussians;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+fn scene(folder: &Path) {
+    weaver_io::write_gaussians(folder.join("scene.ply"), &gaussians()).unwrap();
+}
+
+/// The first line with an address, and what follows.
+fn address(output: impl Read) -> (String, BufReader<impl Read>) {
+    let mut lines = BufReader::new(output);
+    let mut line = String::new();
+    while lines.read_line(&mut line).unwrap() > 0 {
+        if let Some(at) = line.find("http://") {
+            return (line[at..].trim().to_string(), lines);
+        }
+        line.clear();
+    }
+    panic!("no address");
+}
+
+/// Status line and body of an answer.
+fn asked(address: &str, method: &str, path: &str) -> (String, Vec<u8>) {
+    let (place, token) = address.trim_start_matches("http://").split_once("/?token=").unwrap();
+    let mut stream = TcpStream::connect(place).unwrap();
+    let head = format!(
+        "{method} {path} HTTP/1.1\r\nHost: {place}\r\nX-Token: {token}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+    );
+    stream.write_all(head.as_bytes()).unwrap();
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).unwrap();
+    let end = answer.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
+    (String::from_utf8_lossy(&answer[..end]).lines().next().unwrap().to_string(), answer[end + 4..].to_vec())
+}
+
+fn start(folder: &Path, line: &str) -> Child {
+    let mut command = Command::new(BINARY);
+    command
+        .current_dir(folder)
+        .args(line.split_whitespace())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+#[test]
+fn a_page_is_one_file_and_replaces_nothing_else() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    scene(folder);
+    let said = printed(folder, "view scene.ply --html out.html");
+    assert!(said.starts_with("page: 24 Gaussians, 0.") && said.contains("out.html"), "{said}");
+    let small = std::fs::metadata(folder.join("out.html")).unwrap().len();
+    printed(folder, "view scene.ply --html out.html --lossless");
+    assert!(std::fs::metadata(folder.join("out.html")).unwrap().len() > small);
+    let before = std::fs::read(folder.join("scene.ply")).unwrap();
+    let message = refused(folder, "view scene.ply --html scene.ply", 1);
+    assert!(message.contains("scene.ply"), "{message}");
+    assert!(std::fs::read(folder.join("scene.ply")).unwrap() == before);
+    refused(folder, "view scene.ply --lossless", 2);
+    refused(folder, "view missing.ply", 1);
+}
+
+#[test]
+fn a_fit_leaves_a_page_that_its_report_leads_to() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    capture(folder);
+    let said = printed(folder, "fit capture -o fit --steps 3 --gaussians 200");
+    assert!(said.contains("look: fit/view.html"), "{said}");
+    assert!(std::fs::read_to_string(folder.join("fit/report.html")).unwrap().contains("href=\"./view.html\""));
+    let page = std::fs::read_to_string(folder.join("fit/view.html")).unwrap();
+    assert!(page.contains("<title>capture</title>") && page.contains("images/00.png"));
+    printed(folder, "fit capture -o bare --steps 3 --gaussians 200 --no-html");
+    assert!(!folder.join("bare/view.html").exists());
+    assert!(!std::fs::read_to_string(folder.join("bare/report.html")).unwrap().contains("view.html"));
+    // A folder is opened with what is in it.
+    printed(folder, "view fit --html again.html");
+    assert!(std::fs::read_to_string(folder.join("again.html")).unwrap().contains("images/00.png"));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_server_shows_a_folder_until_it_is_interrupted() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    capture(folder);
+    printed(folder, "fit capture -o fit --steps 3 --gaussians 200");
+    let mut child = start(folder, "view fit");
+    let (address, _rest) = address(child.stdout.take().unwrap());
+    for (path, status) in
+        [("/", "200"), ("/scene", "200"), ("/photo/0", "200"), ("/report", "200"), ("/fit/run.json", "404")]
+    {
+        let (line, body) = asked(&address, "GET", path);
+        assert!(line.contains(status) && !body.is_empty(), "{path}: {line}");
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(child.wait().unwrap().success());
+}
+
+#[test]
+fn a_live_fit_is_stopped_from_its_page_and_saves() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    capture(folder);
+    let mut child = start(folder, "fit capture -o fit --steps 100000 --gaussians 300 --live");
+    let (address, mut rest) = address(child.stderr.take().unwrap());
+    let mut progress = String::new();
+    for _ in 0..600 {
+        let (_, body) = asked(&address, "GET", "/progress?since=0");
+        progress = String::from_utf8(body).unwrap();
+        if progress.contains("\"psnr\"") {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    assert!(progress.contains("\"psnr\"") && progress.contains("\"of\":100000"), "{progress}");
+    let (line, _) = asked(&address, "POST", "/stop");
+    assert!(line.contains("200"), "{line}");
+    let mut said = String::new();
+    rest.read_to_string(&mut said).unwrap();
+    assert!(child.wait().unwrap().success(), "{said}");
+    assert!(said.contains("to go on: splatweaver fit --resume fit"), "{said}");
+    assert!(folder.join("fit/checkpoint.safetensors").is_file() && folder.join("fit/view.html").is_file());
+}
+
+#[test]
+fn paths_along_cameras_become_pictures_and_gifs() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    capture(folder);
+    scene(folder);
+    for path in ["ellipse", "spline", "dolly"] {
+        let line = format!(
+            "render scene.ply --cameras capture/transforms.json --path {path} --poses 4 --gif {path}.gif -o {path}"
+        );
+        let said = printed(folder, &line);
+        assert!(said.contains(&format!("pictures: 4 of 24 Gaussians, in {path} and {path}.gif")), "{said}");
+        let gif = std::fs::read(folder.join(format!("{path}.gif"))).unwrap();
+        assert!(gif.starts_with(b"GIF89a") && gif.windows(11).any(|part| part == b"NETSCAPE2.0"));
+        // One graphic control block for each picture.
+        assert_eq!(gif.windows(3).filter(|part| *part == [0x21, 0xf9, 0x04]).count(), 4);
+        assert_eq!(
+            std::fs::read_dir(folder.join(path))
+                .unwrap()
+                .filter(|e| e.as_ref().unwrap().path().extension().is_some_and(|e| e == "png"))
+                .count(),
+            4
+        );
+    }
+    let message = refused(folder, "render scene.ply --orbit 4 --path spline -o x", 2);
+    assert!(message.contains("--cameras"), "{message}");
+}

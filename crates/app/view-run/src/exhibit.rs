@@ -1,0 +1,166 @@
+//! Scenes with their cameras and photos.
+
+use crate::Error;
+use std::path::{Path, PathBuf};
+use weaver_data::capture::HoldOut;
+use weaver_data::posed::{self, PosedOptions};
+use weaver_geometry::Undistortion;
+use weaver_io::{Bitmap, Drawing, SceneFormat, Transforms, read_cameras, write_scene};
+use weaver_scene::{Frame, Gaussians};
+use weaver_view::{HtmlOptions, Look, Shot, Subject, html, photo_file, pictured};
+
+/// Quality of photos that are served as libjpeg counts it.
+const QUALITY: u8 = 82;
+/// Longest side of photos that are served, pixels.
+const LARGE: usize = 1600;
+
+/// A scene to look at, and what belongs to it.
+#[derive(Clone, Debug)]
+pub struct Exhibit {
+    /// Title of the page.
+    pub title: String,
+    /// The scene.
+    pub gaussians: Gaussians,
+    /// How it is drawn.
+    pub look: Look,
+    /// Cameras, and photos in memory.
+    pub shots: Vec<Shot>,
+    /// Photos on disk.
+    pub gallery: Option<Gallery>,
+    /// The report of what made the scene.
+    pub report: Option<PathBuf>,
+    /// The file of the scene; edited ones are saved beside it.
+    pub file: Option<PathBuf>,
+}
+
+/// Photos on disk, one for each shot, which are read when they are asked for.
+#[derive(Clone, Debug)]
+pub struct Gallery {
+    frames: Vec<Frame>,
+    file: PathBuf,
+}
+
+impl Exhibit {
+    /// A scene of this title without cameras.
+    pub fn new(title: impl Into<String>, gaussians: Gaussians, look: Look) -> Self {
+        Self { title: title.into(), gaussians, look, shots: Vec::new(), gallery: None, report: None, file: None }
+    }
+
+    /// Adds the cameras of a file: transforms.json, a folder with a COLMAP model, or a RealEstate10K file. Photos are those that it names,
+    /// or files of their names in `photos`. Held-out ones come first.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or a distortion leaves no photo.
+    pub fn with_cameras(mut self, file: &Path, photos: Option<&Path>) -> Result<Self, Error> {
+        let mut frames = read_cameras(file)?;
+        let held_out = held_out_names(file);
+        frames.sort_by_key(|frame| !held_out.contains(&frame.name));
+        for frame in &mut frames {
+            if let (Some(folder), Some(name)) = (photos, Path::new(&frame.name).file_name()) {
+                frame.path = folder.join(name);
+            }
+        }
+        self.shots =
+            frames.iter().map(|frame| shot(frame, file, held_out.contains(&frame.name))).collect::<Result<_, _>>()?;
+        self.gallery = Some(Gallery { frames, file: file.into() });
+        Ok(self)
+    }
+
+    /// The parts that a page is made of.
+    pub fn subject(&self) -> Subject<'_> {
+        Subject { title: &self.title, gaussians: &self.gaussians, look: self.look }
+    }
+
+    /// The photo of a shot as a JPEG or PNG file, if it has one that can be read.
+    pub fn photo(&self, i: usize) -> Option<Vec<u8>> {
+        let shot = self.shots.get(i)?;
+        if shot.photo.is_some() {
+            return shot.photo.clone();
+        }
+        self.gallery.as_ref()?.photo(i)?.to_jpeg(QUALITY).ok()
+    }
+
+    /// The photo of a shot as it is in one file.
+    fn small_photo(&self, i: usize) -> Option<Vec<u8>> {
+        let shot = self.shots.get(i)?;
+        if shot.photo.is_some() {
+            return shot.photo.clone();
+        }
+        photo_file(&self.gallery.as_ref()?.photo(i)?).ok()
+    }
+
+    /// Whether a shot has a photo.
+    pub fn has_photo(&self, i: usize) -> bool {
+        let on_disk = || self.gallery.as_ref().and_then(|g| g.frames.get(i)).is_some_and(|frame| frame.path.is_file());
+        self.shots.get(i).is_some_and(|shot| shot.photo.is_some()) || on_disk()
+    }
+
+    /// One file with the scene, all cameras, and the photos of at most 32 of them: the held-out ones, then some of all others.
+    ///
+    /// # Errors
+    /// As [`weaver_view::html`].
+    pub fn html(&self, options: HtmlOptions) -> Result<String, Error> {
+        let with_photo: Vec<usize> = (0..self.shots.len()).filter(|i| self.has_photo(*i)).collect();
+        let held_out: Vec<bool> = with_photo.iter().map(|i| self.shots[*i].held_out).collect();
+        let chosen: Vec<usize> = pictured(&held_out).into_iter().map(|at| with_photo[at]).collect();
+        let mut shots = self.shots.clone();
+        for (i, shot) in shots.iter_mut().enumerate() {
+            shot.photo = if chosen.contains(&i) { self.small_photo(i) } else { None };
+        }
+        Ok(html(&self.subject(), &shots, options)?)
+    }
+
+    /// Saves the Gaussians that `dropped` does not mark in this format, beside the scene's file and under a name that is free.
+    ///
+    /// # Errors
+    /// When the scene has no file, or the new one cannot be written.
+    pub fn save(&self, dropped: &[u8], format: SceneFormat) -> Result<PathBuf, Error> {
+        let file = self.file.clone().unwrap_or_else(|| "scene.ply".into());
+        let stem = file.file_name().map_or("scene".into(), |name| name.to_string_lossy().into_owned());
+        let stem = stem.split('.').next().unwrap_or("scene").to_string();
+        let numbered = |number: usize| {
+            let number = if number == 1 { String::new() } else { format!("-{number}") };
+            file.with_file_name(format!("{stem}-edited{number}{}", format.file_name_end()))
+        };
+        let path = (1..).map(numbered).find(|path| !path.exists()).expect("one of infinitely many names is free");
+        let kept: Vec<usize> =
+            (0..self.gaussians.len()).filter(|i| dropped.get(*i).is_none_or(|byte| *byte == 0)).collect();
+        let drawing = Drawing::antialiased(self.look.settings.antialiased);
+        write_scene(&path, &self.gaussians.select(&kept), drawing)?;
+        Ok(path)
+    }
+}
+
+impl Gallery {
+    /// A photo without distortion.
+    fn photo(&self, i: usize) -> Option<Bitmap> {
+        let frame = self.frames.get(i)?.clone();
+        let options = PosedOptions { long_side: Some(LARGE), hold_out: HoldOut::Nothing, ..PosedOptions::default() };
+        let photo = posed::load_frames(vec![frame], &self.file, &options).ok()?.pop()?.photo;
+        Some(Bitmap { width: photo.camera.width, height: photo.camera.height, pixels: photo.rgb })
+    }
+}
+
+/// Names of photos that a transforms.json holds out.
+fn held_out_names(file: &Path) -> Vec<String> {
+    let is_json = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+    let read = || Transforms::read(file).ok()?.test_filenames;
+    if is_json { read().unwrap_or_default() } else { Vec::new() }
+}
+
+/// A camera as its photo is without distortion.
+fn shot(frame: &Frame, file: &Path, held_out: bool) -> Result<Shot, Error> {
+    let camera = match frame.distortion {
+        None => frame.camera,
+        Some(distortion) => {
+            let undone = Undistortion::new(frame.camera, distortion).ok_or_else(|| weaver_io::Error::Invalid {
+                path: file.into(),
+                place: frame.name.clone(),
+                expected: "a lens distortion that leaves a photo without blank borders".into(),
+                found: format!("{distortion:?}"),
+            })?;
+            undone.to
+        }
+    };
+    Ok(Shot { name: frame.name.clone(), camera, held_out, photo: None })
+}

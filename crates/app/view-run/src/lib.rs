@@ -1,0 +1,19 @@
+//! Scenes on disk to look at in a browser.
+//!
+//! An [`Exhibit`] is a scene with its cameras and photos. It becomes one file ([`Exhibit::html`]) or is shown by a [`Server`], which may
+//! follow a run that is under way ([`Followed`]).
+
+mod error;
+mod exhibit;
+mod follow;
+mod server;
+
+pub use error::Error;
+pub use exhibit::{Exhibit, Gallery};
+pub use follow::Followed;
+pub use server::{Server, Visitors};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,207 @@
+//! A server for the people at this machine, or, if that is asked for, for those in its network.
+
+mod answer;
+mod guard;
+
+use crate::{Error, Exhibit, Followed};
+use answer::Answer;
+use guard::Guard;
+use std::io::Read;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tiny_http::{Method, Request};
+use weaver_io::{SceneFormat, write_gaussians_to};
+use weaver_view::ServedPage;
+
+/// Formats that scenes are saved in.
+const FORMATS: [&str; 3] = ["ply", "spz", "compressed"];
+/// Requests that are answered at the same time.
+const THREADS: usize = 4;
+/// Time after which threads look whether to end.
+const PATIENCE: Duration = Duration::from_millis(200);
+
+/// Who may ask the server.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Visitors {
+    /// Programs on this machine, which need the token to write.
+    #[default]
+    Here,
+    /// Everybody in the network who has the token.
+    Network,
+}
+
+/// A server that shows one scene. It answers a fixed list of addresses, and reads no other files.
+pub struct Server<'a> {
+    http: tiny_http::Server,
+    guard: Guard,
+    exhibit: &'a Exhibit,
+    followed: Option<Followed<'a>>,
+    page: String,
+    policy: String,
+    saving: Mutex<()>,
+}
+
+impl std::fmt::Debug for Server<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Server").field("guard", &self.guard).field("followed", &self.followed).finish_non_exhaustive()
+    }
+}
+
+impl<'a> Server<'a> {
+    /// Listens at a free port, of the loopback alone unless for the network. Nothing is answered before [`run`](Self::run).
+    ///
+    /// # Errors
+    /// When no port is to be had, or the page cannot be made.
+    pub fn bind(exhibit: &'a Exhibit, followed: Option<Followed<'a>>, visitors: Visitors) -> Result<Self, Error> {
+        let ip = if visitors == Visitors::Here { Ipv4Addr::LOCALHOST } else { Ipv4Addr::UNSPECIFIED };
+        let address = SocketAddr::from((ip, 0));
+        let failed = |message: String| Error::Bind { address: address.to_string(), message };
+        let http = tiny_http::Server::http(address).map_err(|error| failed(error.to_string()))?;
+        let port = http.server_addr().to_ip().map(|address| address.port());
+        let port = port.ok_or_else(|| failed("no port".into()))?;
+        let guard = Guard { port, token: random()?, visitors };
+        let nonce = random()?;
+        let photo = |i: usize| exhibit.has_photo(i).then(|| format!("photo/{i}?token={}", guard.token));
+        let report = exhibit.report.as_ref().map(|_| format!("report?token={}", guard.token));
+        let page = ServedPage {
+            nonce: &nonce,
+            scene: "scene",
+            photo: &photo,
+            formats: if exhibit.file.is_some() { &FORMATS } else { &[] },
+            report: report.as_deref(),
+            live: followed.is_some(),
+        };
+        let (html, policy) = (page.html(&exhibit.subject(), &exhibit.shots)?, page.policy());
+        Ok(Self { http, guard, exhibit, followed, page: html, policy, saving: Mutex::new(()) })
+    }
+
+    /// The address to open, with the token.
+    pub fn address(&self) -> String {
+        format!("http://127.0.0.1:{}/?token={}", self.guard.port, self.guard.token)
+    }
+
+    /// Answers until `stop` is set.
+    pub fn run(&self, stop: &AtomicBool) {
+        std::thread::scope(|scope| {
+            for _ in 0..THREADS {
+                scope.spawn(|| self.answer_until(stop));
+            }
+        });
+    }
+
+    /// Does some work, and answers while it goes on.
+    pub fn during<T>(&self, work: impl FnOnce() -> T) -> T {
+        let done = AtomicBool::new(false);
+        /// Ends the answering also when the work panics.
+        struct Ends<'b>(&'b AtomicBool);
+        impl Drop for Ends<'_> {
+            fn drop(&mut self) {
+                self.0.store(true, Ordering::Relaxed);
+            }
+        }
+        std::thread::scope(|scope| {
+            let ends = Ends(&done);
+            scope.spawn(|| self.run(&done));
+            let result = work();
+            drop(ends);
+            result
+        })
+    }
+
+    fn answer_until(&self, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
+            if let Ok(Some(mut request)) = self.http.recv_timeout(PATIENCE) {
+                let answer = self.answer(&mut request).unwrap_or_else(|error| Answer::text(500, error.to_string()));
+                // Somebody who went away needs no answer.
+                let _ = request.respond(answer.response(&self.policy));
+            }
+        }
+    }
+
+    fn answer(&self, request: &mut Request) -> Result<Answer, Error> {
+        let url = request.url().to_string();
+        let (path, query) = url.split_once('?').unwrap_or((&url, ""));
+        let writes = *request.method() == Method::Post;
+        if let Err(refused) = self.guard.check(request, query, writes) {
+            return Ok(refused);
+        }
+        match (request.method(), path) {
+            (Method::Get, "/") => Ok(Answer::html(self.page.clone())),
+            (Method::Get, "/scene") => self.scene(),
+            (Method::Get, "/progress") => self.progress(query),
+            (Method::Get, "/report") => self.report(),
+            (Method::Get, photo) if photo.starts_with("/photo/") => Ok(self.photo(&photo["/photo/".len()..])),
+            (Method::Post, "/save") => self.save(request, query),
+            (Method::Post, "/stop") => Ok(self.stop()),
+            (Method::Get | Method::Post, _) => Ok(Answer::nothing()),
+            _ => Ok(Answer::text(405, "expected GET or POST")),
+        }
+    }
+
+    fn scene(&self) -> Result<Answer, Error> {
+        let latest = self.followed.as_ref().map(Followed::gaussians).transpose()?.flatten();
+        let mut bytes = Vec::new();
+        let ply = "ply".parse().expect("the format is in the table");
+        write_gaussians_to(&mut bytes, ply, latest.as_ref().unwrap_or(&self.exhibit.gaussians))?;
+        Ok(Answer::new("application/octet-stream", bytes))
+    }
+
+    fn photo(&self, number: &str) -> Answer {
+        let photo = number.parse().ok().and_then(|i| self.exhibit.photo(i));
+        photo.map_or_else(Answer::nothing, |bytes| {
+            Answer::new(if bytes.starts_with(b"\x89PNG") { "image/png" } else { "image/jpeg" }, bytes)
+        })
+    }
+
+    fn report(&self) -> Result<Answer, Error> {
+        let Some(path) = &self.exhibit.report else { return Ok(Answer::nothing()) };
+        Ok(Answer::report(weaver_io::read_text(path)?))
+    }
+
+    fn progress(&self, query: &str) -> Result<Answer, Error> {
+        let Some(followed) = &self.followed else { return Ok(Answer::nothing()) };
+        let since = guard::value(query, "since").and_then(|since| since.parse().ok()).unwrap_or(0);
+        Ok(Answer::new("application/json", followed.progress(since)?.to_string().into_bytes()))
+    }
+
+    fn stop(&self) -> Answer {
+        let Some(followed) = &self.followed else { return Answer::nothing() };
+        followed.stop();
+        Answer::text(200, "The run ends after this step and saves.")
+    }
+
+    /// Saves what is left: the body has a byte for each Gaussian, 1 where it is deleted.
+    fn save(&self, request: &mut Request, query: &str) -> Result<Answer, Error> {
+        let count = self.exhibit.gaussians.len();
+        let name = guard::value(query, "format").unwrap_or_default();
+        let Some(format) =
+            FORMATS.iter().find(|format| **format == name).and_then(|name| name.parse::<SceneFormat>().ok())
+        else {
+            return Ok(Answer::text(400, format!("expected a format of {}", FORMATS.join(", "))));
+        };
+        if self.exhibit.file.is_none() {
+            return Ok(Answer::text(400, "this scene has no file to save beside"));
+        }
+        if request.body_length() != Some(count) {
+            return Ok(Answer::text(413, format!("expected {count} bytes, one for each Gaussian")));
+        }
+        let Ok(_one) = self.saving.try_lock() else { return Ok(Answer::text(409, "something else is being saved")) };
+        let mut dropped = Vec::new();
+        let read = request.as_reader().take(count as u64).read_to_end(&mut dropped);
+        if read.is_err() || dropped.len() != count {
+            return Ok(Answer::text(400, format!("expected {count} bytes, found {}", dropped.len())));
+        }
+        let path = self.exhibit.save(&dropped, format)?;
+        let kept = dropped.iter().filter(|byte| **byte == 0).count();
+        Ok(Answer::text(200, format!("Saved {kept} Gaussians in {}.", path.display())))
+    }
+}
+
+/// 128 random bits as text.
+fn random() -> Result<String, Error> {
+    let mut bytes = [0; 16];
+    getrandom::fill(&mut bytes).map_err(Error::Random)?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}

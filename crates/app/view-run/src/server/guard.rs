@@ -1,0 +1,64 @@
+//! Who is answered.
+
+use super::Visitors;
+use super::answer::Answer;
+use tiny_http::Request;
+
+/// What a request must bring.
+#[derive(Debug)]
+pub struct Guard {
+    pub port: u16,
+    pub token: String,
+    pub visitors: Visitors,
+}
+
+impl Guard {
+    /// Refuses requests for other hosts, which pages from elsewhere make under names of their own, and those without the token where it
+    /// is needed.
+    pub fn check(&self, request: &Request, query: &str, writes: bool) -> Result<(), Answer> {
+        let header = |name: &str| {
+            let found =
+                request.headers().iter().find(|header| header.field.as_str().as_str().eq_ignore_ascii_case(name));
+            found.map(|header| header.value.as_str())
+        };
+        let host = header("host").unwrap_or_default();
+        let own = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
+        if self.visitors == Visitors::Here && !own.iter().any(|own| own == host) {
+            return Err(Answer::text(403, "expected this machine as the host"));
+        }
+        let needed = writes || self.visitors == Visitors::Network;
+        // A form of another page can bring a query, but no header.
+        let given = if writes { header("x-token") } else { header("x-token").or_else(|| value(query, "token")) };
+        if needed && !given.is_some_and(|given| equal(given, &self.token)) {
+            return Err(Answer::text(403, "expected the token of the address that was printed"));
+        }
+        Ok(())
+    }
+}
+
+/// The value of a key of a query.
+pub fn value<'q>(query: &'q str, key: &str) -> Option<&'q str> {
+    query.split('&').filter_map(|pair| pair.split_once('=')).find(|(name, _)| *name == key).map(|(_, value)| value)
+}
+
+/// Whether two texts are equal, in a time that does not depend on where they differ.
+fn equal(a: &str, b: &str) -> bool {
+    a.len() == b.len() && a.bytes().zip(b.bytes()).fold(0, |differ, (x, y)| differ | (x ^ y)) == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn queries_have_values() {
+        assert_eq!(value("since=7&token=a", "token"), Some("a"));
+        assert_eq!(value("since=7", "token"), None);
+        assert_eq!(value("", ""), None);
+    }
+
+    #[test]
+    fn texts_are_compared_whole() {
+        assert!(equal("abc", "abc") && !equal("abc", "abd") && !equal("abc", "ab") && equal("", ""));
+    }
+}

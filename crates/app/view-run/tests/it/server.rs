@@ -1,0 +1,158 @@
+//! What the server answers, and what it refuses.
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::PathBuf;
+use weaver_scene::Gaussians;
+use weaver_view::Look;
+use weaver_view_run::{Exhibit, Server, Visitors};
+
+pub fn gaussians(n: usize) -> Gaussians {
+    let at = |i: usize| [(i % 7) as f32 * 0.2 - 0.6, (i % 5) as f32 * 0.2 - 0.4, 2.0 + (i % 3) as f32 * 0.1];
+    Gaussians {
+        means: (0..n).map(at).collect(),
+        log_scales: vec![[-2.5; 3]; n],
+        quats: vec![[1.0, 0.0, 0.0, 0.0]; n],
+        opacity_logits: (0..n).map(|i| i as f32 * 0.01).collect(),
+        sh: (0..3 * n).map(|i| (i % 11) as f32 * 0.2 - 1.0).collect(),
+        degree: 0,
+    }
+}
+
+pub fn exhibit(file: Option<PathBuf>) -> Exhibit {
+    Exhibit { file, ..Exhibit::new("scene", gaussians(35), Look::default()) }
+}
+
+/// Status and body of a request of which every byte is given.
+fn ask(server: &Server<'_>, head: &str, body: &[u8]) -> (u16, String, Vec<u8>) {
+    let address = server.address();
+    let place = address.trim_start_matches("http://").split('/').next().unwrap();
+    let mut stream = TcpStream::connect(place).unwrap();
+    stream.write_all(head.replace("PLACE", place).as_bytes()).unwrap();
+    stream.write_all(body).unwrap();
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).unwrap();
+    let end = answer.windows(4).position(|four| four == b"\r\n\r\n").expect("an answer has headers");
+    let headers = String::from_utf8(answer[..end].to_vec()).unwrap();
+    let status = headers.split(' ').nth(1).unwrap().parse().unwrap();
+    (status, headers, answer[end + 4..].to_vec())
+}
+
+fn get(server: &Server<'_>, path: &str) -> (u16, String, Vec<u8>) {
+    ask(server, &format!("GET {path} HTTP/1.1\r\nHost: PLACE\r\nConnection: close\r\n\r\n"), b"")
+}
+
+fn token(server: &Server<'_>) -> String {
+    server.address().split_once("token=").unwrap().1.into()
+}
+
+fn post(server: &Server<'_>, path: &str, token: &str, body: &[u8]) -> (u16, String) {
+    let head = format!(
+        "POST {path} HTTP/1.1\r\nHost: PLACE\r\nX-Token: {token}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
+        body.len()
+    );
+    let (status, _, body) = ask(server, &head, body);
+    (status, String::from_utf8(body).unwrap())
+}
+
+#[test]
+fn listed_addresses_are_answered_and_no_others() {
+    let exhibit = exhibit(None);
+    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    server.during(|| {
+        let (status, headers, page) = get(&server, "/");
+        assert_eq!(status, 200);
+        assert!(page.starts_with(b"<!doctype html>"));
+        for part in ["script-src 'nonce-", "frame-ancestors 'none'", "nosniff", "no-store", "no-referrer"] {
+            assert!(headers.contains(part), "{part} in {headers}");
+        }
+        assert!(!headers.contains("unsafe-eval") && !headers.to_lowercase().contains("access-control"), "{headers}");
+        let (status, _, scene) = get(&server, "/scene");
+        assert_eq!(status, 200);
+        assert!(weaver_io::read_gaussians_from(&scene, "ply".parse().unwrap()).unwrap() == exhibit.gaussians);
+        for path in [
+            "/index.html",
+            "/../Cargo.toml",
+            "/photo/0",
+            "/photo/99999999999999999999",
+            "/photo/../x",
+            "/report",
+            "/progress",
+            "//",
+            "/%2e%2e/",
+        ] {
+            assert_eq!(get(&server, path).0, 404, "{path}");
+        }
+        let delete = "DELETE / HTTP/1.1\r\nHost: PLACE\r\nConnection: close\r\n\r\n";
+        assert_eq!(ask(&server, delete, b"").0, 405);
+    });
+}
+
+#[test]
+fn other_hosts_are_refused() {
+    let exhibit = exhibit(None);
+    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    server.during(|| {
+        for host in ["evil.example", "127.0.0.1", "127.0.0.1:1", "localhost.evil.example:80", ""] {
+            let head = format!("GET / HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
+            assert_eq!(ask(&server, &head, b"").0, 403, "{host}");
+        }
+        assert_eq!(ask(&server, "GET / HTTP/1.0\r\n\r\n", b"").0, 403);
+    });
+}
+
+#[test]
+fn the_network_needs_the_token_for_everything() {
+    let exhibit = exhibit(None);
+    let server = Server::bind(&exhibit, None, Visitors::Network).unwrap();
+    server.during(|| {
+        let token = token(&server);
+        for path in ["/", "/scene", "/?token=", "/?token=00000000000000000000000000000000"] {
+            assert_eq!(get(&server, path).0, 403, "{path}");
+        }
+        assert_eq!(get(&server, &format!("/?token={token}")).0, 200);
+        assert_eq!(get(&server, &format!("/scene?token={token}")).0, 200);
+    });
+}
+
+#[test]
+fn saving_takes_the_token_and_replaces_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.ply");
+    let exhibit = exhibit(Some(file.clone()));
+    weaver_io::write_gaussians(&file, &exhibit.gaussians).unwrap();
+    let before = std::fs::read(&file).unwrap();
+    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    server.during(|| {
+        let token = token(&server);
+        let mut dropped = vec![0; 35];
+        (dropped[3], dropped[30]) = (1, 1);
+        assert_eq!(post(&server, "/save?format=ply", "wrong", &dropped).0, 403);
+        assert_eq!(post(&server, &format!("/save?format=ply&token={token}"), "", &dropped).0, 403);
+        assert_eq!(post(&server, "/save?format=gltf", &token, &dropped).0, 400);
+        assert_eq!(post(&server, "/save?format=../x", &token, &dropped).0, 400);
+        assert_eq!(post(&server, "/save?format=ply", &token, &dropped[1..]).0, 413);
+        assert_eq!(post(&server, "/stop", &token, b"").0, 404);
+        for (format, name) in [
+            ("ply", "scene-edited.ply"),
+            ("ply", "scene-edited-2.ply"),
+            ("spz", "scene-edited.spz"),
+            ("compressed", "scene-edited.compressed.ply"),
+        ] {
+            let (status, text) = post(&server, &format!("/save?format={format}"), &token, &dropped);
+            assert_eq!((status, text.contains(name)), (200, true), "{text}");
+            assert_eq!(weaver_io::read_gaussians(folder.path().join(name)).unwrap().len(), 33);
+        }
+        let kept: Vec<usize> = (0..35).filter(|i| ![3, 30].contains(i)).collect();
+        let saved = weaver_io::read_gaussians(folder.path().join("scene-edited.ply")).unwrap();
+        assert!(saved == exhibit.gaussians.select(&kept));
+    });
+    assert!(std::fs::read(&file).unwrap() == before);
+}
+
+#[test]
+fn tokens_differ() {
+    let exhibit = exhibit(None);
+    let [a, b] = [0, 1].map(|_| token(&Server::bind(&exhibit, None, Visitors::Here).unwrap()));
+    assert!(a != b && a.len() == 32);
+}

@@ -1,0 +1,98 @@
+//! Pages of the server in a browser.
+
+use crate::browser::Browser;
+use crate::server::{exhibit, gaussians};
+use serde_json::json;
+use std::sync::atomic::{AtomicBool, Ordering};
+use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_io::Image;
+use weaver_io::safetensors::Tensors;
+use weaver_run::Folder;
+use weaver_view_run::{Exhibit, Followed, Server, Visitors};
+
+#[test]
+fn what_is_deleted_and_saved_is_read_back() {
+    let Some(browser) = Browser::start("what_is_deleted_and_saved") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let exhibit = exhibit(Some(folder.path().join("scene.ply")));
+    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    server.during(|| {
+        browser.open_page(&server.address());
+        browser.value("splatweaver.selection.change((flag, i) => (i < 5 ? 1 : 0))");
+        browser.press(&["\u{e017}"]);
+        browser.value("[...document.querySelectorAll('#save button')].find((b) => b.textContent === 'ply').click()");
+        browser.wait("document.getElementById('status').textContent.startsWith('Saved 30 Gaussians')");
+    });
+    let kept: Vec<usize> = (5..35).collect();
+    let saved = weaver_io::read_gaussians(folder.path().join("scene-edited.ply")).unwrap();
+    assert!(saved == exhibit.gaussians.select(&kept));
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
+#[test]
+fn photos_of_a_camera_file_stand_beside_renders() {
+    let Some(browser) = Browser::start("photos_of_a_camera_file") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let intrinsics = Intrinsics { fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0 };
+    let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 64, height: 48 };
+    let names = ["a.png", "b <i>.png"];
+    let frames = names.map(|name| {
+        Image::filled(64, 48, [0.2, 0.5, 0.3]).write_png(folder.path().join(name)).unwrap();
+        weaver_scene::Frame::new(name, camera)
+    });
+    let file = folder.path().join("transforms.json");
+    let test_filenames = Some(vec![names[1].into()]);
+    weaver_io::Transforms { frames: frames.into(), test_filenames, ..Default::default() }.write(&file).unwrap();
+    let exhibit = exhibit(None).with_cameras(&file, None).unwrap();
+    assert_eq!(exhibit.shots.iter().map(|shot| shot.held_out).collect::<Vec<_>>(), [true, false]);
+    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    server.during(|| {
+        browser.open_page(&server.address());
+        browser.press(&["n"]);
+        browser.wait("document.getElementById('photo').naturalWidth === 64");
+        assert_eq!(browser.text("document.querySelector('#strip span').textContent"), "b <i>");
+    });
+    // The same in one file.
+    let page = exhibit.html(Default::default()).unwrap();
+    let html = folder.path().join("view.html");
+    std::fs::write(&html, page).unwrap();
+    browser.open_page(&format!("file://{}", html.display()));
+    browser.press(&["n"]);
+    browser.wait("document.getElementById('photo').naturalWidth === 64");
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
+#[test]
+fn a_page_follows_a_run_and_ends_it() {
+    let Some(browser) = Browser::start("a_page_follows_a_run") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let exhibit = Exhibit::new("run", gaussians(10), Default::default());
+    let scene = |state: &Tensors| Ok(gaussians(state.values::<u64>("n", &[1])?[0] as usize));
+    let stop = AtomicBool::new(false);
+    let followed = Followed { folder: folder.path(), steps: 50, scene: &scene, stop: &stop };
+    let log = |text: &str| std::fs::write(folder.path().join(Folder::LOG), text).unwrap();
+    let save = |n: u64| {
+        let mut state = Tensors::default();
+        state.insert("n", &[1], vec![n]);
+        state.write(folder.path().join(Folder::CHECKPOINT)).unwrap();
+    };
+    let server = Server::bind(&exhibit, Some(followed), Visitors::Here).unwrap();
+    server.during(|| {
+        log("{\"step\":1,\"loss\":0.9,\"psnr\":12}\n{\"step\":2,\"loss\":0.5,\"psnr\":14.5}\n");
+        browser.open_page(&server.address());
+        // What was before the page was opened is there, too.
+        browser.wait("document.querySelectorAll('#curves figure').length === 2");
+        assert_eq!(browser.text("document.getElementById('done').textContent"), "Step 2 of 50");
+        save(25);
+        browser.wait("splatweaver.scene.n === 25");
+        save(30);
+        log("{\"step\":1,\"loss\":0.9,\"psnr\":12}\n{\"step\":2,\"loss\":0.5,\"psnr\":14.5}\n{\"step\":9,\"loss\":0.2,\"psnr\":20}\n");
+        browser.wait("splatweaver.scene.n === 30 && document.getElementById('done').textContent === 'Step 9 of 50'");
+        assert_eq!(browser.value("document.querySelector('#curves polyline').getAttribute('points').split(' ').length"), json!(3));
+        browser.value("document.getElementById('stop').click()");
+        browser.wait("document.getElementById('status').textContent.includes('ends after this step')");
+        assert!(stop.load(Ordering::Relaxed));
+        browser.wait("document.getElementById('status').textContent.includes('has ended')");
+    });
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}

@@ -1,0 +1,19 @@
+//! Scenes of Gaussians to look at in a browser.
+//!
+//! [`html`] makes one file that holds scene, cameras, photos and viewer. It draws by WebGL2 as the rasterizer of weaver-splat does.
+
+mod error;
+mod home;
+mod modules;
+mod page;
+mod subject;
+mod template;
+
+pub use error::ViewError;
+pub use page::{HtmlOptions, ServedPage, html};
+pub use subject::{Look, Shot, Subject, photo_file, pictured};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,182 @@
+//! The page in one file.
+
+use crate::home::Home;
+use crate::subject::{Shot, Subject, camera_json};
+use crate::template::{escape, fill};
+use crate::{ViewError, modules};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use serde_json::{Value, json};
+use std::io::Write;
+use weaver_io::{Checksum, SceneFormat, write_gaussians_to};
+
+const PAGE: &str = include_str!("../web/page.html");
+const STYLE: &str = include_str!("../web/style.css");
+
+/// Choices of a page in one file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct HtmlOptions {
+    /// The scene keeps every bit of positions, scales, rotations and opacities, a multiple of the size; else it is rounded as SPZ does.
+    pub lossless: bool,
+}
+
+/// One HTML file with scene, cameras, photos and viewer, which needs no network and no other file.
+///
+/// It draws as the rasterizer does by WebGL2; where a browser has none, it shows a picture from the first camera and says so. Text of any
+/// kind in names is shown as text. The same arguments give the same bytes.
+///
+/// # Errors
+/// When the fields of the scene disagree, a value is not finite where it is rounded, or the picture cannot be drawn.
+///
+/// ```
+/// use weaver_scene::Gaussians;
+/// use weaver_view::{HtmlOptions, Look, Subject, html};
+///
+/// let gaussians = Gaussians {
+///     means: vec![[0.0, 0.0, 2.0]],
+///     log_scales: vec![[-1.0; 3]],
+///     quats: vec![[1.0, 0.0, 0.0, 0.0]],
+///     opacity_logits: vec![2.0],
+///     sh: vec![1.0, 0.0, -1.0],
+///     degree: 0,
+/// };
+/// let subject = Subject { title: "<one> Gaussian", gaussians: &gaussians, look: Look::default() };
+/// let page = html(&subject, &[], HtmlOptions::default())?;
+/// assert!(page.contains("<title>&lt;one&gt; Gaussian</title>"));
+/// # Ok::<(), weaver_view::ViewError>(())
+/// ```
+pub fn html(subject: &Subject<'_>, shots: &[Shot], options: HtmlOptions) -> Result<String, ViewError> {
+    let scene = STANDARD.encode(encoded(subject, options.lossless)?);
+    let mut sum = Checksum::default();
+    sum.bytes(scene.as_bytes());
+    sum.bytes(subject.title.as_bytes());
+    let further = json!({ "length": scene.len() });
+    let scene = format!("<script type=\"application/octet-stream\" id=\"scene\">{scene}</script>");
+    let photo = |i: usize| shots[i].photo.as_deref().map(data_address);
+    Parts { subject, shots, photo: &photo, further, scene: &scene, nonce: &sum.to_string(), connect: "'none'" }.page()
+}
+
+/// A page that a server sends, which asks the server for the rest.
+#[derive(Clone, Copy)]
+pub struct ServedPage<'a> {
+    /// A word that nobody can guess, in this page and in its content security policy.
+    pub nonce: &'a str,
+    /// The address of the scene, a PLY or SPZ file.
+    pub scene: &'a str,
+    /// The address of the photo of the shot with this number, if there is one.
+    pub photo: &'a dyn Fn(usize) -> Option<String>,
+    /// Names of the formats that the server saves in, at `POST save?format=NAME`.
+    pub formats: &'a [&'a str],
+    /// The address of a report.
+    pub report: Option<&'a str>,
+    /// The page follows a run: `progress?since=STEP`, `scene` and `POST stop`.
+    pub live: bool,
+}
+
+impl std::fmt::Debug for ServedPage<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ServedPage").field("scene", &self.scene).field("live", &self.live).finish_non_exhaustive()
+    }
+}
+
+impl ServedPage<'_> {
+    /// The page as HTML. Photos that shots hold are not in it.
+    ///
+    /// # Errors
+    /// When the picture of the scene cannot be drawn.
+    pub fn html(&self, subject: &Subject<'_>, shots: &[Shot]) -> Result<String, ViewError> {
+        let Self { nonce, scene, photo, formats, report, live } = *self;
+        let further = json!({ "source": scene, "formats": formats, "report": report, "live": live });
+        Parts { subject, shots, photo, further, scene: "", nonce, connect: "'self'" }.page()
+    }
+
+    /// The content security policy of the page, for the header of the answer.
+    pub fn policy(&self) -> String {
+        policy(self.nonce, "'self'") + "; frame-ancestors 'none'"
+    }
+}
+
+/// The bytes of a scene as pages take them: gzip of PLY, or SPZ.
+fn encoded(subject: &Subject<'_>, lossless: bool) -> Result<Vec<u8>, ViewError> {
+    let format = |name: &str| name.parse::<SceneFormat>().expect("the format is in the table");
+    let mut bytes = Vec::new();
+    if !lossless {
+        write_gaussians_to(&mut bytes, format("spz"), subject.gaussians)?;
+        return Ok(bytes);
+    }
+    write_gaussians_to(&mut bytes, format("ply"), subject.gaussians)?;
+    let mut packed = GzEncoder::new(Vec::new(), Compression::default());
+    packed.write_all(&bytes)?;
+    Ok(packed.finish()?)
+}
+
+/// What a page is made of.
+struct Parts<'a> {
+    subject: &'a Subject<'a>,
+    shots: &'a [Shot],
+    photo: &'a dyn Fn(usize) -> Option<String>,
+    /// Further keys of what scripts are told.
+    further: Value,
+    /// The element that holds the scene, if it is inside.
+    scene: &'a str,
+    nonce: &'a str,
+    /// The places that scripts may ask.
+    connect: &'a str,
+}
+
+impl Parts<'_> {
+    fn page(&self) -> Result<String, ViewError> {
+        let Self { subject, shots, nonce, .. } = self;
+        let home = Home::of(subject, shots)?;
+        let cameras = shots.iter().enumerate().map(|(i, shot)| {
+            let mut camera = camera_json(&shot.camera);
+            camera["name"] = json!(shot.name);
+            camera["held_out"] = json!(shot.held_out);
+            camera["photo"] = json!((self.photo)(i));
+            camera
+        });
+        let mut about = json!({
+            "home": home.json(),
+            "up": home.up(),
+            "look": subject.look.json(),
+            "cameras": cameras.collect::<Vec<_>>(),
+        });
+        for (key, value) in self.further.as_object().into_iter().flatten() {
+            about[key] = value.clone();
+        }
+        // Within a script element, nothing but `<` could end it.
+        let about = about.to_string().replace('<', "\\u003c");
+        let alt = format!("A picture of {}, {} Gaussians", subject.title, subject.gaussians.len());
+        let (policy, title, alt) = (policy(nonce, self.connect), escape(subject.title), escape(&alt));
+        let (poster, worker, script) = (data_address(&home.picture), modules::worker(), modules::page());
+        let values = [
+            ("policy", policy.as_str()),
+            ("title", &title),
+            ("alt", &alt),
+            ("poster", &poster),
+            ("style", STYLE),
+            ("nonce", nonce),
+            ("worker", &worker),
+            ("script", &script),
+            ("about", &about),
+            ("scene", self.scene),
+        ];
+        Ok(fill(PAGE, &values))
+    }
+}
+
+/// The content security policy: scripts and styles of the page itself, nothing from elsewhere.
+fn policy(nonce: &str, connect: &str) -> String {
+    format!(
+        "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; img-src 'self' data: blob:; \
+         worker-src blob:; connect-src {connect}; base-uri 'none'; form-action 'none'"
+    )
+}
+
+/// A JPEG or PNG file as an address.
+fn data_address(file: &[u8]) -> String {
+    let kind = if file.starts_with(b"\x89PNG") { "png" } else { "jpeg" };
+    format!("data:image/{kind};base64,{}", STANDARD.encode(file))
+}

@@ -1,0 +1,105 @@
+//! Pages that are damaged, full of odd names, or opened by browsers that cannot draw.
+
+use crate::browser::Browser;
+use crate::pages::Written;
+use crate::scenes::{camera, cloud};
+use proptest::prelude::*;
+use weaver_view::{HtmlOptions, Look, Shot, Subject, html};
+
+const ODD: &str =
+    "</script><script>document.title='taken'</script><img src=x onerror=\"document.title='taken'\">{{scene}}&amp;'\"";
+
+fn shots(names: &[&str]) -> Vec<Shot> {
+    let shot = |(i, name): (usize, &&str)| Shot {
+        name: (*name).into(),
+        camera: camera([0.4 * i as f64, -0.3, -2.6], 320, 240),
+        held_out: i == 0,
+        photo: None,
+    };
+    names.iter().enumerate().map(shot).collect()
+}
+
+#[test]
+fn names_of_any_kind_are_shown_as_text() {
+    let Some(browser) = Browser::start("names_of_any_kind") else { return };
+    let scene = cloud(50, 0, 1);
+    let subject = Subject { title: ODD, gaussians: &scene, look: Look::default() };
+    let written = Written::text(&html(&subject, &shots(&[ODD, "b"]), HtmlOptions::default()).unwrap());
+    browser.open_page(&written.address());
+    assert_eq!(browser.text("document.title"), ODD);
+    assert_eq!(browser.text("document.querySelector('h1').textContent"), ODD);
+    assert_eq!(browser.text("document.querySelector('#strip span').textContent"), ODD.split('/').next_back().unwrap());
+    assert_eq!(browser.number("document.querySelectorAll('script').length"), 3.0);
+}
+
+#[test]
+fn a_page_that_was_cut_off_says_so() {
+    let Some(browser) = Browser::start("a_page_that_was_cut_off") else { return };
+    let scene = cloud(500, 1, 1);
+    let subject = Subject { title: "scene", gaussians: &scene, look: Look::default() };
+    let page = html(&subject, &[], HtmlOptions::default()).unwrap();
+    for share in [0.9, 0.97] {
+        let written = Written::text(&page[..(share * page.len() as f64) as usize]);
+        browser.open(&written.address());
+        browser.wait("document.body.classList.contains('failed')");
+        let status = browser.text("document.getElementById('status').textContent");
+        assert!(status.contains("incomplete"), "{status}");
+    }
+    // Before the scripts: the words that stand there from the start.
+    let scripts = page.find("<script type=\"text/plain\"").unwrap();
+    browser.open(&Written::text(&page[..scripts]).address());
+    let status = browser.text("document.getElementById('status').textContent");
+    assert!(status.contains("incomplete"), "{status}");
+}
+
+#[test]
+fn a_browser_without_webgl_shows_a_picture_and_a_sentence() {
+    let flags = ["--disable-gpu", "--disable-software-rasterizer", "--disable-3d-apis"];
+    let Some(browser) = Browser::with("a_browser_without_webgl", &flags) else { return };
+    let scene = cloud(500, 1, 1);
+    let written = Written::page(&scene, Look::default(), &[], false);
+    browser.open(&written.address());
+    browser.wait("document.getElementById('status').textContent.includes('WebGL2')");
+    assert!(
+        browser
+            .is("document.getElementById('poster').naturalWidth === 640 && !document.getElementById('poster').hidden")
+    );
+}
+
+#[test]
+fn the_same_arguments_give_the_same_bytes() {
+    let scene = cloud(200, 2, 5);
+    let subject = Subject { title: "scene", gaussians: &scene, look: Look::default() };
+    for lossless in [false, true] {
+        let page = || html(&subject, &shots(&["a", "b"]), HtmlOptions { lossless }).unwrap();
+        assert!(page() == page());
+    }
+}
+
+#[test]
+fn a_scene_of_nothing_has_a_page() {
+    let nothing = weaver_scene::Gaussians::default();
+    let subject = Subject { title: "nothing", gaussians: &nothing, look: Look::default() };
+    assert!(html(&subject, &[], HtmlOptions::default()).is_ok());
+    let lame = weaver_scene::Gaussians { means: vec![[0.0; 3]], ..nothing };
+    let subject = Subject { title: "lame", gaussians: &lame, look: Look::default() };
+    assert!(html(&subject, &[], HtmlOptions::default()).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// No name ends an element, fills a place of the template or adds an element.
+    #[test]
+    fn no_name_changes_the_page(title in ".{0,40}", name in "[<>/!a-z{}\"'-]{0,30}") {
+        let scene = cloud(3, 0, 1);
+        let of = |title: &str, name: &str| {
+            let subject = Subject { title, gaussians: &scene, look: Look::default() };
+            html(&subject, &shots(&[name]), HtmlOptions::default()).unwrap()
+        };
+        let (plain, odd) = (of("t", "n"), of(&title, &name));
+        for tag in ["<script", "</script", "<img", "<!--", "<style"] {
+            prop_assert_eq!(plain.matches(tag).count(), odd.matches(tag).count(), "{}", tag);
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! Pages in files.
+
+use tempfile::TempDir;
+use weaver_scene::Gaussians;
+use weaver_view::{HtmlOptions, Look, Shot, Subject, html};
+
+pub struct Written {
+    folder: TempDir,
+}
+
+impl Written {
+    /// Writes a page of this text.
+    pub fn text(text: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("view.html"), text).unwrap();
+        Self { folder }
+    }
+
+    pub fn page(gaussians: &Gaussians, look: Look, shots: &[Shot], lossless: bool) -> Self {
+        let subject = Subject { title: "scene", gaussians, look };
+        Self::text(&html(&subject, shots, HtmlOptions { lossless }).unwrap())
+    }
+
+    pub fn address(&self) -> String {
+        format!("file://{}/view.html", self.folder.path().display())
+    }
+}

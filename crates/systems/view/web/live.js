@@ -1,0 +1,94 @@
+// A run that is followed: its steps, curves and the scene as it becomes.
+
+const NAMESPACE = "http://www.w3.org/2000/svg";
+/** Milliseconds between two looks at the run. */
+const PAUSE = 1000;
+
+const element = (id) => document.getElementById(id);
+
+/** A number in few characters. */
+const short = (value) => (Number.isInteger(value) ? value.toLocaleString("en") : value.toPrecision(4));
+
+/** A line of numbers as a chart. */
+function chart(name, values) {
+  const figure = document.createElement("figure");
+  const caption = document.createElement("figcaption");
+  const [title, last] = [document.createElement("span"), document.createElement("span")];
+  title.textContent = name;
+  last.textContent = short(values.at(-1)[1]);
+  caption.append(title, last);
+  const svg = document.createElementNS(NAMESPACE, "svg");
+  svg.setAttribute("viewBox", "0 0 200 56");
+  svg.setAttribute("preserveAspectRatio", "none");
+  svg.setAttribute("role", "img");
+  svg.setAttribute("aria-label", `${name}, last ${last.textContent}`);
+  const [steps, numbers] = [values.map(([step]) => step), values.map(([, value]) => value)];
+  const [left, low] = [Math.min(...steps), Math.min(...numbers)];
+  const [wide, high] = [Math.max(...steps) - left || 1, Math.max(...numbers) - low || 1];
+  const line = document.createElementNS(NAMESPACE, "polyline");
+  line.setAttribute("points", values.map(([step, value]) => `${(200 * (step - left)) / wide},${54 - (52 * (value - low)) / high}`).join(" "));
+  for (const [key, value] of [["fill", "none"], ["stroke", "var(--accent)"], ["stroke-width", "1.5"], ["vector-effect", "non-scaling-stroke"]]) line.setAttribute(key, value);
+  svg.append(line);
+  figure.append(caption, svg);
+  return figure;
+}
+
+export class Live {
+  constructor(page, say, token) {
+    Object.assign(this, { page, say, token, curves: new Map(), since: 0, version: page.about.version ?? 0 });
+    element("run").hidden = false;
+    element("stop").addEventListener("click", () => this.stop());
+    this.look();
+  }
+
+  async look() {
+    try {
+      await this.follow();
+      this.lost = 0;
+    } catch {
+      this.lost = (this.lost ?? 0) + 1;
+      if (this.lost === 3) this.end("The run has ended, or its page is gone.");
+    }
+    if (!this.ended) setTimeout(() => this.look(), PAUSE);
+  }
+
+  async follow() {
+    const answer = await fetch(`progress?since=${this.since}`, { headers: { "X-Token": this.token } });
+    if (!answer.ok) throw new Error("no progress");
+    const { step, of, records, version, finished } = await answer.json();
+    element("steps").max = of;
+    element("steps").value = step;
+    element("done").textContent = `Step ${step.toLocaleString("en")} of ${of.toLocaleString("en")}`;
+    for (const { step: at, values } of records) {
+      this.since = Math.max(this.since, at);
+      for (const [name, value] of Object.entries(values)) {
+        if (!this.curves.has(name)) this.curves.set(name, []);
+        this.curves.get(name).push([at, value]);
+      }
+    }
+    if (records.length > 0) {
+      const shown = [...this.curves].filter(([name]) => name !== "seconds");
+      element("curves").replaceChildren(...shown.map(([name, values]) => chart(name.replaceAll("_", " "), values)));
+    }
+    if (version !== this.version) {
+      const scene = await fetch("scene", { headers: { "X-Token": this.token } });
+      if (scene.ok) {
+        await this.page.replace(await scene.arrayBuffer());
+        this.version = version;
+      }
+    }
+    if (finished) this.end("The run has ended.");
+  }
+
+  end(text) {
+    this.ended = true;
+    element("stop").disabled = true;
+    this.say(text, true);
+  }
+
+  async stop() {
+    element("stop").disabled = true;
+    const answer = await fetch("stop", { method: "POST", headers: { "X-Token": this.token } });
+    this.say(await answer.text(), true);
+  }
+}

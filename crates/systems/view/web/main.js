@@ -1,0 +1,331 @@
+// The page: it loads the scene, draws when something changes, and keeps the view in the address.
+
+import { Controls } from "./controls.js";
+import { Live } from "./live.js";
+import { Overlay } from "./overlay.js";
+import { Panel } from "./panel.js";
+import { Renderer } from "./renderer.js";
+import { Selection, SelectionTool } from "./selection.js";
+import { Shots, placeOf } from "./shots.js";
+import { add, times } from "./vectors.js";
+import { Viewpoint, between } from "./viewpoint.js";
+
+/** Milliseconds of a frame above which the picture is drawn coarser while it moves. */
+const SLOW = 50;
+/** Milliseconds of the way from one camera to another. */
+const TRAVEL = 450;
+
+const element = (id) => document.getElementById(id);
+
+/** A sentence over the page; a quiet one stands at its edge and goes by itself. */
+export function say(text, quiet = false) {
+  const status = element("status");
+  status.textContent = text;
+  status.classList.toggle("quiet", quiet);
+  clearTimeout(say.timer);
+  if (quiet) say.timer = setTimeout(() => (status.textContent = ""), 6000);
+}
+
+/** Calls of the worker, each answered by a promise. */
+class Background {
+  constructor() {
+    const source = new Blob([element("worker").textContent], { type: "text/javascript" });
+    this.worker = new Worker(URL.createObjectURL(source));
+    this.waiting = new Map();
+    this.count = 0;
+    this.worker.onmessage = ({ data: { id, result, error } }) => {
+      const { done, failed } = this.waiting.get(id);
+      this.waiting.delete(id);
+      if (error) failed(new Error(error));
+      else done(result);
+    };
+  }
+
+  call(action, request, transferred = []) {
+    const id = this.count++;
+    return new Promise((done, failed) => {
+      this.waiting.set(id, { done, failed });
+      this.worker.postMessage({ id, action, request }, transferred);
+    });
+  }
+}
+
+class Page {
+  constructor(about, background, scene) {
+    Object.assign(this, { about, background, scene });
+    this.canvas = element("view");
+    this.renderer = new Renderer(this.canvas, scene);
+    this.look = { mode: "color", degree: scene.degree, exposure: 0, depths: [0, 1], ...about.look };
+    this.viewpoint = new Viewpoint(about.home);
+    this.ratio = 1;
+    this.overlay = new Overlay(element("over"), this);
+    this.shots = new Shots(about.cameras, this);
+    this.selection = new Selection(scene.means, () => this.edited());
+    this.panel = new Panel(this);
+    this.controls = new Controls(this.canvas, this);
+    this.keepInAddress();
+    new ResizeObserver(() => this.resized()).observe(this.canvas);
+    this.canvas.addEventListener("webglcontextlost", () => say("The graphics card was lost. Load the page again."));
+    if (this.renderer.kind === "byte") say("This device blends in 8 bits: colors are coarser than those of the scene.", true);
+  }
+
+  /** The camera of the canvas; `ratio` is pixels of the picture over those of the page. */
+  camera(ratio = this.ratio) {
+    const { clientWidth, clientHeight } = this.canvas;
+    return this.viewpoint.camera(Math.max(1, Math.round(clientWidth * ratio)), Math.max(1, Math.round(clientHeight * ratio)));
+  }
+
+  /** The view changed by hand. */
+  moved() {
+    this.travel = null;
+    this.shots.leave();
+    this.turned();
+  }
+
+  turned() {
+    this.movedAt = performance.now();
+    this.changed();
+    clearTimeout(this.addressTimer);
+    this.addressTimer = setTimeout(() => this.toAddress(), 300);
+  }
+
+  /** Something is to be drawn anew. */
+  changed() {
+    this.overlay.draw();
+    this.panel.refresh();
+    if (this.pending) return;
+    this.pending = true;
+    requestAnimationFrame((now) => this.frame(now));
+  }
+
+  resized() {
+    if (this.shots.current >= 0 && !this.shots.photo.hidden) this.shots.cut();
+    this.changed();
+  }
+
+  edited() {
+    this.renderer.setFlags(this.selection.flags);
+    this.panel.selected();
+    this.changed();
+  }
+
+  frame(now) {
+    this.pending = false;
+    if (this.travel) this.goOn(now);
+    const full = devicePixelRatio || 1;
+    const moving = now - (this.movedAt ?? 0) < 200;
+    // Coarser by what the last frames took, while something moves; sharp as soon as it rests.
+    this.ratio = moving && this.pace > SLOW ? Math.max(0.35, full * Math.sqrt(SLOW / this.pace)) : full;
+    const camera = this.camera();
+    if (this.canvas.width !== camera.width) this.canvas.width = camera.width;
+    if (this.canvas.height !== camera.height) this.canvas.height = camera.height;
+    this.sort(camera);
+    const start = performance.now();
+    this.renderer.draw(camera, this.look);
+    // Reading a pixel waits for the picture, so that the time is that of drawing.
+    const { gl } = this.renderer;
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    const took = performance.now() - start;
+    const scaled = took * (full / this.ratio) ** 2;
+    this.pace = this.pace === undefined ? scaled : 0.7 * this.pace + 0.3 * scaled;
+    this.canvas.classList.add("shown");
+    element("poster").hidden = true;
+    const pace = 1000 / Math.max(took, 1);
+    element("pace").textContent = `· ${pace < 10 ? pace.toFixed(1) : pace.toFixed(0)} per second`;
+    element("pace").title = `${took.toFixed(1)} ms for a picture of ${camera.width} x ${camera.height}`;
+    if (this.ratio < full) setTimeout(() => this.changed(), 220);
+  }
+
+  /** Sorts anew where the direction changed; one sort at a time, the last one wanted follows. */
+  async sort(camera) {
+    const row = [...camera.A.slice(6), camera.t[2]];
+    if (this.sortedRow?.every((x, i) => x === row[i])) return;
+    if (this.sorting) return;
+    this.sorting = true;
+    this.sortedRow = row;
+    const { order, range } = await this.background.call("order", { row, near: this.look.near, far: this.look.far });
+    this.renderer.setOrder(order);
+    this.look.depths = range;
+    this.sorting = false;
+    this.changed();
+  }
+
+  /** Travels to a shot. */
+  go(shot) {
+    const next = this.viewpoint.copy();
+    const { eye, target, down, lens } = placeOf(shot, this.viewpoint.distance);
+    next.lens = lens;
+    next.place(eye, target, down);
+    this.travelTo(next);
+  }
+
+  travelTo(next) {
+    if (matchMedia("(prefers-reduced-motion: reduce)").matches) this.viewpoint = next;
+    else this.travel = { from: this.viewpoint.copy(), to: next, start: performance.now() };
+    this.turned();
+  }
+
+  goOn(now) {
+    const { from, to, start } = this.travel;
+    const t = Math.min(1, Math.max(0, (now - start) / TRAVEL));
+    this.viewpoint = t < 1 ? between(from, to, t * t * (3 - 2 * t)) : to;
+    if (t === 1) this.travel = null;
+    this.turned();
+    if (t === 1 && this.shots.current >= 0 && !this.shots.photo.hidden) this.shots.cut();
+  }
+
+  home() {
+    this.shots.leave();
+    const { up } = this.viewpoint;
+    const next = new Viewpoint({ ...this.about.home, up });
+    this.travelTo(next);
+  }
+
+  level() {
+    this.viewpoint.place(this.viewpoint.eye, this.viewpoint.target);
+    this.moved();
+  }
+
+  /** Turns about what is seen at a pixel of the page. */
+  pick(x, y) {
+    const camera = this.camera(1);
+    const depth = this.renderer.depthAt(camera, this.look, x, y);
+    if (depth === null) return say("Nothing is there to turn about.", true);
+    const [u, v] = [(x - camera.K[2]) / camera.K[0], (y - camera.K[3]) / camera.K[1]];
+    const { eye, right, down, forward } = this.viewpoint;
+    const point = add(eye, add(add(times(right, u * depth), times(down, v * depth)), times(forward, depth)));
+    const next = this.viewpoint.copy();
+    next.aim(point);
+    this.shots.leave();
+    this.travelTo(next);
+  }
+
+  get tool() {
+    return this.toolName ? this.tools[this.toolName] : null;
+  }
+
+  setTool(name) {
+    this.tools ??= { box: new SelectionTool(this, "box"), brush: new SelectionTool(this, "brush") };
+    this.toolName = name;
+    this.canvas.classList.toggle("tool", Boolean(name));
+  }
+
+  keepInAddress() {
+    const read = () => {
+      const text = new URLSearchParams(location.hash.slice(1)).get("view");
+      return text && text !== this.address && this.viewpoint.fromText(text);
+    };
+    read();
+    addEventListener("hashchange", () => read() && this.moved());
+  }
+
+  toAddress() {
+    this.address = this.viewpoint.toText();
+    try {
+      history.replaceState(null, "", `#view=${this.address}`);
+    } catch {
+      // Some browsers forbid it for files; the page works without.
+    }
+  }
+
+  /** Offers bytes as a file. */
+  offer(blob, name) {
+    const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: name });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  }
+
+  picture() {
+    this.renderer.draw(this.camera(), this.look);
+    this.canvas.toBlob((blob) => this.offer(blob, "view.png"));
+  }
+
+  async download() {
+    const { blob } = await this.background.call("ply", { dropped: this.selection.deleted() });
+    this.offer(blob, "scene.ply");
+  }
+
+  async save(format) {
+    say(`Saving as ${format}.`, true);
+    const answer = await fetch(`save?format=${encodeURIComponent(format)}`, { method: "POST", headers: { "X-Token": token() }, body: this.selection.deleted() });
+    say(await answer.text(), true);
+  }
+
+  /** Takes a scene in place of this one, from the same place. */
+  async replace(bytes) {
+    const scene = await this.background.call("load", { bytes }, [bytes]);
+    this.scene = scene;
+    this.renderer.setScene(scene);
+    this.selection = new Selection(scene.means, () => this.edited());
+    this.sortedRow = null;
+    this.counted();
+    this.panel.selected();
+    this.changed();
+  }
+
+  counted() {
+    element("count").textContent = `${this.scene.n.toLocaleString("en")} Gaussians`;
+  }
+
+  /** Draws one exact picture for a given camera, for tests: {width, height, ...} as cameras of `about` are; RGBA in base64. */
+  async exactly(shot, look = {}, kind = this.renderer.kind) {
+    const [width, height] = [shot.lens.width, shot.lens.height];
+    const { fx, fy, cx, cy } = shot.lens;
+    const t = [0, 3, 6].map((row) => -(shot.A[row] * shot.eye[0] + shot.A[row + 1] * shot.eye[1] + shot.A[row + 2] * shot.eye[2]));
+    const camera = { A: shot.A, t, eye: shot.eye, K: [fx, fy, cx, cy], width, height };
+    const { order } = await this.background.call("order", { row: [...shot.A.slice(6), t[2]], near: this.look.near, far: this.look.far, exact: true });
+    this.renderer.setOrder(order);
+    this.canvas.width = width;
+    this.canvas.height = height;
+    this.renderer.draw(camera, { ...this.look, ...look }, kind);
+    const pixels = this.renderer.pixels(width, height);
+    this.sortedRow = null;
+    let text = "";
+    for (let i = 0; i < pixels.length; i += 32768) text += String.fromCharCode(...pixels.subarray(i, i + 32768));
+    return btoa(text);
+  }
+}
+
+/** The word that writing takes, from the address that was printed. */
+export const token = () => new URLSearchParams(location.search).get("token") ?? "";
+
+/** The scene as the file or the server has it. */
+async function request(about) {
+  if (about.source) {
+    const answer = await fetch(about.source, { headers: { "X-Token": token() } });
+    if (!answer.ok) throw new Error(`The scene could not be loaded: ${await answer.text()}`);
+    return { bytes: await answer.arrayBuffer(), antialiased: about.look.antialiased };
+  }
+  const text = element("scene")?.textContent ?? "";
+  if (text.length !== about.length) {
+    throw new Error(`This file is incomplete: ${text.length.toLocaleString("en")} of ${about.length.toLocaleString("en")} bytes of the scene are there. Copy it again.`);
+  }
+  return { text, antialiased: about.look.antialiased };
+}
+
+async function begin() {
+  const about = JSON.parse(element("about").textContent);
+  const probe = document.createElement("canvas").getContext("webgl2");
+  if (!probe) return say("This browser has no WebGL2: this is a picture of the scene.", false);
+  probe.getExtension("WEBGL_lose_context")?.loseContext();
+  say("Loading the scene.");
+  const background = new Background();
+  const source = await request(about);
+  const scene = await background.call("load", source, source.bytes ? [source.bytes] : []);
+  element("scene")?.remove();
+  const page = new Page(about, background, scene);
+  globalThis.splatweaver = page;
+  say("");
+  page.counted();
+  page.turned();
+  if (about.report) {
+    element("report").href = about.report;
+    element("report").hidden = false;
+  }
+  if (about.live) new Live(page, say, token());
+}
+
+begin().catch((error) => {
+  document.body.classList.add("failed");
+  say(error.message);
+});
