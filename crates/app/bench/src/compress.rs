@@ -25,7 +25,7 @@ const LONG_SIDE: usize = 384;
 /// The methods beside the formats: steps chosen for a quality; a control that only packs; half of the Gaussians by importance, and at random.
 const OTHERS: [&str; 4] = ["lite", "zstd", "half", "half-random"];
 
-/// What a method makes of a scene.
+/// Result of a method on a scene.
 struct Row {
     scene: String,
     method: String,

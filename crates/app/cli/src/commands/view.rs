@@ -123,7 +123,7 @@ fn write(exhibit: &Exhibit, file: &Path, arguments: &View, console: &mut Console
     console.print(&format!("page: {} Gaussians, {megabytes:.1} MB, in {}", exhibit.gaussians.len(), file.display()))
 }
 
-/// What is done about the size of a page.
+/// Answer to the size of a page.
 #[derive(Debug, PartialEq, Eq)]
 enum Weight {
     Small,
