@@ -21,7 +21,7 @@ pub struct Exhibit {
     pub title: String,
     /// The scene.
     pub gaussians: Gaussians,
-    /// How it is drawn.
+    /// Rules of drawing it.
     pub look: Look,
     /// Cameras, and photos in memory.
     pub shots: Vec<Shot>,
@@ -89,7 +89,7 @@ impl Exhibit {
         photo_file(&self.gallery.as_ref()?.photo(i)?).ok()
     }
 
-    /// Whether a shot has a photo.
+    /// True if a shot has a photo.
     pub fn has_photo(&self, i: usize) -> bool {
         let on_disk = || self.gallery.as_ref().and_then(|g| g.frames.get(i)).is_some_and(|frame| frame.path.is_file());
         self.shots.get(i).is_some_and(|shot| shot.photo.is_some()) || on_disk()

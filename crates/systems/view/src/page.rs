@@ -112,7 +112,7 @@ fn encoded(subject: &Subject<'_>, lossless: bool) -> Result<Vec<u8>, ViewError> 
     Ok(packed.finish()?)
 }
 
-/// What a page is made of.
+/// Parts of a page.
 struct Parts<'a> {
     subject: &'a Subject<'a>,
     shots: &'a [Shot],

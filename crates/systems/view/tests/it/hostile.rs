@@ -87,7 +87,7 @@ fn a_scene_of_nothing_has_a_page() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 8))]
 
     /// No name ends an element, fills a place of the template or adds an element.
     #[test]
