@@ -19,7 +19,7 @@ use weaver_io::{Bitmap, Error, Image, Result};
 #[derive(Clone, Debug)]
 pub struct Page {
     title: String,
-    /// Warnings above everything else.
+    /// Paragraphs above everything else.
     warnings: String,
     body: String,
     /// Titles of sections.

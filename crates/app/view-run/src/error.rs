@@ -21,7 +21,7 @@ pub enum Error {
     Bind {
         /// Where it was to listen.
         address: String,
-        /// The message of the system.
+        /// The system's message.
         message: String,
     },
     /// No random numbers from the system.

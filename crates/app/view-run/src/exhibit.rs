@@ -21,7 +21,7 @@ pub struct Exhibit {
     pub title: String,
     /// The scene.
     pub gaussians: Gaussians,
-    /// Settings of drawing.
+    /// Rules of drawing it.
     pub look: Look,
     /// Cameras, and photos in memory.
     pub shots: Vec<Shot>,

@@ -22,7 +22,7 @@ pub struct Followed<'a> {
     pub steps: usize,
     /// Makes the scene of a checkpoint.
     pub scene: SceneOf<'a>,
-    /// Flag that ends the run after its step, as Ctrl-C does.
+    /// Ends the run after its step where it is set, as Ctrl-C does.
     pub stop: &'a AtomicBool,
 }
 

@@ -11,6 +11,7 @@ use flate2::write::GzEncoder;
 use serde_json::{Value, json};
 use std::io::Write;
 use weaver_io::{Checksum, SceneFormat, write_gaussians_to};
+use weaver_scene::Gaussians;
 
 const PAGE: &str = include_str!("../web/page.html");
 const STYLE: &str = include_str!("../web/style.css");
@@ -18,7 +19,8 @@ const STYLE: &str = include_str!("../web/style.css");
 /// Choices of a page in one file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HtmlOptions {
-    /// The scene keeps every bit of positions, scales, rotations and opacities, a multiple of the size; else it is rounded as SPZ does.
+    /// The scene keeps every bit of positions, scales, rotations and opacities, a multiple of the size. Else it is rounded as SPZ does, unless
+    /// positions would be too coarse for its Gaussians.
     pub lossless: bool,
 }
 
@@ -98,11 +100,31 @@ impl ServedPage<'_> {
     }
 }
 
+/// Bits of a position in SPZ, without its sign, and how many of them are after the point at most.
+const BITS: [i32; 2] = [23, 12];
+/// Steps of positions over the median scale of Gaussians, at most: larger ones would be seen.
+const COARSE: f64 = 0.5;
+
+/// True if the steps by which SPZ rounds positions are small beside the Gaussians: they are not where some lie very far away, or where
+/// the whole scene is small.
+fn rounds_well(gaussians: &Gaussians) -> bool {
+    let largest = gaussians.means.as_flattened().iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+    let [bits, fraction] = BITS;
+    let step = f64::from(largest).log2().ceil().max(f64::from(bits - fraction)) - f64::from(bits);
+    let mut scales = gaussians.log_scales.as_flattened().to_vec();
+    let middle = scales.len() / 2;
+    if scales.is_empty() {
+        return true;
+    }
+    let median = *scales.select_nth_unstable_by(middle, f32::total_cmp).1;
+    step.exp2() <= COARSE * f64::from(median).exp()
+}
+
 /// The bytes of a scene as pages take them: gzip of PLY, or SPZ.
 fn encoded(subject: &Subject<'_>, lossless: bool) -> Result<Vec<u8>, ViewError> {
     let format = |name: &str| name.parse::<SceneFormat>().expect("the format is in the table");
     let mut bytes = Vec::new();
-    if !lossless {
+    if !lossless && rounds_well(subject.gaussians) {
         write_gaussians_to(&mut bytes, format("spz"), subject.gaussians)?;
         return Ok(bytes);
     }

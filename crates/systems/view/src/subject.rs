@@ -13,7 +13,7 @@ pub struct Subject<'a> {
     pub title: &'a str,
     /// The scene.
     pub gaussians: &'a Gaussians,
-    /// Settings of drawing.
+    /// Rules of drawing it.
     pub look: Look,
 }
 

@@ -313,9 +313,9 @@ async function begin() {
   const source = await request(about);
   const scene = await background.call("load", source, source.bytes ? [source.bytes] : []);
   element("scene")?.remove();
+  say("");
   const page = new Page(about, background, scene);
   globalThis.splatweaver = page;
-  say("");
   page.counted();
   page.turned();
   if (about.report) {

@@ -76,6 +76,8 @@ export class Renderer {
     this.flags = this.texture("R8UI", "RED_INTEGER", "UNSIGNED_BYTE", new Uint8Array(scene.n), 1);
     this.order = this.texture("R32UI", "RED_INTEGER", "UNSIGNED_INT", new Uint32Array(scene.n), 1);
     this.textures = [this.splats, this.harmonics, this.flags, this.order];
+    // The device has them now.
+    scene.splats = scene.harmonics = null;
     this.drawn = 0;
     if (this.floats) {
       const rows = Math.max(1, Math.ceil(scene.n / wide));

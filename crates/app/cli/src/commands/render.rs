@@ -43,7 +43,7 @@ pub struct Render {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub orbit: Option<u32>,
     /// A path along these cameras in place of the cameras themselves
-    #[arg(long, value_enum, requires = "cameras")]
+    #[arg(long, value_enum, conflicts_with = "orbit")]
     pub path: Option<PathKind>,
     /// Cameras of the path
     #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(2..=100_000), requires = "path")]

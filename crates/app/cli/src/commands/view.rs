@@ -103,7 +103,7 @@ pub fn exhibit(seen: &Seen<'_>) -> Result<Exhibit, Failure> {
 
 fn write(exhibit: &Exhibit, file: &Path, arguments: &View, console: &mut Console) -> Result<(), Failure> {
     let read = [Some(&arguments.scene), exhibit.file.as_ref(), arguments.cameras.as_ref()];
-    check_output_file(file, &read.into_iter().flatten().collect::<Vec<_>>())?;
+    check_output_file(file, read.into_iter().flatten().collect::<Vec<_>>())?;
     let page = exhibit.html(HtmlOptions { lossless: arguments.lossless })?;
     let megabytes = page.len() as f64 / 1e6;
     match weighed(megabytes, arguments.yes) {
@@ -123,7 +123,7 @@ fn write(exhibit: &Exhibit, file: &Path, arguments: &View, console: &mut Console
     console.print(&format!("page: {} Gaussians, {megabytes:.1} MB, in {}", exhibit.gaussians.len(), file.display()))
 }
 
-/// Answer to the size of a page.
+/// Judgment of the size of a page.
 #[derive(Debug, PartialEq, Eq)]
 enum Weight {
     Small,

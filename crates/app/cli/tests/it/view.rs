@@ -60,7 +60,7 @@ fn a_page_is_one_file_and_replaces_nothing_else() {
     printed(folder, "view scene.ply --html out.html --lossless");
     assert!(std::fs::metadata(folder.join("out.html")).unwrap().len() > small);
     let before = std::fs::read(folder.join("scene.ply")).unwrap();
-    let message = refused(folder, "view scene.ply --html scene.ply", 1);
+    let message = refused(folder, "view scene.ply --html scene.ply", 2);
     assert!(message.contains("scene.ply"), "{message}");
     assert!(std::fs::read(folder.join("scene.ply")).unwrap() == before);
     refused(folder, "view scene.ply --lossless", 2);
@@ -155,5 +155,5 @@ fn paths_along_cameras_become_pictures_and_gifs() {
         );
     }
     let message = refused(folder, "render scene.ply --orbit 4 --path spline -o x", 2);
-    assert!(message.contains("--cameras"), "{message}");
+    assert!(message.contains("--orbit"), "{message}");
 }

@@ -4,7 +4,7 @@ use super::Visitors;
 use super::answer::Answer;
 use tiny_http::Request;
 
-/// Requirements of a request.
+/// Conditions that a request must meet.
 #[derive(Debug)]
 pub struct Guard {
     pub port: u16,
@@ -41,7 +41,7 @@ pub fn value<'q>(query: &'q str, key: &str) -> Option<&'q str> {
     query.split('&').filter_map(|pair| pair.split_once('=')).find(|(name, _)| *name == key).map(|(_, value)| value)
 }
 
-/// Compares two texts, in a time that does not depend on where they differ.
+/// True if two texts are equal, found in a time that does not depend on where they differ.
 fn equal(a: &str, b: &str) -> bool {
     a.len() == b.len() && a.bytes().zip(b.bytes()).fold(0, |differ, (x, y)| differ | (x ^ y)) == 0
 }

@@ -121,3 +121,26 @@ fn a_rounded_scene_is_what_its_file_is() {
     eprintln!("2,000 in SPZ: largest difference {most}, {psnr:.1} dB");
     assert!(psnr >= BAR && most <= MOST, "{most}, {psnr}");
 }
+
+/// A device without pictures of floats or halfs projects and blends by other means.
+#[test]
+fn a_plain_device_draws_in_eight_bits_and_says_so() {
+    let Some(browser) = Browser::start("a_plain_device") else { return };
+    let without = "const get = WebGL2RenderingContext.prototype.getExtension; \
+                   WebGL2RenderingContext.prototype.getExtension = function (name) { return /float/.test(name) ? null : get.call(this, name); };";
+    browser.browser("Page.addScriptToEvaluateOnNewDocument", json!({ "source": without }));
+    let (scene, look) = (cloud(2000, 2, 3), look(false, 0.99, [1.0; 3]));
+    let camera = camera([0.4, -0.5, -2.6], 320, 240);
+    let activated = scene.to_activated();
+    let pixels =
+        render(&activated, &[camera], look.background, &look.settings, &mut Workspace::new()).unwrap().concat();
+    let ours = Image { width: 320, height: 240, pixels }.to_bytes();
+    browser.open_page(&Written::page(&scene, look, &[], true).address());
+    assert_eq!(browser.text("splatweaver.renderer.kind"), "byte");
+    assert!(browser.text("document.getElementById('status').textContent").contains("8 bits"));
+    let found = browser.awaited(&format!("splatweaver.exactly({})", shot(&camera)));
+    let (most, psnr) = difference(&STANDARD.decode(found.as_str().unwrap()).unwrap(), &ours);
+    eprintln!("2,000 on a plain device: largest difference {most}, {psnr:.1} dB");
+    assert!(psnr >= 40.0, "{most}, {psnr}");
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
