@@ -32,6 +32,9 @@ pub enum ImageError {
         /// The count.
         found: usize,
     },
+    /// Bytes of a file that could not be read.
+    #[error("reading the file: {0}")]
+    Read(#[from] std::io::Error),
     /// A file that is no picture, or not one that is whole.
     #[error(transparent)]
     File(#[from] weaver_codec::CodecError),

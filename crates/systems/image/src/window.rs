@@ -27,6 +27,20 @@ impl Window {
         Self { x: 0, y: 0, width, height }
     }
 
+    /// The part of a picture that has to be known to draw this window of it at another size: `factor` as in
+    /// [`Gaussians::at_scale`](crate::Gaussians::at_scale), Gaussians that end at `cut` standard deviations.
+    pub fn around(&self, factor: f64, cut: f64) -> Self {
+        // What the filter adds to a standard deviation, at most.
+        let wider = cut * ((1.0 - factor * factor).max(0.0) / 12.0).sqrt() / factor + 1.0;
+        let along = |first: usize, length: usize| {
+            let low = (first as f64 / factor - wider).floor().max(0.0);
+            let high = ((first + length) as f64 / factor + wider).ceil();
+            (low as usize, (high - low) as usize)
+        };
+        let ((x, width), (y, height)) = (along(self.x, self.width), along(self.y, self.height));
+        Self { x, y, width, height }
+    }
+
     /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.width * self.height
