@@ -16,7 +16,6 @@ mod estimate;
 mod eval;
 mod ffmpeg;
 mod fit;
-mod image;
 mod infer;
 mod info;
 mod old_names;
@@ -90,7 +89,7 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
         Command::Query(arguments) => weaver_lift_run::query(&arguments, console),
         Command::Dynamic(arguments) => dynamic::run(&arguments.command, console, interrupt),
         Command::Vad(arguments) => weaver_vad_run::run(&arguments, console, interrupt),
-        Command::Image(arguments) => image::run(&arguments.command, console, interrupt),
+        Command::Image(arguments) => weaver_image_run::run(&arguments, console, interrupt),
         Command::Info(arguments) => info::run(&arguments, console),
         Command::Convert(arguments) => convert::run(&arguments, console),
         Command::ConvertWeights(arguments) => convert_weights::run(&arguments, console, interrupt),

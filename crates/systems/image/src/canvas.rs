@@ -3,7 +3,7 @@
 use crate::error::{ImageError, expect_len};
 use crate::gaussians::Gaussians;
 use crate::lists::{Lists, over};
-use crate::passes::{Draw, Rays, Step, Transposed};
+use crate::passes::{Count, Draw, Rays, Step, Transposed};
 use crate::record::{K, exponent, record};
 use crate::tile::{SHAPE, SUMS, Sums};
 use crate::window::{Tiled, Window};
@@ -90,6 +90,12 @@ impl<T: Real> Canvas<T> {
     /// Entries of the lists of all tiles.
     pub fn entries(&self) -> usize {
         self.lists.entries.len()
+    }
+
+    /// Blocks of 16 pixels that Gaussians meet, summed over Gaussians: what a drawing takes is a number of operations for each.
+    pub fn blocks(&self) -> u64 {
+        let rays = self.rays();
+        (0..self.lists.tiles[1]).into_par_iter().map(|band| lanes::run(Count { rays, band })).sum()
     }
 
     fn rays(&self) -> Rays<'_, T> {

@@ -22,7 +22,7 @@ const HEAD_BYTES: usize = 10;
 /// Bytes of the place of a block.
 const PLACE_BYTES: usize = 16;
 /// Gaussians of a block, at most.
-const BLOCK: usize = 2048;
+const BLOCK: usize = 4096;
 /// Bytes of a file that are read first, in the hope of its header.
 const FIRST: u64 = 4096;
 

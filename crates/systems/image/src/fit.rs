@@ -23,6 +23,8 @@ const PERIODS: usize = 12;
 /// Parts of the steps after which shapes and positions are rounded, for a file.
 const SHAPES_AT: f64 = 0.6;
 const POSITIONS_AT: f64 = 0.8;
+/// Part of the steps after which a straight-through estimate begins.
+const THROUGH_AT: f64 = 2.0 / 3.0;
 /// Gaussians of a picture of one color, at most.
 const OF_ONE_COLOR: usize = 64;
 
@@ -217,7 +219,11 @@ impl Fit {
         if more > 0 {
             self.step.grow(picture, &self.settings, &mut self.state.gaussians, more, number)?;
         }
-        let loss = self.step.gradient(picture, number, &self.state.gaussians)?;
+        let through = self.settings.straight_through && number as f64 > THROUGH_AT * self.settings.steps as f64;
+        let loss = match through {
+            true => self.step.gradient(picture, number, &self.all_rounded())?,
+            false => self.step.gradient(picture, number, &self.state.gaussians)?,
+        };
         let left = match self.settings.descent {
             Descent::Squared => LAST_RATE.powf(number as f32 / self.settings.steps as f32),
             Descent::Published => 1.0,
@@ -249,6 +255,9 @@ impl Fit {
     pub fn finish(mut self, picture: &Picture) -> Result<Fitted, ImageError> {
         self.check(picture)?;
         let cut = self.settings.descent.cut();
+        if self.settings.straight_through {
+            return Ok(Fitted { gaussians: self.all_rounded(), cut, reset: self.state.reset as usize });
+        }
         if self.settings.coded {
             self.round(self.rounded(self.state.step as usize), self.rounded(self.settings.steps));
         }
@@ -277,9 +286,17 @@ impl Fit {
         first + missing * (number * PERIODS / self.settings.steps).min(ADDITIONS) / ADDITIONS
     }
 
+    fn all_rounded(&self) -> Gaussians<f32> {
+        let (grid, mut out) = (Grid { size: self.size }, self.state.gaussians.clone());
+        let all = Parts { shape: true, position: true, color: true };
+        (0..out.len()).for_each(|i| grid.round(&mut out, i, all));
+        out
+    }
+
     /// What is rounded after so many steps, and does not move any more.
     fn rounded(&self, steps: usize) -> Parts {
-        let due = |part: f64| self.settings.coded && steps as f64 >= part * self.settings.steps as f64;
+        let staged = self.settings.coded && !self.settings.straight_through;
+        let due = |part: f64| staged && steps as f64 >= part * self.settings.steps as f64;
         Parts { shape: due(SHAPES_AT), position: due(POSITIONS_AT), color: false }
     }
 

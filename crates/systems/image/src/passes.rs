@@ -116,3 +116,18 @@ impl<T: Real> LaneKernel<T> for Step<'_, T> {
         error
     }
 }
+
+/// Counts the blocks that the Gaussians over a row of tiles meet.
+pub struct Count<'a, T> {
+    pub rays: Rays<'a, T>,
+    pub band: usize,
+}
+
+impl<T: Real> LaneKernel<T> for Count<'_, T> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) -> u64 {
+        self.rays.tiles(self.band).map(|tile| self.rays.tile(tile).blocks::<V>()).sum()
+    }
+}

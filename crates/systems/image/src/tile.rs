@@ -45,6 +45,17 @@ impl<T: Real> Values<T> {
 }
 
 impl<T: Real> Tile<'_, T> {
+    /// Blocks that the Gaussians meet.
+    #[inline(always)]
+    pub fn blocks<V: Lanes<Scalar = T>>(&self) -> u64 {
+        let (grid, cut) = (Grid::<V>::new(self.corner), V::splat(self.cut));
+        let mut sum = 0;
+        for id in self.ids {
+            sum += u64::from(Loaded::<V>::new(&self.records[*id as usize]).blocks(&grid, cut).count_ones());
+        }
+        sum
+    }
+
     /// Adds the Gaussians' colors `[N, C]` to planes. With `KEEP`, their values are kept, for [`sums`](Self::sums).
     #[inline(always)]
     pub fn draw<V: Lanes<Scalar = T>, const C: usize, const KEEP: bool>(
