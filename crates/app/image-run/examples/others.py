@@ -8,7 +8,7 @@ import sys
 
 from PIL import Image, ImageOps
 
-QUALITIES = [2, 5, 8, 12, 18, 25, 32, 40, 50, 60, 70, 80, 90]
+QUALITIES = [2, 5, 10, 20, 30, 40, 55, 70]
 KINDS = {
     "jpg": dict(format="JPEG", progressive=True, optimize=True, subsampling="4:2:0"),
     "webp": dict(format="WEBP", method=6),
