@@ -8,6 +8,7 @@ mod bench;
 mod draw;
 mod fit;
 mod job;
+mod measure;
 mod others;
 mod read;
 mod report;

@@ -1,6 +1,6 @@
 //! Pages: of a run, and of a comparison.
 
-use crate::bench::Measured;
+use crate::measure::Measured;
 use crate::others::Codec;
 use crate::results::Row;
 use weaver_command::Failure;

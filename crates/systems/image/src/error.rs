@@ -52,3 +52,13 @@ pub(crate) fn expect_len(what: &'static str, found: usize, expected: usize) -> R
 pub(crate) fn range(what: &'static str, expected: impl ToString, found: impl ToString) -> ImageError {
     ImageError::Range { what, expected: expected.to_string(), found: found.to_string() }
 }
+
+/// An error about what a file says.
+pub(crate) fn invalid(place: &str, expected: impl ToString, found: impl ToString) -> ImageError {
+    weaver_codec::CodecError::Invalid {
+        place: place.to_string(),
+        expected: expected.to_string(),
+        found: found.to_string(),
+    }
+    .into()
+}

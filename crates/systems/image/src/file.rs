@@ -1,7 +1,7 @@
 //! Files of pictures: blocks of symbols, each by itself, and where they lie.
 
 use crate::blocks::{divide, extent, meets};
-use crate::error::ImageError;
+use crate::error::{ImageError, invalid};
 use crate::fit::Fitted;
 use crate::gaussians::Gaussians;
 use crate::rounding::{Grid, Parts, Symbols, class};
@@ -262,8 +262,4 @@ impl Head {
         }
         Ok(found)
     }
-}
-
-pub(crate) fn invalid(place: &str, expected: impl ToString, found: impl ToString) -> ImageError {
-    CodecError::Invalid { place: place.to_string(), expected: expected.to_string(), found: found.to_string() }.into()
 }

@@ -1,7 +1,6 @@
 //! Symbols of a block by adaptive models of order 0, in classes and Morton order.
 
-use crate::error::ImageError;
-use crate::file::invalid;
+use crate::error::{ImageError, invalid};
 use crate::rounding::{CLASSES, Grid, LARGEST_RATIO, Symbols, angle_bits, class};
 use weaver_codec::{AdaptiveModel, Coder, from_morton2, morton2};
 

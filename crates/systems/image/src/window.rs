@@ -34,7 +34,7 @@ impl Window {
         let wider = cut * ((1.0 - factor * factor).max(0.0) / 12.0).sqrt() / factor + 1.0;
         let along = |first: usize, length: usize| {
             let low = (first as f64 / factor - wider).floor().max(0.0);
-            let high = ((first + length) as f64 / factor + wider).ceil();
+            let high = (first.saturating_add(length) as f64 / factor + wider).ceil();
             (low as usize, (high - low) as usize)
         };
         let ((x, width), (y, height)) = (along(self.x, self.width), along(self.y, self.height));
