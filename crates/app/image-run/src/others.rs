@@ -117,6 +117,7 @@ pub fn codecs(path: &Path, picture: &Picture, folder: Option<&Path>) -> Result<V
             add(OWN, Encoded::new(picture, bytes.len(), Pixels::Memory(bytes))?);
         }
     }
+    codecs.sort_by(|a, b| a.name.cmp(&b.name));
     for codec in &mut codecs {
         codec.files.sort_by_key(|file| file.bytes);
         codec.files.dedup_by_key(|file| file.bytes);
