@@ -11,7 +11,6 @@ mod convert_weights;
 mod dynamic;
 mod eval;
 mod fit;
-mod image;
 mod infer;
 mod info;
 mod reconstruct;
@@ -82,7 +81,7 @@ table! {
         Query(weaver_lift_run::Query) => |it, console, _| weaver_lift_run::query(it, console),
         Dynamic(dynamic::Dynamic) => dynamic::run,
         Vad(weaver_vad_run::Vad) => weaver_vad_run::run,
-        Image(image::Pictures) => image::run,
+        Image(weaver_image_run::Pictures) => weaver_image_run::run,
         Bench(weaver_bench::Bench) => |it, console, _| weaver_bench::run(it, console),
         Completions(completions::Completions) => |it, console, _| completions::run(it, console),
     }

@@ -34,6 +34,46 @@ pub(crate) fn svg(points: &[(usize, f64)]) -> Option<(String, bool, f64)> {
     Some((svg, logarithmic, end))
 }
 
+/// Colors of series.
+const COLORS: [&str; 5] = ["#2563eb", "#c2410c", "#15803d", "#7e22ce", "#525252"];
+
+/// A line chart of several series of finite points; none without points.
+pub(crate) fn lines(series: &[(String, &[(f64, f64)])]) -> Option<String> {
+    let finite = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
+        points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
+    };
+    let all: Vec<(f64, f64)> = series.iter().flat_map(|(_, points)| finite(points)).collect();
+    all.first()?;
+    let ends = |of: fn(&(f64, f64)) -> f64| {
+        let numbers = all.iter().map(of);
+        [numbers.clone().fold(f64::MAX, f64::min), numbers.fold(f64::MIN, f64::max)]
+    };
+    let (x, y) = (ends(|point| point.0), ends(|point| point.1));
+    let along = |value: f64, [low, high]: [f64; 2]| (value - low) / (high - low).max(1e-9);
+    let mut body = String::new();
+    for (i, (name, points)) in series.iter().enumerate() {
+        let color = COLORS[i % COLORS.len()];
+        let path: String = finite(points)
+            .iter()
+            .map(|point| format!("{:.1},{:.1} ", along(point.0, x) * WIDTH, HEIGHT - along(point.1, y) * HEIGHT))
+            .collect();
+        let top = 10 + 14 * i;
+        let _ = write!(
+            body,
+            "<polyline points=\"{path}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\"/>\
+             <text x=\"{}\" y=\"{top}\" fill=\"{color}\">{name}</text>",
+            WIDTH + 8.0
+        );
+    }
+    Some(format!(
+        "<svg width=\"{0}\" height=\"{1}\" viewBox=\"-{LEFT} -8 {0} {1}\" font-size=\"11\" fill=\"#666\">\
+         <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fafafa\"/>{body}{2}</svg>",
+        LEFT + WIDTH + 96.0,
+        HEIGHT + 28.0,
+        numbers(x, y),
+    ))
+}
+
 /// The numbers at the ends of both axes: the largest value at the top, the smallest at the bottom, steps below.
 fn numbers([first, last]: [f64; 2], [smallest, largest]: [f64; 2]) -> String {
     let mut text = String::new();

@@ -182,6 +182,20 @@ impl Page {
         ))
     }
 
+    /// Adds a line chart of several series of points (x, y), each in order of x, with their names beside it; adds nothing without points.
+    ///
+    /// ```
+    /// let mut page = weaver_run::Page::new("Codecs");
+    /// page.lines("dB over bits", &[("ours", vec![(0.1, 25.0), (0.2, 27.0)]), ("theirs", vec![(0.15, 25.5)])]);
+    /// assert!(page.html().contains("theirs"));
+    /// ```
+    pub fn lines(&mut self, name: &str, series: &[(&str, Vec<(f64, f64)>)]) -> &mut Self {
+        let escaped: Vec<(String, &[(f64, f64)])> =
+            series.iter().map(|(name, points)| (escape(name), &points[..])).collect();
+        let Some(svg) = curve::lines(&escaped) else { return self };
+        self.put(format_args!("<figure>{svg}<figcaption>{}</figcaption></figure>", escape(name)))
+    }
+
     fn put(&mut self, html: std::fmt::Arguments<'_>) -> &mut Self {
         // Writing to a string cannot fail.
         let _ = self.body.write_fmt(html);

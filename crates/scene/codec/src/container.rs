@@ -92,35 +92,20 @@ impl<'a> Container<'a> {
 
     /// The streams that are there, and what is missing.
     fn parse(bytes: &'a [u8]) -> Result<(Self, Option<CodecError>), CodecError> {
-        let mut header = Header { bytes, at: 0 };
-        if !bytes.starts_with(&MAGIC) {
-            let found = bytes.iter().copied().take(MAGIC.len()).collect();
-            return Err(CodecError::Foreign { expected: MAGIC, found });
-        }
-        header.take::<4>()?;
-        let [version, coefficients] = header.take()?;
-        if version != VERSION {
-            return Err(CodecError::Version { expected: VERSION, found: version });
-        }
-        let (gaussians, streams) = (header.number()?, header.number()?);
-        let mut table = Vec::new();
-        for _ in 0..streams {
-            table.push((header.take::<4>()?, header.number()?, header.number()?, header.word()?));
-        }
-        let (end, sum) = (header.at, crc32c(&bytes[..header.at]));
-        check("header", header.word()?, sum)?;
-        let mut rest = &bytes[end + 4..];
+        let Layout { gaussians, coefficients, streams, end } = Layout::read(bytes)?;
         let mut container = Self { gaussians, coefficients, streams: Vec::new() };
-        for (name, symbols, length, sum) in table {
-            let place = format!("stream {}", name.escape_ascii());
-            let Some((part, behind)) = usize::try_from(length).ok().and_then(|n| rest.split_at_checked(n)) else {
-                return Ok((container, Some(CodecError::Ended { place, expected: length, found: rest.len() as u64 })));
-            };
-            check(&place, sum, crc32c(part))?;
-            container.streams.push(Stream { name, symbols, bytes: part.into() });
-            rest = behind;
+        for extent in streams {
+            let (first, length) = (extent.bytes.start, extent.bytes.end - extent.bytes.start);
+            let found = bytes.len() as u64 - first;
+            if found < length {
+                return Ok((container, Some(CodecError::Ended { place: extent.place(), expected: length, found })));
+            }
+            let part = &bytes[first as usize..(first + length) as usize];
+            extent.check(part)?;
+            container.streams.push(Stream { name: extent.name, symbols: extent.symbols, bytes: part.into() });
         }
         // What is left over may only fill up to the least size.
+        let rest = &bytes[end as usize..];
         let least = gaussians.div_ceil(GAUSSIANS_PER_BYTE);
         if !rest.is_empty() && (bytes.len() as u64 > least || rest.iter().any(|&byte| byte != 0)) {
             return Err(CodecError::invalid(
@@ -130,6 +115,92 @@ impl<'a> Container<'a> {
             ));
         }
         Ok((container, None))
+    }
+}
+
+/// The header of a container: where its streams lie, for those who read some of them.
+///
+/// ```
+/// use weaver_codec::{Container, Layout, Stream};
+/// let stream = |name, bytes: &[u8]| Stream { name, symbols: 1, bytes: bytes.to_vec().into() };
+/// let streams = vec![stream(*b"aaaa", &[1, 2]), stream(*b"bbbb", &[3])];
+/// let bytes = Container { gaussians: 1, coefficients: 0, streams }.write();
+/// let layout = Layout::read(&bytes[..bytes.len() - 3])?;
+/// let second = layout.streams[1].bytes.clone();
+/// assert_eq!(bytes[second.start as usize..second.end as usize], [3]);
+/// layout.streams[1].check(&[3])?;
+/// # Ok::<(), weaver_codec::CodecError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Number of Gaussians, `N`.
+    pub gaussians: u64,
+    /// Coefficients of spherical harmonics of each color, `K`.
+    pub coefficients: u8,
+    /// Streams, in the order of a decoder.
+    pub streams: Vec<Extent>,
+    /// The byte behind the last stream.
+    pub end: u64,
+}
+
+/// The place of a stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Extent {
+    /// Kind of the symbols, ASCII.
+    pub name: [u8; 4],
+    /// Number of symbols.
+    pub symbols: u64,
+    /// Its bytes, counted from the container's first.
+    pub bytes: std::ops::Range<u64>,
+    sum: u32,
+}
+
+impl Layout {
+    /// Reads a header from the beginning of a container.
+    ///
+    /// # Errors
+    /// Bytes of something else, of a later version or changed; [`CodecError::Ended`] where there are fewer than the header has.
+    pub fn read(start: &[u8]) -> Result<Self, CodecError> {
+        let mut header = Header { bytes: start, at: 0 };
+        if !start.starts_with(&MAGIC) {
+            let found = start.iter().copied().take(MAGIC.len()).collect();
+            return Err(CodecError::Foreign { expected: MAGIC, found });
+        }
+        header.take::<4>()?;
+        let [version, coefficients] = header.take()?;
+        if version != VERSION {
+            return Err(CodecError::Version { expected: VERSION, found: version });
+        }
+        let (gaussians, count) = (header.number()?, header.number()?);
+        let mut table = Vec::new();
+        for _ in 0..count {
+            table.push((header.take::<4>()?, header.number()?, header.number()?, header.word()?));
+        }
+        let sum = crc32c(&start[..header.at]);
+        check("header", header.word()?, sum)?;
+        let mut end = header.at as u64;
+        let mut streams = Vec::with_capacity(table.len());
+        for (name, symbols, length, sum) in table {
+            let first = end;
+            let behind = first.checked_add(length);
+            end = behind.ok_or_else(|| CodecError::invalid("header", "streams of fewer than 2^64 bytes", length))?;
+            streams.push(Extent { name, symbols, bytes: first..end, sum });
+        }
+        Ok(Self { gaussians, coefficients, streams, end })
+    }
+}
+
+impl Extent {
+    fn place(&self) -> String {
+        format!("stream {}", self.name.escape_ascii())
+    }
+
+    /// Compares bytes with the checksum.
+    ///
+    /// # Errors
+    /// When they are others.
+    pub fn check(&self, bytes: &[u8]) -> Result<(), CodecError> {
+        check(&self.place(), self.sum, crc32c(bytes))
     }
 }
 

@@ -25,7 +25,7 @@ mod rates;
 
 pub use adaptive::AdaptiveModel;
 pub use codebook::Codebook;
-pub use container::{Container, GAUSSIANS_PER_BYTE, MAGIC, Stream, VERSION};
+pub use container::{Container, Extent, GAUSSIANS_PER_BYTE, Layout, MAGIC, Stream, VERSION};
 pub use error::CodecError;
 pub use factorized::{FactorizedPrior, PRIOR_PARAMETERS, PriorRate};
 pub use mixed::MixedModel;

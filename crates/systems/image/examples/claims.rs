@@ -137,12 +137,14 @@ fn jpeg(picture: &Picture, most: usize) -> Result<String> {
 fn files(pictures: &[Picture]) -> Result<()> {
     for ratio in [200.0, 100.0, 50.0, 25.0] {
         for steps in [300, 1000] {
-            for coded in [true, false] {
-                let mut line = format!("ratio {ratio:3}, {steps:4} steps, {}", if coded { "staged" } else { "plain " });
+            for (name, coded, straight_through) in
+                [("staged", true, false), ("plain", false, false), ("straight through", true, true)]
+            {
+                let mut line = format!("ratio {ratio:3}, {steps:4} steps, {name:16}");
                 let (mut sum, before) = (0.0, processor_seconds()?);
                 for picture in pictures {
                     let mut settings = FitSettings::new(picture.gaussians_for(ratio), steps);
-                    settings.coded = coded;
+                    (settings.coded, settings.straight_through) = (coded, straight_through);
                     let fitted = fit(picture, &settings, &mut |_| ControlFlow::Continue(()))?;
                     let bytes = encode(&fitted, picture.width(), picture.height())?;
                     let back = decode(&bytes)?.fitted;
@@ -150,7 +152,7 @@ fn files(pictures: &[Picture]) -> Result<()> {
                     let decibels = metrics::psnr(&drawn, picture.colors());
                     sum += decibels;
                     let bits = 8.0 * bytes.len() as f64 / back.gaussians.len() as f64;
-                    let jpeg = if coded { jpeg(picture, bytes.len())? } else { String::new() };
+                    let jpeg = if coded && !straight_through { jpeg(picture, bytes.len())? } else { String::new() };
                     line += &format!("   {:6} B {bits:.1} bits {decibels:.2} dB{jpeg}", bytes.len());
                 }
                 let seconds = (processor_seconds()? - before) / pictures.len() as f64;

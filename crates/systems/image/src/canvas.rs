@@ -2,9 +2,9 @@
 
 use crate::error::{ImageError, expect_len};
 use crate::gaussians::Gaussians;
-use crate::lists::Lists;
-use crate::passes::{Draw, Rays, Step, Transposed};
-use crate::record::{TILE, exponent, record};
+use crate::lists::{Lists, over};
+use crate::passes::{Count, Draw, Rays, Step, Transposed};
+use crate::record::{K, exponent, record};
 use crate::tile::{SHAPE, SUMS, Sums};
 use crate::window::{Tiled, Window};
 use rayon::prelude::*;
@@ -65,10 +65,16 @@ impl<T: Real> Canvas<T> {
         self.cut = cut;
         self.window = Some(window);
         self.records.resize(gaussians.len(), Row([T::ZERO; 16]));
-        parallel::for_chunks(&mut self.records, GRAIN, |chunk, rows| {
-            rows.iter_mut().enumerate().for_each(|(i, row)| *row = record(gaussians, chunk * GRAIN + i));
+        self.lists.boxes.resize(gaussians.len(), [0; 4]);
+        let boxes = &mut self.lists.boxes;
+        parallel::for_chunks2(&mut self.records, GRAIN, boxes, GRAIN, |chunk, rows, boxes| {
+            for ((row, tiles), i) in rows.iter_mut().zip(boxes).zip(chunk * GRAIN..) {
+                let (numbers, half) = record(gaussians, i);
+                let center = [gaussians.centers[2 * i], gaussians.centers[2 * i + 1]].map(|x| x.to_f64());
+                (*row, *tiles) = (numbers, over(&window, center, half.map(|side| cut * side)));
+            }
         });
-        self.lists.fill(gaussians, &window, cut)
+        self.lists.fill(&window)
     }
 
     /// N.
@@ -86,6 +92,12 @@ impl<T: Real> Canvas<T> {
         self.lists.entries.len()
     }
 
+    /// Blocks of 16 pixels that Gaussians meet, summed over Gaussians: what a drawing takes is a number of operations for each.
+    pub fn blocks(&self) -> u64 {
+        let rays = self.rays();
+        (0..self.lists.tiles[1]).into_par_iter().map(|band| lanes::run(Count { rays, band })).sum()
+    }
+
     fn rays(&self) -> Rays<'_, T> {
         let cut = T::from_f64(exponent(self.cut));
         Rays { window: self.window(), lists: &self.lists, records: &self.records, cut }
@@ -97,9 +109,9 @@ impl<T: Real> Canvas<T> {
     /// Lengths that are neither those of one channel nor of three.
     pub fn draw(&self, colors: &[T], image: &mut [T]) -> Result<(), ImageError> {
         let channels = self.channels(colors.len(), image.len())?;
-        let band = (channels * TILE * self.window().width).max(1);
         let rays = self.rays();
-        parallel::for_chunks(image, band, |band, lines| match channels {
+        let bands = self.window().bands(image, channels).into_par_iter().enumerate();
+        bands.for_each(|(band, lines)| match channels {
             1 => lanes::run(Draw::<_, 1> { rays, band, colors, lines }),
             _ => lanes::run(Draw::<_, 3> { rays, band, colors, lines }),
         });
@@ -224,17 +236,20 @@ impl<T: Real> Canvas<T> {
 }
 
 /// Gradients with respect to color, center, scale and angle, from sums over pixels.
+///
+/// `(u, v)` of the sums and the offset along the axes in standard deviations are both of length 1 there: a rotation by (m, n) apart.
 fn chain<T: Real>(gaussians: &Gaussians<T>, i: usize, sums: &Sums<T>, factor: f64) -> Sums<T> {
-    let [r, g, b, x, y, xx, xy, yy] = sums.map(|x| factor * x.to_f64());
+    let [r, g, b, u, v, uu, uv, vv] = sums.map(|x| factor * x.to_f64());
     let [s1, s2] = [gaussians.scales[2 * i], gaussians.scales[2 * i + 1]].map(|s| s.to_f64());
     let (sin, cos) = gaussians.angles[i].to_f64().sin_cos();
-    let (p1, p2) = (1.0 / (s1 * s1), 1.0 / (s2 * s2));
-    let (along, across) = (p1 * (cos * x + sin * y), p2 * (cos * y - sin * x));
+    let length = (cos / s1).hypot(sin / s2);
+    let (m, n) = (cos / s1 / length, -sin / s2 / length);
+    let root = K.sqrt();
+    let (along, across) = ((m * u - n * v) / (root * s1), (n * u + m * v) / (root * s2));
     let center = [cos * along - sin * across, sin * along + cos * across];
-    let twice = 2.0 * sin * cos * xy;
-    let scale =
-        [(cos * cos * xx + twice + sin * sin * yy) * p1 / s1, (sin * sin * xx - twice + cos * cos * yy) * p2 / s2];
-    let angle = (sin * cos * (yy - xx) + (cos * cos - sin * sin) * xy) * (p2 - p1);
+    let twice = 2.0 * m * n * uv;
+    let scale = [(m * m * uu - twice + n * n * vv) / (K * s1), (n * n * uu + twice + m * m * vv) / (K * s2)];
+    let angle = (m * n * (uu - vv) + (m * m - n * n) * uv) / K * (s1 / s2 - s2 / s1);
     [r, g, b, center[0], center[1], scale[0], scale[1], angle].map(T::from_f64)
 }
 

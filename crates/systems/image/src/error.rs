@@ -32,6 +32,9 @@ pub enum ImageError {
         /// The count.
         found: usize,
     },
+    /// Bytes of a file that could not be read.
+    #[error("reading the file: {0}")]
+    Read(#[from] std::io::Error),
     /// A file that is no picture, or not one that is whole.
     #[error(transparent)]
     File(#[from] weaver_codec::CodecError),
@@ -48,4 +51,14 @@ pub(crate) fn expect_len(what: &'static str, found: usize, expected: usize) -> R
 /// An error about a number out of its range.
 pub(crate) fn range(what: &'static str, expected: impl ToString, found: impl ToString) -> ImageError {
     ImageError::Range { what, expected: expected.to_string(), found: found.to_string() }
+}
+
+/// An error about what a file says.
+pub(crate) fn invalid(place: &str, expected: impl ToString, found: impl ToString) -> ImageError {
+    weaver_codec::CodecError::Invalid {
+        place: place.to_string(),
+        expected: expected.to_string(),
+        found: found.to_string(),
+    }
+    .into()
 }

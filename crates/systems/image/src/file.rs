@@ -1,25 +1,30 @@
-//! Files of pictures: symbols in classes and Morton order, by adaptive models of order 0.
+//! Files of pictures: blocks of symbols, each by itself, and where they lie.
 
-use crate::error::ImageError;
+use crate::blocks::{divide, extent, meets};
+use crate::error::{ImageError, invalid};
 use crate::fit::Fitted;
 use crate::gaussians::Gaussians;
-use crate::rounding::{CLASSES, Grid, LARGEST_RATIO, Parts, Symbols, angle_bits, class};
+use crate::rounding::{Grid, Parts, Symbols, class};
 use crate::settings::Descent;
+use crate::symbols::{Models, WEIGHTS};
 use crate::window::Window;
+use rayon::prelude::*;
+use std::ops::Range;
 use weaver_codec::{
-    AdaptiveModel, CodeLength, CodecError, Coder, Container, RangeDecoder, RangeEncoder, Stream, from_morton2, morton2,
+    CodeLength, CodecError, Container, Extent, GAUSSIANS_PER_BYTE, Layout, RangeDecoder, RangeEncoder, Stream,
 };
 
 /// Names of the streams.
 const HEAD: [u8; 4] = *b"pict";
 const SYMBOLS: [u8; 4] = *b"gaus";
-/// Bytes of the head: width, height, which cut, weights of the colors' predictions.
+/// Bytes of the head before the blocks: width, height, which cut, weights of the colors' predictions.
 const HEAD_BYTES: usize = 10;
-/// Weights of the mean of the last three colors in the prediction of the next, in twentieths.
-const WEIGHTS: [i64; 4] = [0, 7, 14, 20];
-/// Bits of the longest numbers: of counts and colors, and of scales.
-const LONG: usize = 32;
-const SHORT: usize = 8;
+/// Bytes of the place of a block.
+const PLACE_BYTES: usize = 16;
+/// Gaussians of a block, at most.
+const BLOCK: usize = 4096;
+/// Bytes of a file that are read first, in the hope of its header.
+const FIRST: u64 = 4096;
 
 /// A picture as it is in a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +40,7 @@ pub struct Coded {
 /// The bytes of a file of a picture, its numbers rounded to symbols. A fit that is
 /// [`coded`](crate::FitSettings::coded) has them rounded already, all but exactly.
 ///
-/// The layout is in docs/pictures.md of the repository.
+/// The layout is in docs/reference/wgi.md of the repository.
 ///
 /// # Errors
 /// Gaussians that [`Gaussians::check`] refuses, a picture without pixels or with more than 2^28.
@@ -53,38 +58,59 @@ pub struct Coded {
 /// # Ok::<(), weaver_image::ImageError>(())
 /// ```
 pub fn encode(fitted: &Fitted, width: usize, height: usize) -> Result<Vec<u8>, ImageError> {
+    encode_in_blocks(fitted, width, height, BLOCK)
+}
+
+/// As [`encode`], in blocks of at most so many Gaussians: the fewer, the less is read for a region, and the longer the file.
+///
+/// # Errors
+/// As [`encode`].
+pub fn encode_in_blocks(fitted: &Fitted, width: usize, height: usize, most: usize) -> Result<Vec<u8>, ImageError> {
     fitted.gaussians.check()?;
     Window::whole(width, height).check()?;
     let grid = Grid { size: [width, height] };
-    let mut symbols: Vec<Symbols> = (0..fitted.gaussians.len()).map(|i| grid.symbols(&fitted.gaussians, i)).collect();
-    symbols.sort_by_key(|s| (class(s.scale), morton2(s.position), s.scale, s.ratio, s.angle, s.color));
-    let length = |weights: [usize; 3]| {
-        let mut length = CodeLength::default();
-        Models::new(grid, weights).code(&mut length, &symbols, symbols.len()).map(|_| length.bits)
-    };
+    let symbols = (0..fitted.gaussians.len()).map(|i| grid.symbols(&fitted.gaussians, i)).collect();
+    let blocks = divide(&grid, symbols, most.max(1));
+    let weights = weights(grid, &blocks)?;
+    let mut head = Vec::with_capacity(HEAD_BYTES + PLACE_BYTES * blocks.len());
+    head.extend((width as u32).to_le_bytes());
+    head.extend((height as u32).to_le_bytes());
+    head.push(u8::from(fitted.cut != Descent::Squared.cut()));
+    head.push((weights[0] | weights[1] << 2 | weights[2] << 4) as u8);
+    if blocks.len() > 1 {
+        let places = blocks.iter().flat_map(|block| extent(&grid, block, fitted.cut));
+        places.for_each(|number| head.extend(number.to_le_bytes()));
+    }
+    let coded = blocks.par_iter().map(|block| {
+        let mut encoder = RangeEncoder::default();
+        Models::new(grid, weights).code(&mut encoder, block, block.len())?;
+        Ok(Stream { name: SYMBOLS, symbols: block.len() as u64, bytes: encoder.finish().into() })
+    });
+    let mut streams = vec![Stream { name: HEAD, symbols: 1, bytes: head.into() }];
+    streams.extend(coded.collect::<Result<Vec<_>, ImageError>>()?);
+    Ok(Container { gaussians: fitted.gaussians.len() as u64, coefficients: 0, streams }.write())
+}
+
+/// The weights of predictions that make blocks shortest, one channel after the other.
+fn weights(grid: Grid, blocks: &[Vec<Symbols>]) -> Result<[usize; 3], ImageError> {
     let mut weights = [0; 3];
     for channel in 0..3 {
         let mut least = f64::INFINITY;
+        let mut best = 0;
         for weight in 0..WEIGHTS.len() {
-            let mut with = weights;
-            with[channel] = weight;
-            let bits = length(with)?;
+            weights[channel] = weight;
+            let lengths = blocks.par_iter().map(|block| {
+                let mut length = CodeLength::default();
+                Models::new(grid, weights).code(&mut length, block, block.len()).map(|_| length.bits)
+            });
+            let bits: f64 = lengths.collect::<Result<Vec<_>, ImageError>>()?.iter().sum();
             if bits < least {
-                (least, weights) = (bits, with);
+                (least, best) = (bits, weight);
             }
         }
+        weights[channel] = best;
     }
-    let mut encoder = RangeEncoder::default();
-    Models::new(grid, weights).code(&mut encoder, &symbols, symbols.len())?;
-    let published = fitted.cut != Descent::Squared.cut();
-    let mut head = Vec::with_capacity(HEAD_BYTES);
-    head.extend((width as u32).to_le_bytes());
-    head.extend((height as u32).to_le_bytes());
-    head.push(u8::from(published));
-    head.push((weights[0] | weights[1] << 2 | weights[2] << 4) as u8);
-    let streams = [(HEAD, 1, head), (SYMBOLS, symbols.len() as u64, encoder.finish())];
-    let streams = streams.map(|(name, symbols, bytes)| Stream { name, symbols, bytes: bytes.into() });
-    Ok(Container { gaussians: symbols.len() as u64, coefficients: 0, streams: streams.into() }.write())
+    Ok(weights)
 }
 
 /// Reads what [`encode`] wrote.
@@ -93,174 +119,147 @@ pub fn encode(fitted: &Fitted, width: usize, height: usize) -> Result<Vec<u8>, I
 /// Bytes that are no picture, of a later version, missing, left over or changed; symbols out of range.
 pub fn decode(bytes: &[u8]) -> Result<Coded, ImageError> {
     let container = Container::read(bytes)?;
-    let names: Vec<[u8; 4]> = container.streams.iter().map(|stream| stream.name).collect();
-    if names != [HEAD, SYMBOLS] {
-        let found: Vec<String> = names.iter().map(|name| name.escape_ascii().to_string()).collect();
-        return Err(invalid("streams", "those of a picture, pict and gaus", found.join(" ")));
-    }
-    let [head, symbols] = [&container.streams[0].bytes, &container.streams[1].bytes];
-    if head.len() != HEAD_BYTES {
-        return Err(invalid("head of a picture", HEAD_BYTES, head.len()));
-    }
-    let number = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]) as usize;
-    let (width, height) = (number(0), number(4));
-    let window = Window::whole(width, height);
-    window.check()?;
-    // The container has at least a byte for eight of them, so that this fits into memory.
-    let count = container.gaussians as usize;
-    if count > window.pixels() {
-        return Err(invalid("Gaussians of a picture", format!("at most {}, its pixels", window.pixels()), count));
-    }
-    let descent = match head[8] {
-        0 => Descent::Squared,
-        1 => Descent::Published,
-        other => return Err(invalid("cut of a picture", "0 or 1", other)),
+    let streams = container.streams.iter().map(|stream| (stream.name, stream.symbols));
+    check_streams(container.gaussians, streams)?;
+    let head = Head::read(&container.streams[0].bytes, container.gaussians, container.streams.len() - 1)?;
+    let blocks: Vec<(&[u8], u64)> = container.streams[1..].iter().map(|s| (&*s.bytes, s.symbols)).collect();
+    head.decode(&blocks)
+}
+
+/// Reads those Gaussians of a file that show in a window of the picture: only the blocks that meet it. Drawn there, they have the bits
+/// of the whole.
+///
+/// `read` gives bytes of the file, which has `length` of them. Someone who draws the window smaller has to ask for more around it, for
+/// Gaussians widen then ([`Window::around`]).
+///
+/// # Errors
+/// As [`decode`], but for what is wrong with blocks that are not read; bytes that cannot be read.
+///
+/// ```
+/// use weaver_image::{CUT, Fitted, Gaussians, Window, decode_region, encode_in_blocks};
+/// let mut gaussians = Gaussians::default();
+/// (0..100).for_each(|i| gaussians.push([10.0 * i as f32, 8.0], [2.0, 2.0], 0.0, [0.5; 3]));
+/// let bytes = encode_in_blocks(&Fitted { gaussians, cut: CUT, reset: 0 }, 1000, 16, 10)?;
+/// let mut read = |range: std::ops::Range<u64>| Ok(bytes[range.start as usize..range.end as usize].to_vec());
+/// let window = Window { x: 500, y: 0, width: 20, height: 16 };
+/// let part = decode_region(bytes.len() as u64, &mut read, window)?;
+/// assert!(part.width == 1000 && part.fitted.gaussians.len() < 30);
+/// # Ok::<(), weaver_image::ImageError>(())
+/// ```
+pub fn decode_region(
+    length: u64,
+    read: &mut dyn FnMut(Range<u64>) -> std::io::Result<Vec<u8>>,
+    window: Window,
+) -> Result<Coded, ImageError> {
+    let mut known = FIRST.min(length);
+    let layout = loop {
+        match Layout::read(&read(0..known)?) {
+            Err(CodecError::Ended { .. }) if known < length => known = (4 * known).min(length),
+            layout => break layout?,
+        }
     };
-    let weights = [0, 2, 4].map(|shift| usize::from(head[9] >> shift & 3));
-    let grid = Grid { size: [width, height] };
-    let mut decoder = RangeDecoder::new(symbols);
-    let found = Models::new(grid, weights).code(&mut decoder, &[], count)?;
-    if !decoder.is_whole() {
-        return Err(invalid("stream gaus", "symbols that fill it", format!("others in {} bytes", symbols.len())));
+    if layout.end > length || layout.gaussians > GAUSSIANS_PER_BYTE.saturating_mul(length) {
+        return Err(invalid("file", format!("{} bytes", layout.end), length));
     }
-    let mut gaussians = Gaussians::zeros(found.len());
-    for (i, symbols) in found.iter().enumerate() {
-        let last = [0, 1].map(|axis| grid.last(class(symbols.scale), axis));
-        if (0..2).any(|axis| symbols.position[axis] > last[axis]) {
-            return Err(invalid(
-                "position of a Gaussian",
-                format!("up to {last:?}"),
-                format!("{:?}", symbols.position),
-            ));
-        }
-        grid.write(symbols, &mut gaussians, i, Parts { shape: true, position: true, color: true });
-    }
-    Ok(Coded { width, height, fitted: Fitted { gaussians, cut: descent.cut(), reset: 0 } })
+    check_streams(layout.gaussians, layout.streams.iter().map(|extent| (extent.name, extent.symbols)))?;
+    let mut part = |extent: &Extent| -> Result<Vec<u8>, ImageError> {
+        let bytes = read(extent.bytes.clone())?;
+        extent.check(&bytes)?;
+        Ok(bytes)
+    };
+    let [first, blocks @ ..] = &layout.streams[..] else { return Err(foreign(&[])) };
+    let head = Head::read(&part(first)?, layout.gaussians, blocks.len())?;
+    let near = blocks.iter().zip(0..).filter(|(_, i)| head.places.get(*i).is_none_or(|place| meets(place, &window)));
+    let found: Vec<(Vec<u8>, u64)> =
+        near.map(|(extent, _)| Ok((part(extent)?, extent.symbols))).collect::<Result<_, ImageError>>()?;
+    head.decode(&found.iter().map(|(bytes, symbols)| (&bytes[..], *symbols)).collect::<Vec<_>>())
 }
 
-fn invalid(place: &str, expected: impl ToString, found: impl ToString) -> ImageError {
-    CodecError::Invalid { place: place.to_string(), expected: expected.to_string(), found: found.to_string() }.into()
-}
-
-/// A model of whole numbers: length in bits, the two bits behind the highest one, raw bits, sign.
-struct Number {
-    length: AdaptiveModel,
-    top: Vec<AdaptiveModel>,
-    sign: AdaptiveModel,
-}
-
-impl Number {
-    fn new(longest: usize) -> Self {
-        let top = (0..=longest).map(|_| AdaptiveModel::new(4)).collect();
-        Self { length: AdaptiveModel::new(longest + 1), top, sign: AdaptiveModel::new(2) }
+/// Checks that streams are those of a picture with so many Gaussians.
+fn check_streams(gaussians: u64, streams: impl Iterator<Item = ([u8; 4], u64)>) -> Result<(), ImageError> {
+    let streams: Vec<([u8; 4], u64)> = streams.collect();
+    let names: Vec<[u8; 4]> = streams.iter().map(|stream| stream.0).collect();
+    if names.len() < 2 || names[0] != HEAD || names[1..].iter().any(|name| *name != SYMBOLS) {
+        return Err(foreign(&names));
     }
-
-    fn code(&mut self, coder: &mut impl Coder, value: u64) -> u64 {
-        let length = self.length.code(coder, (u64::BITS - value.leading_zeros()) as usize) as u32;
-        if length < 2 {
-            return u64::from(length);
-        }
-        let below = length - 1;
-        let modeled = below.min(2);
-        let rest = below - modeled;
-        let top = self.top[length as usize].code(coder, (value >> rest & ((1 << modeled) - 1)) as usize);
-        let mut found = 1 << modeled | (top as u64 & ((1 << modeled) - 1));
-        let mut left = rest;
-        while left > 0 {
-            let bits = left.min(32);
-            left -= bits;
-            let part = value >> left & ((1 << bits) - 1);
-            found = found << bits | u64::from(coder.raw(bits, part as u32));
-        }
-        found
-    }
-
-    fn signed(&mut self, coder: &mut impl Coder, value: i64) -> i64 {
-        let magnitude = self.code(coder, value.unsigned_abs()) as i64;
-        match magnitude {
-            0 => 0,
-            _ if self.sign.code(coder, usize::from(value < 0)) == 1 => -magnitude,
-            _ => magnitude,
+    let sum = streams[1..].iter().try_fold(0_u64, |sum, stream| sum.checked_add(stream.1));
+    match sum {
+        Some(sum) if sum == gaussians => Ok(()),
+        _ => {
+            Err(invalid("Gaussians of all blocks", gaussians, sum.map_or("2^64 or more".into(), |sum| sum.to_string())))
         }
     }
 }
 
-/// Models of all symbols.
-struct Models {
+fn foreign(names: &[[u8; 4]]) -> ImageError {
+    let found: Vec<String> = names.iter().take(4).map(|name| name.escape_ascii().to_string()).collect();
+    invalid("streams", "those of a picture, pict and then gaus", found.join(" "))
+}
+
+/// What the head says.
+struct Head {
     grid: Grid,
-    counts: Number,
-    positions: Number,
-    scales: Number,
-    ratios: Number,
-    colors: [Number; 3],
-    /// Of predictions of colors, by their numbers in [`WEIGHTS`].
+    cut: f64,
     weights: [usize; 3],
+    /// Of blocks, where there are several: see [`extent`].
+    places: Vec<[u32; 4]>,
 }
 
-impl Models {
-    fn new(grid: Grid, weights: [usize; 3]) -> Self {
-        Self {
-            grid,
-            counts: Number::new(LONG),
-            positions: Number::new(SHORT),
-            scales: Number::new(SHORT),
-            ratios: Number::new(SHORT),
-            colors: [(); 3].map(|()| Number::new(LONG)),
-            weights,
+impl Head {
+    fn read(head: &[u8], gaussians: u64, blocks: usize) -> Result<Self, ImageError> {
+        let places = if blocks > 1 { blocks } else { 0 };
+        let expected = HEAD_BYTES + PLACE_BYTES * places;
+        if head.len() != expected {
+            return Err(invalid("bytes of the head of a picture", expected, head.len()));
         }
-    }
-
-    /// Codes all symbols, in order of classes and Morton codes; those of a decoder are taken from its stream.
-    fn code(&mut self, coder: &mut impl Coder, given: &[Symbols], count: usize) -> Result<Vec<Symbols>, ImageError> {
-        let mut out: Vec<Symbols> = Vec::with_capacity(count);
-        for class_now in 0..CLASSES {
-            let own = given.iter().filter(|s| class(s.scale) == class_now).count();
-            let own = self.counts.code(coder, own as u64);
-            if own > (count - out.len()) as u64 {
-                return Err(invalid("Gaussians of a class", format!("at most {}", count - out.len()), own));
-            }
-            self.positions = Number::new(self.grid.morton_bits(class_now));
-            self.scales = Number::new(SHORT);
-            self.ratios = Number::new(SHORT);
-            let first = out.len();
-            let mut morton = 0_u64;
-            for _ in 0..own {
-                let symbols = given.get(out.len()).copied().unwrap_or_default();
-                let step = self.positions.code(coder, morton2(symbols.position).wrapping_sub(morton));
-                morton = morton.wrapping_add(step);
-                let next = self.gaussian(coder, &symbols, &out[first..])?;
-                out.push(Symbols { position: from_morton2(morton), ..next });
-                if class(next.scale) != class_now || coder.exhausted() {
-                    return Err(invalid("scale of a Gaussian", format!("one of class {class_now}"), next.scale));
-                }
-            }
+        let number = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
+        let (width, height) = (number(0) as usize, number(4) as usize);
+        let window = Window::whole(width, height);
+        window.check()?;
+        // The container has at least a byte for eight of them, so that this fits into memory.
+        if gaussians > window.pixels() as u64 {
+            let most = format!("at most {}, its pixels", window.pixels());
+            return Err(invalid("Gaussians of a picture", most, gaussians));
         }
-        if out.len() < count {
-            return Err(invalid("Gaussians of all classes", count, out.len()));
-        }
-        Ok(out)
-    }
-
-    /// Codes all but the position of a Gaussian, after the others of its class.
-    fn gaussian(&mut self, coder: &mut impl Coder, given: &Symbols, before: &[Symbols]) -> Result<Symbols, ImageError> {
-        let scale = self.scales.signed(coder, given.scale);
-        let ratio = self.ratios.code(coder, given.ratio as u64) as i64;
-        if ratio > LARGEST_RATIO {
-            return Err(invalid("ratio of scales", format!("at most {LARGEST_RATIO}"), ratio));
-        }
-        let angle = match angle_bits(ratio) {
-            0 => 0,
-            bits => coder.raw(bits, given.angle),
+        let descent = match head[8] {
+            0 => Descent::Squared,
+            1 => Descent::Published,
+            other => return Err(invalid("cut of a picture", "0 or 1", other)),
         };
-        let last = &before[before.len().saturating_sub(3)..];
-        let mut color = [0; 3];
-        for (c, to) in color.iter_mut().enumerate() {
-            let sum: i64 = last.iter().map(|s| s.color[c]).sum();
-            let parts = 20 * last.len().max(1) as i64;
-            // Rounded to the nearest, in whole numbers.
-            let expected = (2 * WEIGHTS[self.weights[c]] * sum + parts).div_euclid(2 * parts);
-            *to = expected + self.colors[c].signed(coder, given.color[c] - expected);
+        let place = |block: usize| [0, 1, 2, 3].map(|k| number(HEAD_BYTES + PLACE_BYTES * block + 4 * k));
+        Ok(Self {
+            grid: Grid { size: [width, height] },
+            cut: descent.cut(),
+            weights: [0, 2, 4].map(|shift| usize::from(head[9] >> shift & 3)),
+            places: (0..places).map(place).collect(),
+        })
+    }
+
+    /// The Gaussians of blocks, given by bytes and numbers of symbols.
+    fn decode(&self, blocks: &[(&[u8], u64)]) -> Result<Coded, ImageError> {
+        let found = blocks.par_iter().map(|(bytes, count)| self.block(bytes, *count as usize));
+        let found = found.collect::<Result<Vec<_>, ImageError>>()?;
+        let mut gaussians = Gaussians::zeros(found.iter().map(Vec::len).sum());
+        for (i, symbols) in found.iter().flatten().enumerate() {
+            self.grid.write(symbols, &mut gaussians, i, Parts { shape: true, position: true, color: true });
         }
-        Ok(Symbols { scale, ratio, angle, position: given.position, color })
+        let [width, height] = self.grid.size;
+        Ok(Coded { width, height, fitted: Fitted { gaussians, cut: self.cut, reset: 0 } })
+    }
+
+    fn block(&self, bytes: &[u8], count: usize) -> Result<Vec<Symbols>, ImageError> {
+        let mut decoder = RangeDecoder::new(bytes);
+        let found = Models::new(self.grid, self.weights).code(&mut decoder, &[], count)?;
+        if !decoder.is_whole() {
+            return Err(invalid("stream gaus", "symbols that fill it", format!("others in {} bytes", bytes.len())));
+        }
+        for symbols in &found {
+            let last = [0, 1].map(|axis| self.grid.last(class(symbols.scale), axis));
+            if (0..2).any(|axis| symbols.position[axis] > last[axis]) {
+                let (expected, found) = (format!("up to {last:?}"), format!("{:?}", symbols.position));
+                return Err(invalid("position of a Gaussian", expected, found));
+            }
+        }
+        Ok(found)
     }
 }

@@ -1,30 +1,32 @@
 //! Fitting of Gaussians to a picture.
 
-use crate::adam::{Adam, Rates};
+use crate::adam::Rates;
+use crate::bounds::Bounds;
 use crate::canvas::Canvas;
 use crate::colors::{round_colors, solve_colors};
-use crate::error::ImageError;
-use crate::gaussians::{Gaussians, LEAST_SCALE};
+use crate::error::{ImageError, range};
+use crate::gaussians::Gaussians;
 use crate::picture::Picture;
 use crate::rounding::{Grid, Parts};
-use crate::sampling::weighted_sample;
 use crate::settings::{Descent, FitSettings};
 use crate::start::start;
-use crate::window::{Tiled, Window};
+use crate::state::FitState;
+use crate::step::Step;
+use crate::window::Window;
 use std::ops::ControlFlow;
-use weaver_kernels::random::Stream;
-use weaver_losses::Photometric;
 
 /// Part of the rates that is left at the end.
 const LAST_RATE: f32 = 0.05;
-/// Weight of the structural similarity in the published loss.
-const SIMILARITY: f64 = 0.2;
 /// Times that Gaussians are added, one every twelfth of the steps.
 const ADDITIONS: usize = 5;
 const PERIODS: usize = 12;
 /// Parts of the steps after which shapes and positions are rounded, for a file.
 const SHAPES_AT: f64 = 0.6;
 const POSITIONS_AT: f64 = 0.8;
+/// Part of the steps after which a straight-through estimate begins.
+const THROUGH_AT: f64 = 2.0 / 3.0;
+/// Gaussians of a picture of one color, at most.
+const OF_ONE_COLOR: usize = 64;
 
 /// A step that was made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,7 +75,8 @@ impl Fitted {
 
 /// Fits Gaussians to a picture. `observe` is called after every step and may end the fit.
 ///
-/// The same bits from the same settings, at any number of threads. Scales stay between 0.3 pixels and a quarter of the longer side.
+/// The same bits from the same settings, at any number of threads. Scales stay between 0.3 pixels and a quarter of the longer side. A
+/// picture of one color gets 64 Gaussians at most. [`Fit`] is the same step by step.
 ///
 /// # Errors
 /// No Gaussians or more than pixels.
@@ -96,15 +99,7 @@ pub fn fit(
     settings: &FitSettings,
     observe: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Fitted, ImageError> {
-    settings.check(picture)?;
-    let first = if settings.growth && settings.steps > 0 { settings.gaussians.div_ceil(2) } else { settings.gaussians };
-    let mut state = start(picture, first, settings.start, settings.seed);
-    let bounds = Bounds::new(picture);
-    bounds.apply(&mut state);
-    if settings.color_steps > 0 {
-        solve_colors(picture, &mut state, settings.descent.cut(), settings.color_steps)?;
-    }
-    refine(picture, settings, state, observe)
+    run(Fit::new(picture, settings)?, picture, observe)
 }
 
 /// Goes on with Gaussians that are there already, by the steps of [`fit`] after its start.
@@ -114,238 +109,204 @@ pub fn fit(
 pub fn refine(
     picture: &Picture,
     settings: &FitSettings,
-    mut state: Gaussians<f32>,
+    gaussians: Gaussians<f32>,
     observe: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Fitted, ImageError> {
-    settings.check(picture)?;
-    let bounds = Bounds::new(picture);
-    let mut step = Step::new(picture, settings)?;
-    let (mut adam, mut reset) = (Adam::default(), 0);
-    let rates = settings.descent.rates(picture);
-    let grid = Grid { size: [picture.width, picture.height] };
-    let mut frozen = Frozen::default();
-    let first = state.len();
-    // Of derivatives of a mean, the squares would be below the least number.
-    let scale = picture.pixels() as f32;
-    for number in 1..=settings.steps {
-        if settings.growth {
-            let missing = settings.gaussians.saturating_sub(first);
-            let wanted =
-                |number: usize| first + missing * (number * PERIODS / settings.steps).min(ADDITIONS) / ADDITIONS;
-            let more = wanted(number) - wanted(number - 1);
-            if more > 0 {
-                step.grow(picture, settings, &mut state, more, number)?;
-            }
-        }
-        let loss = step.gradient(number, &state)?;
-        let left = match settings.descent {
-            Descent::Squared => LAST_RATE.powf(number as f32 / settings.steps as f32),
-            Descent::Published => 1.0,
-        };
-        step.move_by(&mut adam, &mut state, &frozen.rates(rates.times(left)), scale);
-        reset += bounds.restore(&mut state, &mut adam);
-        // A rounded scale may lie a little beyond the bounds.
-        if !frozen.shape {
-            bounds.apply(&mut state);
-        }
-        if settings.coded {
-            frozen.advance(number, settings.steps, &grid, &mut state);
-        }
-        if observe(Progress { step: number, gaussians: state.len(), loss }).is_break() {
+    run(Fit::at(picture, settings, FitState::new(gaussians))?, picture, observe)
+}
+
+fn run(
+    mut fit: Fit,
+    picture: &Picture,
+    observe: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Fitted, ImageError> {
+    while !fit.is_done() {
+        if observe(fit.step(picture)?).is_break() {
             break;
         }
     }
-    let cut = settings.descent.cut();
-    if settings.coded {
-        frozen.advance(settings.steps, settings.steps, &grid, &mut state);
-        round_colors(picture, &mut state, &grid, cut, settings.seed)?;
-    }
-    Ok(Fitted { gaussians: state, cut, reset })
+    fit.finish(picture)
 }
 
-/// Numbers that are rounded already, and do not move any more.
-#[derive(Default)]
-struct Frozen {
-    shape: bool,
-    position: bool,
+/// A fit under way, step by step. It can be left at a [state](Self::state), and gone on with to the same bits.
+///
+/// ```
+/// use weaver_image::{Fit, FitSettings, Picture};
+/// let picture = Picture::new(32, 32, (0..32 * 32 * 3).map(|i| (i % 96) as f32 / 96.0).collect())?;
+/// let settings = FitSettings::new(16, 20);
+/// let mut fit = Fit::new(&picture, &settings)?;
+/// for _ in 0..10 {
+///     fit.step(&picture)?;
+/// }
+/// let mut other = Fit::at(&picture, &settings, fit.state().clone())?;
+/// while !fit.is_done() {
+///     assert_eq!(fit.step(&picture)?, other.step(&picture)?);
+/// }
+/// assert_eq!(fit.finish(&picture)?, other.finish(&picture)?);
+/// # Ok::<(), weaver_image::ImageError>(())
+/// ```
+#[derive(Debug)]
+pub struct Fit {
+    settings: FitSettings,
+    size: [usize; 2],
+    state: FitState,
+    step: Step,
+    bounds: Bounds,
+    rates: Rates,
 }
 
-impl Frozen {
-    fn rates(&self, mut rates: Rates) -> Rates {
-        if self.shape {
-            (rates.scale, rates.angle) = (0.0, 0.0);
+impl Fit {
+    /// A fit at its start.
+    ///
+    /// # Errors
+    /// No Gaussians or more than pixels.
+    pub fn new(picture: &Picture, settings: &FitSettings) -> Result<Self, ImageError> {
+        settings.check(picture)?;
+        let mut settings = *settings;
+        if picture.is_of_one_color() {
+            settings.gaussians = settings.gaussians.min(OF_ONE_COLOR);
         }
-        if self.position {
-            rates.center = [0.0; 2];
+        let grows = settings.growth && settings.steps > 0;
+        let first = if grows { settings.gaussians.div_ceil(2) } else { settings.gaussians };
+        let mut gaussians = start(picture, first, settings.start, settings.seed);
+        Bounds::new(picture).apply(&mut gaussians);
+        if settings.color_steps > 0 {
+            solve_colors(picture, &mut gaussians, settings.descent.cut(), settings.color_steps)?;
         }
-        rates
+        Self::at(picture, &settings, FitState::new(gaussians))
     }
 
-    /// Rounds what is due after a step.
-    fn advance(&mut self, number: usize, steps: usize, grid: &Grid, state: &mut Gaussians<f32>) {
-        let mut parts = Parts::default();
-        for (due, done, part) in
-            [(SHAPES_AT, &mut self.shape, &mut parts.shape), (POSITIONS_AT, &mut self.position, &mut parts.position)]
-        {
-            if !*done && number as f64 >= due * steps as f64 {
-                (*done, *part) = (true, true);
-            }
-        }
-        if parts != Parts::default() {
-            (0..state.len()).for_each(|i| grid.round(state, i, parts));
-        }
-    }
-}
-
-/// The range of scales, and what a lost Gaussian is set to.
-struct Bounds {
-    largest: f32,
-    middle: [f32; 2],
-    pixels: f32,
-}
-
-impl Bounds {
-    fn new(picture: &Picture) -> Self {
-        let largest = (0.25 * picture.width.max(picture.height) as f32).max(2.0 * LEAST_SCALE);
-        let middle = [picture.width, picture.height].map(|side| 0.5 * side as f32);
-        Self { largest, middle, pixels: picture.pixels() as f32 }
-    }
-
-    /// Bounds scales. The published scale is an absolute value.
-    fn apply(&self, gaussians: &mut Gaussians<f32>) {
-        gaussians.scales.iter_mut().for_each(|s| *s = s.abs().clamp(LEAST_SCALE, self.largest));
-    }
-
-    /// Resets Gaussians that hold a number that is none; returns how many.
-    fn restore(&self, gaussians: &mut Gaussians<f32>, adam: &mut Adam) -> usize {
-        let count = gaussians.len();
-        let mut reset = 0;
-        for i in 0..count {
-            let lists = [
-                &gaussians.centers[2 * i..2 * i + 2],
-                &gaussians.scales[2 * i..2 * i + 2],
-                &gaussians.angles[i..=i],
-                &gaussians.colors[3 * i..3 * i + 3],
-            ];
-            if lists.into_iter().flatten().all(|x| x.is_finite()) {
-                continue;
-            }
-            gaussians.centers[2 * i..2 * i + 2].copy_from_slice(&self.middle);
-            gaussians.scales[2 * i..2 * i + 2].fill(0.4 * (self.pixels / count as f32).sqrt());
-            gaussians.angles[i] = 0.0;
-            gaussians.colors[3 * i..3 * i + 3].fill(0.0);
-            adam.forget(i);
-            reset += 1;
-        }
-        reset
-    }
-}
-
-/// The gradient of a step, and its memory.
-struct Step<'a> {
-    picture: &'a Picture,
-    descent: Descent,
-    /// For the squared error: the picture, and half of it for the first steps.
-    tiled: Option<Tiled<f32>>,
-    half: Option<(Tiled<f32>, usize)>,
-    canvas: Canvas<f32>,
-    gradient: Gaussians<f32>,
-    published: Photometric<f32>,
-    image: Vec<f32>,
-    slopes: Vec<f32>,
-}
-
-impl<'a> Step<'a> {
-    fn new(picture: &'a Picture, settings: &FitSettings) -> Result<Self, ImageError> {
-        let tiled = |picture: &Picture| Tiled::new(&picture.colors, picture.width, picture.height);
-        let squared = settings.descent == Descent::Squared;
-        let half = settings.coarse && squared && picture.width.min(picture.height) > 1;
+    /// A fit that goes on from a state of the same picture and settings.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and a state of something else, as far as its numbers show.
+    pub fn at(picture: &Picture, settings: &FitSettings, state: FitState) -> Result<Self, ImageError> {
+        settings.check(picture)?;
+        state.check(picture, settings)?;
         Ok(Self {
-            picture,
-            descent: settings.descent,
-            tiled: if squared { Some(tiled(picture)?) } else { None },
-            half: if half { Some((tiled(&picture.half())?, settings.steps / 2)) } else { None },
-            canvas: Canvas::new(),
-            gradient: Gaussians::default(),
-            published: Photometric::new(),
-            image: vec![0.0; picture.colors.len()],
-            slopes: vec![0.0; if squared { 0 } else { picture.colors.len() }],
+            settings: *settings,
+            size: [picture.width, picture.height],
+            state,
+            step: Step::new(picture, settings)?,
+            bounds: Bounds::new(picture),
+            rates: settings.descent.rates(picture),
         })
     }
 
-    /// Leaves the gradient of the loss in `gradient`, and returns the loss.
-    fn gradient(&mut self, number: usize, state: &Gaussians<f32>) -> Result<f64, ImageError> {
-        let cut = self.descent.cut();
-        match (&self.tiled, &self.half) {
-            (Some(_), Some((half, until))) if number <= *until => {
-                let small = state.at_scale(0.5);
-                let [width, height] = half.size();
-                self.canvas.place(&small, Window::whole(width, height), cut)?;
-                let loss = self.canvas.squared_error(&small, half, &mut self.gradient)?;
-                state.pull_back(0.5, &mut self.gradient);
-                Ok(loss)
-            }
-            (Some(tiled), _) => {
-                self.canvas.place(state, self.picture.window(), cut)?;
-                self.canvas.squared_error(state, tiled, &mut self.gradient)
-            }
-            (None, _) => self.published_gradient(state),
+    /// What there is after the steps that are done.
+    pub fn state(&self) -> &FitState {
+        &self.state
+    }
+
+    /// The settings; of a picture of one color, with fewer Gaussians than were asked for.
+    pub fn settings(&self) -> &FitSettings {
+        &self.settings
+    }
+
+    /// Whether all steps are done.
+    pub fn is_done(&self) -> bool {
+        self.state.step >= self.settings.steps as u64
+    }
+
+    /// Does the next step with the picture that the fit is of.
+    ///
+    /// # Errors
+    /// A picture of another size; Gaussians over too many tiles.
+    pub fn step(&mut self, picture: &Picture) -> Result<Progress, ImageError> {
+        self.check(picture)?;
+        let number = self.state.step as usize + 1;
+        let more = self.wanted(number) - self.wanted(number - 1);
+        if more > 0 {
+            self.step.grow(picture, &self.settings, &mut self.state.gaussians, more, number)?;
+        }
+        let through = self.settings.straight_through && number as f64 > THROUGH_AT * self.settings.steps as f64;
+        let loss = match through {
+            true => self.step.gradient(picture, number, &self.all_rounded())?,
+            false => self.step.gradient(picture, number, &self.state.gaussians)?,
+        };
+        let left = match self.settings.descent {
+            Descent::Squared => LAST_RATE.powf(number as f32 / self.settings.steps as f32),
+            Descent::Published => 1.0,
+        };
+        let frozen = self.rounded(number - 1);
+        let mut rates = self.rates.times(left);
+        if frozen.shape {
+            (rates.scale, rates.angle) = (0.0, 0.0);
+        }
+        if frozen.position {
+            rates.center = [0.0; 2];
+        }
+        // Of derivatives of a mean, the squares would be below the least number.
+        self.step.move_by(&mut self.state, &rates, picture.pixels() as f32);
+        self.bounds.restore(&mut self.state);
+        // A rounded scale may lie a little beyond the bounds.
+        if !frozen.shape {
+            self.bounds.apply(&mut self.state.gaussians);
+        }
+        self.state.step = number as u64;
+        self.round(frozen, self.rounded(number));
+        Ok(Progress { step: number, gaussians: self.state.gaussians.len(), loss })
+    }
+
+    /// The picture as it is after the steps that are done, rounded if it is to be coded.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn finish(mut self, picture: &Picture) -> Result<Fitted, ImageError> {
+        self.check(picture)?;
+        let cut = self.settings.descent.cut();
+        if self.settings.straight_through {
+            return Ok(Fitted { gaussians: self.all_rounded(), cut, reset: self.state.reset as usize });
+        }
+        if self.settings.coded {
+            self.round(self.rounded(self.state.step as usize), self.rounded(self.settings.steps));
+        }
+        let Self { settings, state, step, .. } = self;
+        // Its memory is that of several pictures.
+        drop(step);
+        let FitState { mut gaussians, reset, .. } = state;
+        if settings.coded {
+            round_colors(picture, &mut gaussians, &Grid { size: [picture.width, picture.height] }, cut, settings.seed)?;
+        }
+        Ok(Fitted { gaussians, cut, reset: reset as usize })
+    }
+
+    fn check(&self, picture: &Picture) -> Result<(), ImageError> {
+        let found = [picture.width, picture.height];
+        match found == self.size {
+            true => Ok(()),
+            false => Err(range("picture of a fit", format!("{:?} pixels", self.size), format!("{found:?}"))),
         }
     }
 
-    fn published_gradient(&mut self, state: &Gaussians<f32>) -> Result<f64, ImageError> {
-        self.canvas.place(state, self.picture.window(), self.descent.cut())?;
-        self.canvas.draw(&state.colors, &mut self.image)?;
-        let clamped: Vec<f32> = self.image.iter().map(|x| x.clamp(0.0, 1.0)).collect();
-        let size = [self.picture.height, self.picture.width];
-        let loss =
-            self.published.value_and_gradient(&clamped, &self.picture.colors, size, SIMILARITY, &mut self.slopes);
-        for (slope, x) in self.slopes.iter_mut().zip(&self.image) {
-            if !(0.0..=1.0).contains(x) {
-                *slope = 0.0;
-            }
-        }
-        self.canvas.backward(state, &self.slopes, &mut self.gradient)?;
-        Ok(loss.loss)
+    /// Gaussians that are to be there in a step.
+    fn wanted(&self, number: usize) -> usize {
+        let first = self.state.first as usize;
+        let missing = if self.settings.growth { self.settings.gaussians.saturating_sub(first) } else { 0 };
+        first + missing * (number * PERIODS / self.settings.steps).min(ADDITIONS) / ADDITIONS
     }
 
-    fn move_by(&mut self, adam: &mut Adam, state: &mut Gaussians<f32>, rates: &Rates, scale: f32) {
-        if self.descent == Descent::Squared {
-            return adam.step(state, &self.gradient, rates, scale);
-        }
-        // The published angle is 2 pi sigmoid of the number that is optimized.
-        let turn = std::f32::consts::TAU;
-        let part = |angle: f32| (angle / turn).clamp(1e-6, 1.0 - 1e-6);
-        for (slope, angle) in self.gradient.angles.iter_mut().zip(&mut state.angles) {
-            let part = part(*angle);
-            *slope *= turn * part * (1.0 - part);
-            *angle = (part / (1.0 - part)).ln();
-        }
-        adam.step(state, &self.gradient, rates, scale);
-        state.angles.iter_mut().for_each(|logit| *logit = turn / (1.0 + (-*logit).exp()));
+    fn all_rounded(&self) -> Gaussians<f32> {
+        let (grid, mut out) = (Grid { size: self.size }, self.state.gaussians.clone());
+        let all = Parts { shape: true, position: true, color: true };
+        (0..out.len()).for_each(|i| grid.round(&mut out, i, all));
+        out
     }
 
-    /// Adds Gaussians at pixels drawn by squared error, with half of what is missing there as color.
-    fn grow(
-        &mut self,
-        picture: &Picture,
-        settings: &FitSettings,
-        state: &mut Gaussians<f32>,
-        count: usize,
-        number: usize,
-    ) -> Result<(), ImageError> {
-        self.canvas.place(state, picture.window(), self.descent.cut())?;
-        self.canvas.draw(&state.colors, &mut self.image)?;
-        self.image.iter_mut().zip(&picture.colors).for_each(|(drawn, color)| *drawn = color - *drawn);
-        let square = |pixel: &[f32]| pixel.iter().map(|x| f64::from(x * x)).sum::<f64>();
-        let errors: Vec<f64> = self.image.chunks_exact(3).map(square).collect();
-        let scale = 0.4 * (picture.pixels() as f32 / settings.gaussians as f32).sqrt();
-        let stream = Stream::new(settings.seed, number as u64, "image.growth");
-        for p in weighted_sample(&errors, count, stream) {
-            let center = [p % picture.width, p / picture.width].map(|x| x as f32 + 0.5);
-            let missing = &self.image[3 * p..3 * p + 3];
-            state.push(center, [scale; 2], 0.0, [0, 1, 2].map(|c| 0.5 * missing[c]));
+    /// What is rounded after so many steps, and does not move any more.
+    fn rounded(&self, steps: usize) -> Parts {
+        let staged = self.settings.coded && !self.settings.straight_through;
+        let due = |part: f64| staged && steps as f64 >= part * self.settings.steps as f64;
+        Parts { shape: due(SHAPES_AT), position: due(POSITIONS_AT), color: false }
+    }
+
+    /// Rounds what is to be rounded `after`, and was not `before`.
+    fn round(&mut self, before: Parts, after: Parts) {
+        let parts =
+            Parts { shape: after.shape && !before.shape, position: after.position && !before.position, color: false };
+        if parts != Parts::default() {
+            let grid = Grid { size: self.size };
+            (0..self.state.gaussians.len()).for_each(|i| grid.round(&mut self.state.gaussians, i, parts));
         }
-        Ok(())
     }
 }

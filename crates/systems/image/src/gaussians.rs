@@ -67,15 +67,20 @@ impl<T: Real> Gaussians<T> {
         out
     }
 
+    /// Checks that all lists are of as many Gaussians.
+    pub(crate) fn check_lengths(&self) -> Result<(), ImageError> {
+        let count = self.len();
+        expect_len("centers of Gaussians", self.centers.len(), 2 * count)?;
+        expect_len("scales of Gaussians", self.scales.len(), 2 * count)?;
+        expect_len("colors of Gaussians", self.colors.len(), 3 * count)
+    }
+
     /// Checks lengths and values.
     ///
     /// # Errors
     /// Lengths that disagree, a scale that is not positive, a number that is not finite.
     pub fn check(&self) -> Result<(), ImageError> {
-        let count = self.len();
-        expect_len("centers of Gaussians", self.centers.len(), 2 * count)?;
-        expect_len("scales of Gaussians", self.scales.len(), 2 * count)?;
-        expect_len("colors of Gaussians", self.colors.len(), 3 * count)?;
+        self.check_lengths()?;
         if let Some(i) = self.scales.iter().position(|s| !(*s > T::ZERO && s.is_finite())) {
             return Err(range("scale of a Gaussian", "a positive number of pixels", self.scales[i]));
         }

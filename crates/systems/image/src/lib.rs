@@ -3,13 +3,15 @@
 //! - [`fit`] fits [`Gaussians`] to a [`Picture`]: from a [`quadtree()`] or as published, by [`FitSettings`]; [`solve_colors`] is the
 //!   part that is linear algebra.
 //! - [`Canvas`] draws a window of Gaussians and passes gradients back; [`Gaussians::at_scale`] is the same picture at another size.
-//! - [`encode`] and [`decode`] are the bytes of a file.
+//! - [`encode`] and [`decode`] are the bytes of a file, [`decode_region`] those of a part. [`Fit`] goes step by step, to be left and gone on with.
 //! - [`Values`] is the drawing as a linear map from colors to pixels, for the solvers of weaver-lift.
 //! - [`mod@reference`] is the model written as a plain loop, [`metrics`] says how near two pictures are.
 //!
 //! Same bits at any number of threads.
 
 mod adam;
+mod blocks;
+mod bounds;
 mod canvas;
 mod colors;
 mod error;
@@ -28,20 +30,24 @@ mod rounding;
 mod sampling;
 mod settings;
 mod start;
+mod state;
+mod step;
+mod symbols;
 mod tile;
 mod window;
 
 pub use canvas::{CUT, Canvas};
 pub use colors::solve_colors;
 pub use error::ImageError;
-pub use file::{Coded, decode, encode};
-pub use fit::{Fitted, Progress, fit, refine};
+pub use file::{Coded, decode, decode_region, encode, encode_in_blocks};
+pub use fit::{Fit, Fitted, Progress, fit, refine};
 pub use gaussians::Gaussians;
 pub use operator::Values;
 pub use picture::Picture;
 pub use quadtree::{Leaf, quadtree};
 pub use settings::{Descent, FitSettings};
 pub use start::{Start, start};
+pub use state::FitState;
 pub use window::{Tiled, Window};
 
 /// The example of the README, compiled and run.

@@ -1,11 +1,9 @@
 //! Lists of the Gaussians that meet each tile.
 
 use crate::error::ImageError;
-use crate::gaussians::Gaussians;
-use crate::record::{TILE, half_box};
+use crate::record::TILE;
 use crate::window::Window;
 use std::ops::Range;
-use weaver_kernels::Real;
 
 /// The most entries of all lists.
 const MOST: usize = 1 << 30;
@@ -23,35 +21,20 @@ pub struct Lists {
     places: Vec<u32>,
     /// The first of the places of each Gaussian, and the end.
     firsts: Vec<usize>,
-    boxes: Vec<[u32; 4]>,
+    /// The tiles over each Gaussian: first column, column behind the last, rows alike.
+    pub boxes: Vec<[u32; 4]>,
 }
 
 impl Lists {
-    /// Fills the lists with what lies within the cut, in standard deviations.
-    pub fn fill<T: Real>(
-        &mut self,
-        gaussians: &Gaussians<T>,
-        window: &Window,
-        deviations: f64,
-    ) -> Result<(), ImageError> {
+    /// Fills the lists from the [`boxes`](Self::boxes), which [`over`] has found for this window.
+    pub fn fill(&mut self, window: &Window) -> Result<(), ImageError> {
         self.tiles = window.tiles();
         let [columns, rows] = self.tiles;
-        self.boxes.clear();
         self.firsts.clear();
         self.starts.clear();
         self.starts.resize(columns * rows + 1, 0);
         let mut total = 0;
-        for i in 0..gaussians.len() {
-            let reach = half_box(gaussians, i, deviations);
-            let along = |axis: usize, first: usize, tiles: usize| {
-                let center = gaussians.centers[2 * i + axis].to_f64() - first as f64;
-                // A tile's pixels have their middles half a pixel inside; a part of a pixel more is for rounding.
-                let low = ((center - reach[axis] - 0.01 - (TILE as f64 - 0.5)) / TILE as f64).ceil().max(0.0) as u32;
-                let high = ((center + reach[axis] + 0.01 - 0.5) / TILE as f64).floor() + 1.0;
-                [low.min(tiles as u32), (high.max(0.0) as u32).clamp(low.min(tiles as u32), tiles as u32)]
-            };
-            let ([x0, x1], [y0, y1]) = (along(0, window.x, columns), along(1, window.y, rows));
-            self.boxes.push([x0, x1, y0, y1]);
+        for [x0, x1, y0, y1] in self.boxes.iter().copied() {
             self.firsts.push(total);
             total += (x1 - x0) as usize * (y1 - y0) as usize;
             if total > MOST {
@@ -98,4 +81,19 @@ impl Lists {
     pub fn of_gaussian(&self, i: usize) -> &[u32] {
         &self.places[self.firsts[i]..self.firsts[i + 1]]
     }
+}
+
+/// The tiles of a window that a box meets, given by its middle and half its sides, in pixels.
+pub fn over(window: &Window, center: [f64; 2], half: [f64; 2]) -> [u32; 4] {
+    let tiles = window.tiles();
+    let along = |axis: usize, first: usize| {
+        let tiles = tiles[axis] as u32;
+        let center = center[axis] - (first / TILE * TILE) as f64;
+        // A tile's pixels have their middles half a pixel inside; a part of a pixel more is for rounding.
+        let low = ((center - half[axis] - 0.01 - (TILE as f64 - 0.5)) / TILE as f64).ceil().max(0.0) as u32;
+        let high = ((center + half[axis] + 0.01 - 0.5) / TILE as f64).floor() + 1.0;
+        [low.min(tiles), (high.max(0.0) as u32).clamp(low.min(tiles), tiles)]
+    };
+    let ([x0, x1], [y0, y1]) = (along(0, window.x), along(1, window.y));
+    [x0, x1, y0, y1]
 }

@@ -8,6 +8,8 @@ pub use weaver_losses::metrics::psnr;
 const EXPONENTS: [f64; 5] = [0.0448, 0.2856, 0.3001, 0.2363, 0.1333];
 const WINDOW: usize = 11;
 const SIGMA: f64 = 1.5;
+/// Rows of windows whose moments are in memory at once.
+const BAND: usize = 64;
 const C1: f64 = 1e-4;
 const C2: f64 = 9e-4;
 
@@ -43,7 +45,8 @@ pub fn ms_ssim(a: &[f32], b: &[f32], size: [usize; 2]) -> Option<f64> {
         }
         product
     };
-    Some((0..3).into_par_iter().map(channel).collect::<Vec<_>>().iter().sum::<f64>() / 3.0)
+    // One after the other: a plane is a large part of the picture's memory.
+    Some((0..3).map(channel).sum::<f64>() / 3.0)
 }
 
 fn halved(plane: &[f64], [height, width]: [usize; 2]) -> Vec<f64> {
@@ -55,7 +58,20 @@ fn halved(plane: &[f64], [height, width]: [usize; 2]) -> Vec<f64> {
 }
 
 /// Means over windows of the similarity, and of its term of contrast and structure.
-fn similarity(a: &[f64], b: &[f64], size: [usize; 2]) -> [f64; 2] {
+fn similarity(a: &[f64], b: &[f64], [height, width]: [usize; 2]) -> [f64; 2] {
+    let rows = height + 1 - WINDOW;
+    let bands = (0..rows.div_ceil(BAND)).into_par_iter().map(|band| {
+        let (first, end) = (band * BAND, ((band + 1) * BAND).min(rows) + WINDOW - 1);
+        let rows = first * width..end * width;
+        similarity_sums(&a[rows.clone()], &b[rows], [end - first, width])
+    });
+    let bands: Vec<[f64; 2]> = bands.collect();
+    let count = (rows * (width + 1 - WINDOW)) as f64;
+    [0, 1].map(|k| bands.iter().map(|sums| sums[k]).sum::<f64>() / count)
+}
+
+/// Sums over the windows inside a band of both planes.
+fn similarity_sums(a: &[f64], b: &[f64], size: [usize; 2]) -> [f64; 2] {
     let products = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).collect::<Vec<_>>();
     let blur = |plane: &[f64]| blurred(plane, size);
     let means = [blur(a), blur(b)];
@@ -67,7 +83,7 @@ fn similarity(a: &[f64], b: &[f64], size: [usize; 2]) -> [f64; 2] {
         sums[0] += contrast * (2.0 * ma * mb + C1) / (ma * ma + mb * mb + C1);
         sums[1] += contrast;
     }
-    sums.map(|sum| sum / aa.len() as f64)
+    sums
 }
 
 /// Weighted means over the windows inside a plane.

@@ -1,7 +1,6 @@
 //! Passes over a row of tiles.
 
 use crate::lists::Lists;
-use crate::record::TILE;
 use crate::tile::{Sums, Tile, Values, residual};
 use crate::window::{Tiled, Window, from_planes, to_planes, zeros};
 use std::ops::Range;
@@ -53,11 +52,10 @@ impl<T: Real, const C: usize> LaneKernel<T> for Draw<'_, T, C> {
     fn run<V: Lanes<Scalar = T>>(self) {
         let Self { rays, band, colors, lines } = self;
         let mut kept = Values::default();
-        for (column, tile) in rays.tiles(band).enumerate() {
+        for tile in rays.tiles(band) {
             let mut planes = zeros();
             rays.tile(tile).draw::<V, C, false>(colors, &mut planes, &mut kept);
-            let first = &mut lines[C * column * TILE..];
-            from_planes(&planes, first, C * rays.window.width, rays.window.inside(tile));
+            from_planes(&planes, lines, C * rays.window.width, rays.window.inside(tile));
         }
     }
 }
@@ -80,14 +78,8 @@ impl<T: Real, const C: usize, const MOVE: bool> LaneKernel<T> for Transposed<'_,
         let Self { rays, band, colors, slopes, sums } = self;
         let stride = C * rays.window.width;
         let mut kept = Values::default();
-        for (column, tile) in rays.tiles(band).enumerate() {
-            let mut planes = zeros();
-            to_planes(
-                &slopes[band * TILE * stride + C * column * TILE..],
-                stride,
-                rays.window.inside(tile),
-                &mut planes,
-            );
+        for tile in rays.tiles(band) {
+            let planes = to_planes(slopes, stride, rays.window.inside(tile));
             let own = rays.own(band, tile);
             let here = rays.tile(tile);
             here.draw::<V, 0, true>(&[], &mut [], &mut kept);
@@ -122,5 +114,20 @@ impl<T: Real> LaneKernel<T> for Step<'_, T> {
             here.sums::<V, 3, true>(colors, &planes, &kept, &mut sums[rays.own(band, tile)]);
         }
         error
+    }
+}
+
+/// Counts the blocks that the Gaussians over a row of tiles meet.
+pub struct Count<'a, T> {
+    pub rays: Rays<'a, T>,
+    pub band: usize,
+}
+
+impl<T: Real> LaneKernel<T> for Count<'_, T> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) -> u64 {
+        self.rays.tiles(self.band).map(|tile| self.rays.tile(tile).blocks::<V>()).sum()
     }
 }

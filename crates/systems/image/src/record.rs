@@ -13,36 +13,32 @@ pub const TILE: usize = BLOCK * BLOCKS;
 /// Exponents of two that a block may lie beyond the cut by rounding alone.
 const SLACK: f64 = 0.02;
 
+/// `log2 w` at one standard deviation, less its sign.
+pub const K: f64 = 0.5 * std::f64::consts::LOG2_E;
+
 /// Exponents of two of a Gaussian's value at so many standard deviations.
 pub fn exponent(deviations: f64) -> f64 {
-    -0.5 * deviations * deviations * std::f64::consts::LOG2_E
+    -K * deviations * deviations
 }
 
-/// The numbers of a Gaussian: center, the factor of its precision, slopes of the lines on which it is largest.
+/// The numbers of a Gaussian: center, the factor of its precision, slopes of the lines on which it is largest; and half the sides of
+/// the box around its ellipse of one standard deviation.
 ///
-/// `log2 w = -((a dx + b dy)^2 + (c dy)^2)`, the Cholesky factor of the precision, whose squares cannot cancel.
-pub fn record<T: Real>(gaussians: &Gaussians<T>, i: usize) -> Row<T> {
+/// `log2 w = -(u^2 + v^2)` with `u = a dx + b dy`, `v = c dy`: the Cholesky factor of the precision, whose squares cannot cancel.
+pub fn record<T: Real>(gaussians: &Gaussians<T>, i: usize) -> (Row<T>, [f64; 2]) {
     let [s1, s2] = [gaussians.scales[2 * i], gaussians.scales[2 * i + 1]].map(|s| s.to_f64());
     let (sin, cos) = gaussians.angles[i].to_f64().sin_cos();
-    let k = 0.5 * std::f64::consts::LOG2_E;
-    let (p1, p2) = (k / (s1 * s1), k / (s2 * s2));
+    let (p1, p2) = (K / (s1 * s1), K / (s2 * s2));
     let xx = p1 * cos * cos + p2 * sin * sin;
     let yy = p1 * sin * sin + p2 * cos * cos;
     let xy = (p1 - p2) * sin * cos;
     let a = xx.sqrt();
-    let numbers = [a, xy / a, k / (s1 * s2 * a), -xy / yy, -xy / xx];
+    let numbers = [a, xy / a, K / (s1 * s2 * a), -xy / yy, -xy / xx];
     let mut row = Row([T::ZERO; LANES]);
     row.0[..2].copy_from_slice(&gaussians.centers[2 * i..2 * i + 2]);
     row.0[2..7].iter_mut().zip(numbers).for_each(|(to, x)| *to = T::from_f64(x));
-    row
-}
-
-/// Half the sides of the box around an ellipse of so many standard deviations.
-pub fn half_box<T: Real>(gaussians: &Gaussians<T>, i: usize, deviations: f64) -> [f64; 2] {
-    let [s1, s2] = [gaussians.scales[2 * i], gaussians.scales[2 * i + 1]].map(|s| s.to_f64().powi(2));
-    let (sin, cos) = gaussians.angles[i].to_f64().sin_cos();
-    let (sin, cos) = (sin * sin, cos * cos);
-    [s1 * cos + s2 * sin, s1 * sin + s2 * cos].map(|variance| deviations * variance.sqrt())
+    let half = [[cos, sin], [sin, cos]].map(|[a, b]| ((s1 * a).powi(2) + (s2 * b).powi(2)).sqrt());
+    (row, half)
 }
 
 /// A record in all lanes.
@@ -65,35 +61,30 @@ impl<V: Lanes> Loaded<V> {
         Self { x: s(x), y: s(y), a: s(a), b: s(b), c: s(c), y_by_x: s(y_by_x), x_by_y: s(x_by_y) }
     }
 
-    /// Distances from the center.
-    #[inline(always)]
-    pub fn offset(&self, x: V, y: V) -> [V; 2] {
-        [x - self.x, y - self.y]
-    }
-
     /// Base-2 logarithm of the value so far from the center.
     #[inline(always)]
     fn log2(&self, [dx, dy]: [V; 2]) -> V {
-        let u = self.b.mul_add(dy, self.a * dx);
-        let v = self.c * dy;
-        v.neg_mul_add(v, u.neg_mul_add(u, V::zero()))
+        log2([self.b.mul_add(dy, self.a * dx), self.c * dy])
     }
 
-    /// Value so far from the center, 0 beyond the cut at the exponent `cut`.
+    /// The Gaussian over a tile.
     #[inline(always)]
-    pub fn value(&self, from_center: [V; 2], cut: V) -> V {
-        let e = self.log2(from_center);
-        e.exp2_times(V::constant(1.0)).only(e.ge(cut))
+    pub fn over(&self, grid: &Grid<V>) -> Over<V> {
+        let [dx, dy] = [grid.x - self.x, grid.y - self.y];
+        let mut shifts = [Row([V::Scalar::ZERO; LANES]); 2];
+        self.b.mul_add(grid.down, self.a * grid.right).store(&mut shifts[0].0);
+        (self.c * grid.down).store(&mut shifts[1].0);
+        Over { first: [self.b.mul_add(dy, self.a * dx), self.c * dy], shifts }
     }
 
-    /// The blocks of a tile that the ellipse meets, one bit per block; `first` are the first pixels of the blocks.
+    /// The blocks of a tile that the ellipse meets, one bit per block.
     ///
     /// The largest value on a rectangle that does not hold the center lies on one of the two sides that face it.
     #[inline(always)]
-    pub fn blocks(&self, first: [V; 2], cut: V) -> u16 {
+    pub fn blocks(&self, grid: &Grid<V>, cut: V) -> u16 {
         let zero = V::zero();
         let far = V::constant((BLOCK - 1) as f64);
-        let [x0, y0] = self.offset(first[0], first[1]);
+        let [x0, y0] = [grid.right - (self.x - grid.corner[0]), grid.down - (self.y - grid.corner[1])];
         let [x1, y1] = [x0 + far, y0 + far];
         let (x, y) = (zero.max(x0).min(x1), zero.max(y0).min(y1));
         let beside = self.log2([x, (self.y_by_x * x).max(y0).min(y1)]);
@@ -102,47 +93,70 @@ impl<V: Lanes> Loaded<V> {
     }
 }
 
+/// A Gaussian over a tile: u and v at the lanes of its first block, and what each block adds to them.
+pub struct Over<V: Lanes> {
+    first: [V; 2],
+    shifts: [Row<V::Scalar>; 2],
+}
+
+impl<V: Lanes> Over<V> {
+    /// u and v at the pixels of a block.
+    #[inline(always)]
+    pub fn at(&self, block: usize) -> [V; 2] {
+        [0, 1].map(
+            #[inline(always)]
+            |k| self.first[k] + V::splat(self.shifts[k].0[block]),
+        )
+    }
+}
+
+#[inline(always)]
+fn log2<V: Lanes>([u, v]: [V; 2]) -> V {
+    v.neg_mul_add(v, u.neg_mul_add(u, V::zero()))
+}
+
+/// The value at u and v, 0 beyond the cut at the exponent `cut`.
+#[inline(always)]
+pub fn value<V: Lanes>(uv: [V; 2], cut: V) -> V {
+    let e = log2(uv);
+    e.exp2().only(e.ge(cut))
+}
+
 /// Pixel middles of a tile.
 pub struct Grid<V> {
-    /// x of the lanes of each column of blocks.
-    pub x: [V; BLOCKS],
-    /// y of the lanes of each row of blocks.
-    pub y: [V; BLOCKS],
-    /// First pixel of each block, a lane per block.
-    pub first: [V; 2],
+    /// Of the lanes of the first block.
+    x: V,
+    y: V,
+    /// Of the first pixel, in all lanes.
+    corner: [V; 2],
+    /// Pixels from the first block to each, a lane per block.
+    right: V,
+    down: V,
 }
 
 impl<V: Lanes> Grid<V> {
     #[inline(always)]
     pub fn new(corner: [usize; 2]) -> Self {
-        let middle = |axis: usize, offset: usize| V::Scalar::from_f64((corner[axis] + offset) as f64 + 0.5);
-        let (mut x, mut y) = ([V::zero(); BLOCKS], [V::zero(); BLOCKS]);
-        for block in 0..BLOCKS {
-            x[block] = V::from_fn(
+        let corner = corner.map(|first| V::Scalar::from_f64(first as f64 + 0.5));
+        let within = |number: usize| V::Scalar::from_f64(number as f64);
+        Self {
+            x: V::from_fn(
                 #[inline(always)]
-                |lane| middle(0, block * BLOCK + lane % BLOCK),
-            );
-            y[block] = V::from_fn(
+                |lane| corner[0] + within(lane % BLOCK),
+            ),
+            y: V::from_fn(
                 #[inline(always)]
-                |lane| middle(1, block * BLOCK + lane / BLOCK),
-            );
+                |lane| corner[1] + within(lane / BLOCK),
+            ),
+            corner: corner.map(V::splat),
+            right: V::from_fn(
+                #[inline(always)]
+                |block| within(block % BLOCKS * BLOCK),
+            ),
+            down: V::from_fn(
+                #[inline(always)]
+                |block| within(block / BLOCKS * BLOCK),
+            ),
         }
-        let first = [
-            V::from_fn(
-                #[inline(always)]
-                |block| middle(0, block % BLOCKS * BLOCK),
-            ),
-            V::from_fn(
-                #[inline(always)]
-                |block| middle(1, block / BLOCKS * BLOCK),
-            ),
-        ];
-        Self { x, y, first }
-    }
-
-    /// Pixel middles of a block.
-    #[inline(always)]
-    pub fn block(&self, block: usize) -> [V; 2] {
-        [self.x[block % BLOCKS], self.y[block / BLOCKS]]
     }
 }

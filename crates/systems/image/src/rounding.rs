@@ -19,7 +19,7 @@ const LARGEST_SCALE: f64 = 100.0;
 pub const LARGEST_RATIO: i64 = 40;
 
 /// The symbols of a Gaussian.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Symbols {
     /// Smaller scale.
     pub scale: i64,
@@ -98,6 +98,11 @@ impl Grid {
         Symbols { scale, ratio, angle, position, color }
     }
 
+    /// The center that symbols stand for.
+    pub fn center(&self, symbols: &Symbols) -> [f64; 2] {
+        symbols.position.map(|x| f64::from(x) * position_step(class(symbols.scale)) - self.margin())
+    }
+
     /// Writes the Gaussian of these symbols: shape, position, color, as far as they are asked for.
     pub fn write(&self, symbols: &Symbols, to: &mut Gaussians<f32>, i: usize, parts: Parts) {
         let class = class(symbols.scale);
@@ -109,9 +114,7 @@ impl Grid {
             to.angles[i] = (PI * f64::from(symbols.angle) / angles) as f32;
         }
         if parts.position {
-            for (axis, x) in symbols.position.into_iter().enumerate() {
-                to.centers[2 * i + axis] = (f64::from(x) * position_step(class) - self.margin()) as f32;
-            }
+            to.centers[2 * i..2 * i + 2].copy_from_slice(&self.center(symbols).map(|x| x as f32));
         }
         if parts.color {
             let [y, co, cg]: [f64; 3] = std::array::from_fn(|c| symbols.color[c] as f64 * color_step(class, c));

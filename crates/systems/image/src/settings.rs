@@ -59,6 +59,9 @@ pub struct FitSettings {
     /// True if the result is rounded to what a file holds ([`encode`](crate::encode)): shapes after 60 % of the steps, positions after
     /// 80 %, colors at the end, each while the rest still moves.
     pub coded: bool,
+    /// A control for [`coded`](Self::coded): in the last third of the steps, slopes are those of the rounded Gaussians and move the
+    /// others, and nothing is rounded on the way (a straight-through estimate).
+    pub straight_through: bool,
     /// Loss and rates.
     pub descent: Descent,
 }
@@ -75,6 +78,7 @@ impl FitSettings {
             growth: true,
             coarse: false,
             coded: false,
+            straight_through: false,
             descent: Descent::Squared,
         }
     }

@@ -1,11 +1,11 @@
 //! One tile: Gaussians to pixels, and pixels back to sums for each Gaussian.
 
-use crate::record::{BLOCK, BLOCKS, Grid, Loaded, TILE};
-use crate::window::Planes;
+use crate::record::{BLOCK, BLOCKS, Grid, Loaded, value};
+use crate::window::{Inside, Planes};
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes, Row};
 
-/// Sums over pixels for a Gaussian in a tile: three of colors, then t dx, t dy, t dx dx, t dx dy, t dy dy.
+/// Sums over pixels for a Gaussian in a tile: three of colors, then t u, t v, t u u, t u v, t v v.
 pub type Sums<T> = [T; SUMS];
 /// Number of sums.
 pub const SUMS: usize = 8;
@@ -45,6 +45,17 @@ impl<T: Real> Values<T> {
 }
 
 impl<T: Real> Tile<'_, T> {
+    /// Blocks that the Gaussians meet.
+    #[inline(always)]
+    pub fn blocks<V: Lanes<Scalar = T>>(&self) -> u64 {
+        let (grid, cut) = (Grid::<V>::new(self.corner), V::splat(self.cut));
+        let mut sum = 0;
+        for id in self.ids {
+            sum += u64::from(Loaded::<V>::new(&self.records[*id as usize]).blocks(&grid, cut).count_ones());
+        }
+        sum
+    }
+
     /// Adds the Gaussians' colors `[N, C]` to planes. With `KEEP`, their values are kept, for [`sums`](Self::sums).
     #[inline(always)]
     pub fn draw<V: Lanes<Scalar = T>, const C: usize, const KEEP: bool>(
@@ -58,12 +69,12 @@ impl<T: Real> Tile<'_, T> {
         kept.reserve(self.ids.len(), KEEP);
         // Before anything depends on them: how many blocks a Gaussian meets cannot be predicted.
         for (blocks, id) in kept.blocks.iter_mut().zip(self.ids) {
-            *blocks = Loaded::<V>::new(&self.records[*id as usize]).blocks(grid.first, cut);
+            *blocks = Loaded::<V>::new(&self.records[*id as usize]).blocks(&grid, cut);
         }
         let mut next = 0;
         for (entry, id) in self.ids.iter().enumerate() {
             let id = *id as usize;
-            let gaussian = Loaded::<V>::new(&self.records[id]);
+            let gaussian = Loaded::<V>::new(&self.records[id]).over(&grid);
             let mut todo = kept.blocks[entry];
             let mut color = [V::zero(); C];
             for (to, color) in color.iter_mut().zip(&colors[id * C..]) {
@@ -72,8 +83,7 @@ impl<T: Real> Tile<'_, T> {
             while todo != 0 {
                 let block = todo.trailing_zeros() as usize % LANES;
                 todo &= todo - 1;
-                let [x, y] = grid.block(block);
-                let value = gaussian.value(gaussian.offset(x, y), cut);
+                let value = value(gaussian.at(block), cut);
                 for c in 0..C {
                     let sum = &mut planes[c][block].0;
                     value.mul_add(color[c], V::load(sum)).store(sum);
@@ -102,7 +112,7 @@ impl<T: Real> Tile<'_, T> {
         let mut both = [V::zero(); LANES];
         for (entry, id) in self.ids.iter().enumerate() {
             let id = *id as usize;
-            let gaussian = Loaded::<V>::new(&self.records[id]);
+            let gaussian = Loaded::<V>::new(&self.records[id]).over(&grid);
             let mut sums = [V::zero(); SUMS];
             let mut color = [V::zero(); C];
             if MOVE {
@@ -125,15 +135,14 @@ impl<T: Real> Tile<'_, T> {
                     }
                 }
                 if MOVE {
-                    let [x, y] = grid.block(block);
-                    let [dx, dy] = gaussian.offset(x, y);
+                    let [u, v] = gaussian.at(block);
                     let t = value * slope;
-                    let (tx, ty) = (t * dx, t * dy);
-                    sums[SHAPE] = sums[SHAPE] + tx;
-                    sums[SHAPE + 1] = sums[SHAPE + 1] + ty;
-                    sums[SHAPE + 2] = tx.mul_add(dx, sums[SHAPE + 2]);
-                    sums[SHAPE + 3] = tx.mul_add(dy, sums[SHAPE + 3]);
-                    sums[SHAPE + 4] = ty.mul_add(dy, sums[SHAPE + 4]);
+                    let (tu, tv) = (t * u, t * v);
+                    sums[SHAPE] = sums[SHAPE] + tu;
+                    sums[SHAPE + 1] = sums[SHAPE + 1] + tv;
+                    sums[SHAPE + 2] = tu.mul_add(u, sums[SHAPE + 2]);
+                    sums[SHAPE + 3] = tu.mul_add(v, sums[SHAPE + 3]);
+                    sums[SHAPE + 4] = tv.mul_add(v, sums[SHAPE + 4]);
                 }
             }
             let half = entry % 2 * SUMS;
@@ -151,7 +160,7 @@ impl<T: Real> Tile<'_, T> {
 
 /// Subtracts a target from what is drawn, zeros outside of the picture; returns the sum of squares.
 #[inline(always)]
-pub fn residual<V: Lanes>(drawn: &mut Planes<V::Scalar, 3>, target: &Planes<V::Scalar, 3>, inside: [usize; 2]) -> f64 {
+pub fn residual<V: Lanes>(drawn: &mut Planes<V::Scalar, 3>, target: &Planes<V::Scalar, 3>, inside: Inside) -> f64 {
     let mut sum = V::zero();
     for block in 0..LANES {
         let mask = V::Mask::from_bits(lanes_inside(block, inside));
@@ -166,12 +175,12 @@ pub fn residual<V: Lanes>(drawn: &mut Planes<V::Scalar, 3>, target: &Planes<V::S
 
 /// The lanes of a block that lie in the picture.
 #[inline(always)]
-fn lanes_inside(block: usize, [width, height]: [usize; 2]) -> u16 {
-    if width == TILE && height == TILE {
+fn lanes_inside(block: usize, inside: Inside) -> u16 {
+    if inside.is_whole() {
         return u16::MAX;
     }
-    let left = |size: usize, before: usize| size.saturating_sub(before * BLOCK).min(BLOCK);
-    let columns = (1_u32 << left(width, block % BLOCKS)) - 1;
-    let rows = left(height, block / BLOCKS);
-    (0..rows).fold(0, |bits, row| bits | (columns << (row * BLOCK)) as u16)
+    let corner = [block % BLOCKS * BLOCK, block / BLOCKS * BLOCK];
+    let within = |axis: usize, at: usize| (inside.first[axis]..inside.end[axis]).contains(&(corner[axis] + at));
+    let lanes = (0..LANES).filter(|lane| within(0, lane % BLOCK) && within(1, lane / BLOCK));
+    lanes.fold(0, |bits, lane| bits | 1 << lane)
 }

@@ -27,6 +27,20 @@ impl Window {
         Self { x: 0, y: 0, width, height }
     }
 
+    /// The part of a picture that has to be known to draw this window of it at another size: `factor` as in
+    /// [`Gaussians::at_scale`](crate::Gaussians::at_scale), Gaussians that end at `cut` standard deviations.
+    pub fn around(&self, factor: f64, cut: f64) -> Self {
+        // What the filter adds to a standard deviation, at most.
+        let wider = cut * ((1.0 - factor * factor).max(0.0) / 12.0).sqrt() / factor + 1.0;
+        let along = |first: usize, length: usize| {
+            let low = (first as f64 / factor - wider).floor().max(0.0);
+            let high = (first.saturating_add(length) as f64 / factor + wider).ceil();
+            (low as usize, (high - low) as usize)
+        };
+        let ((x, width), (y, height)) = (along(self.x, self.width), along(self.y, self.height));
+        Self { x, y, width, height }
+    }
+
     /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.width * self.height
@@ -42,20 +56,53 @@ impl Window {
         }
     }
 
+    /// Tiles that the window meets, along x and y. They are the picture's, so that a pixel is computed alike in all windows.
     pub(crate) fn tiles(&self) -> [usize; 2] {
-        [self.width.div_ceil(TILE), self.height.div_ceil(TILE)]
+        [(self.x, self.width), (self.y, self.height)]
+            .map(|(first, length)| (first + length).div_ceil(TILE) - first / TILE)
     }
 
     /// First pixel of a tile, in the picture.
     pub(crate) fn corner(&self, tile: usize) -> [usize; 2] {
         let columns = self.tiles()[0];
-        [self.x + tile % columns * TILE, self.y + tile / columns * TILE]
+        [(self.x / TILE + tile % columns) * TILE, (self.y / TILE + tile / columns) * TILE]
     }
 
-    /// Pixels of a tile that lie in the window, columns and rows.
-    pub(crate) fn inside(&self, tile: usize) -> [usize; 2] {
+    /// The part of a tile that lies in the window.
+    pub(crate) fn inside(&self, tile: usize) -> Inside {
         let [x, y] = self.corner(tile);
-        [(self.x + self.width - x).min(TILE), (self.y + self.height - y).min(TILE)]
+        Inside {
+            first: [self.x.saturating_sub(x), self.y.saturating_sub(y)],
+            end: [(self.x + self.width - x).min(TILE), (self.y + self.height - y).min(TILE)],
+            place: [x.max(self.x) - self.x, y.max(self.y) - self.y],
+        }
+    }
+
+    /// Cuts an image of `channels` numbers a pixel into the lines of each row of tiles.
+    pub(crate) fn bands<'a, T>(&self, image: &'a mut [T], channels: usize) -> Vec<&'a mut [T]> {
+        let stride = channels * self.width;
+        let before = (TILE - self.y % TILE).min(self.height);
+        let (first, rest) = image.split_at_mut(before * stride);
+        std::iter::once(first).chain(rest.chunks_mut((TILE * stride).max(1))).collect()
+    }
+}
+
+/// The part of a tile that lies in a window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Inside {
+    /// First column and row.
+    pub first: [usize; 2],
+    /// Column and row behind the last.
+    pub end: [usize; 2],
+    /// Where the first column and row lie in the window.
+    pub place: [usize; 2],
+}
+
+impl Inside {
+    /// Whether that is all of it.
+    #[inline(always)]
+    pub fn is_whole(&self) -> bool {
+        self.first == [0; 2] && self.end == [TILE; 2]
     }
 }
 
@@ -68,38 +115,34 @@ pub(crate) fn zeros<T: Real, const C: usize>() -> Planes<T, C> {
     [[Row([T::ZERO; LANES]); LANES]; C]
 }
 
-/// Copies pixels to planes, zeros outside; `lines` begins with the first pixel of the tile in an image of lines of `stride` numbers.
+/// The pixels of a tile in an image of lines of `stride` numbers, zeros outside.
 #[inline(always)]
-pub(crate) fn to_planes<T: Real, const C: usize>(
-    lines: &[T],
-    stride: usize,
-    [width, height]: [usize; 2],
-    planes: &mut Planes<T, C>,
-) {
-    if width < TILE || height < TILE {
-        *planes = zeros();
-    }
-    for y in 0..height {
-        let line = &lines[y * stride..][..C * width];
-        for (x, pixel) in line.chunks_exact(C).enumerate() {
+pub(crate) fn to_planes<T: Real, const C: usize>(image: &[T], stride: usize, inside: Inside) -> Planes<T, C> {
+    let mut planes = zeros();
+    let ([x0, y0], [x1, y1]) = (inside.first, inside.end);
+    for (y, row) in (y0..y1).zip(inside.place[1]..) {
+        let line = &image[row * stride + C * inside.place[0]..][..C * (x1 - x0)];
+        for (x, pixel) in (x0..x1).zip(line.chunks_exact(C)) {
             for c in 0..C {
                 planes[c][y / BLOCK * BLOCKS + x / BLOCK].0[y % BLOCK * BLOCK + x % BLOCK] = pixel[c];
             }
         }
     }
+    planes
 }
 
-/// Copies planes to pixels, as [`to_planes`] the other way.
+/// Copies planes to pixels, as [`to_planes`] the other way; `lines` are those of the row of tiles.
 #[inline(always)]
 pub(crate) fn from_planes<T: Real, const C: usize>(
     planes: &Planes<T, C>,
     lines: &mut [T],
     stride: usize,
-    [width, height]: [usize; 2],
+    inside: Inside,
 ) {
-    for y in 0..height {
-        let line = &mut lines[y * stride..][..C * width];
-        for (x, pixel) in line.chunks_exact_mut(C).enumerate() {
+    let ([x0, y0], [x1, y1]) = (inside.first, inside.end);
+    for (row, y) in (y0..y1).enumerate() {
+        let line = &mut lines[row * stride + C * inside.place[0]..][..C * (x1 - x0)];
+        for (x, pixel) in (x0..x1).zip(line.chunks_exact_mut(C)) {
             for c in 0..C {
                 pixel[c] = planes[c][y / BLOCK * BLOCKS + x / BLOCK].0[y % BLOCK * BLOCK + x % BLOCK];
             }
@@ -124,11 +167,7 @@ impl<T: Real> Tiled<T> {
         let window = Window::whole(width, height);
         window.check()?;
         let [columns, rows] = window.tiles();
-        let mut tiles = vec![zeros(); columns * rows];
-        for (tile, planes) in tiles.iter_mut().enumerate() {
-            let [x, y] = window.corner(tile);
-            to_planes(&image[3 * (y * width + x)..], 3 * width, window.inside(tile), planes);
-        }
+        let tiles = (0..columns * rows).map(|tile| to_planes(image, 3 * width, window.inside(tile))).collect();
         Ok(Self { window, tiles })
     }
 

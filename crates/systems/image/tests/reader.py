@@ -1,4 +1,4 @@
-"""Reads a .wgi file by the layout in docs/pictures.md, and prints its Gaussians, one a line."""
+"""Reads a .wgi file by the layout in docs/reference/wgi.md, and prints its Gaussians, one a line."""
 import math
 import sys
 
@@ -96,32 +96,41 @@ class Number:
 
 assert take(4) == b"WVSZ" and take(2) == bytes([1, 0])
 count, streams = varint(), varint()
-assert streams == 2
-table = [(take(4), varint(), varint(), take(4)) for _ in range(2)]
+table = [(take(4), varint(), varint(), take(4)) for _ in range(streams)]
 take(4)
-head, symbols = [take(length) for _, _, length, _ in table]
+head, *blocks = [take(length) for _, _, length, _ in table]
+assert [name for name, *_ in table] == [b"pict"] + [b"gaus"] * len(blocks)
+assert count == sum(symbols for _, symbols, *_ in table[1:])
+assert len(head) == 10 + (16 * len(blocks) if len(blocks) > 1 else 0)
 size = [int.from_bytes(head[0:4], "little"), int.from_bytes(head[4:8], "little")]
 weights = [[0, 7, 14, 20][head[9] >> shift & 3] for shift in (0, 2, 4)]
 margin = math.ceil(max(size) / 4)
-decoder, counts, colors = Decoder(symbols), Number(32), [Number(32) for _ in range(3)]
-for c in range(8):
-    step = 0.35 * 2 ** (c / 2)
-    largest = max(math.floor((side + 2 * margin) / step) for side in size)
-    positions, scales, ratios = Number(2 * largest.bit_length()), Number(8), Number(8)
-    morton, last = 0, []
-    for _ in range(counts.read(decoder)):
-        morton += positions.read(decoder)
-        center = [sum((morton >> 2 * i + axis & 1) << i for i in range(32)) * step - margin for axis in (0, 1)]
-        small = 0.5 * 2 ** (0.35 * scales.signed(decoder))
-        ratio = 2 ** (0.35 * ratios.read(decoder))
-        bits = round(math.log2(4 + 10 * (ratio - 1 / ratio))) if ratio > 1 else 0
-        angle = math.pi * (decoder.raw(bits) if bits else 0) / 2**bits
-        color = []
-        for channel in range(3):
-            s, m = sum(color[channel] for color in last[-3:]), len(last[-3:]) or 1
-            expected = (2 * weights[channel] * s + 20 * m) // (40 * m)
-            color.append(expected + colors[channel].signed(decoder))
-        last.append(color)
-        luma = 0.035 * 2 ** ((1 - c) / 2)
-        y, co, cg = color[0] * luma, color[1] * 2 * luma, color[2] * 2 * luma
-        print(*center, small * ratio, small, angle, y + co - cg, y + cg, y - co - cg)
+
+
+def read_block(decoder):
+    counts, colors = Number(32), [Number(32) for _ in range(3)]
+    for c in range(8):
+        step = 0.35 * 2 ** (c / 2)
+        largest = max(math.floor((side + 2 * margin) / step) for side in size)
+        positions, scales, ratios = Number(2 * largest.bit_length()), Number(8), Number(8)
+        morton, last = 0, []
+        for _ in range(counts.read(decoder)):
+            morton += positions.read(decoder)
+            center = [sum((morton >> 2 * i + axis & 1) << i for i in range(32)) * step - margin for axis in (0, 1)]
+            small = 0.5 * 2 ** (0.35 * scales.signed(decoder))
+            ratio = 2 ** (0.35 * ratios.read(decoder))
+            bits = round(math.log2(4 + 10 * (ratio - 1 / ratio))) if ratio > 1 else 0
+            angle = math.pi * (decoder.raw(bits) if bits else 0) / 2**bits
+            color = []
+            for channel in range(3):
+                s, m = sum(color[channel] for color in last[-3:]), len(last[-3:]) or 1
+                expected = (2 * weights[channel] * s + 20 * m) // (40 * m)
+                color.append(expected + colors[channel].signed(decoder))
+            last.append(color)
+            luma = 0.035 * 2 ** ((1 - c) / 2)
+            y, co, cg = color[0] * luma, color[1] * 2 * luma, color[2] * 2 * luma
+            print(*center, small * ratio, small, angle, y + co - cg, y + cg, y - co - cg)
+
+
+for block in blocks:
+    read_block(Decoder(block))

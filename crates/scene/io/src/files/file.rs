@@ -1,6 +1,9 @@
 //! Whole files.
 
 use crate::{Error, Result, atomic_write};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::Path;
 use std::str::Utf8Error;
 
@@ -11,6 +14,25 @@ use std::str::Utf8Error;
 pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>> {
     let path = path.as_ref();
     std::fs::read(path).map_err(Error::io(path))
+}
+
+/// Reads bytes of a file from one on up to another.
+///
+/// # Errors
+/// When it cannot be read, or ends before.
+pub fn read_part(path: impl AsRef<Path>, part: Range<u64>) -> Result<Vec<u8>> {
+    let path = path.as_ref();
+    let read = || {
+        let mut file = File::open(path)?;
+        file.seek(SeekFrom::Start(part.start))?;
+        let mut bytes = Vec::new();
+        file.take(part.end.saturating_sub(part.start)).read_to_end(&mut bytes)?;
+        match bytes.len() as u64 == part.end.saturating_sub(part.start) {
+            true => Ok(bytes),
+            false => Err(std::io::ErrorKind::UnexpectedEof.into()),
+        }
+    };
+    read().map_err(Error::io(path))
 }
 
 /// Length of a file, bytes.

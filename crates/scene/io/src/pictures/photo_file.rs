@@ -39,6 +39,8 @@ pub struct PhotoFile {
     orientation: Orientation,
     layer: Layer,
     has_alpha: bool,
+    is_gray: bool,
+    bits: usize,
     /// A gray photo of the same size that is its alpha.
     mask: Option<Box<PhotoFile>>,
     /// Segments before its pixels if it is a JPEG.
@@ -70,11 +72,23 @@ impl PhotoFile {
     /// When the file is missing or no photo.
     pub fn at(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let decoding::Header { stored, orientation, has_alpha, jpeg } = decoding::header(path)?;
+        let decoding::Header { stored, orientation, has_alpha, is_gray, bits, jpeg } = decoding::header(path)?;
         let layer = Layer::Over([1.0; 3]);
         let path = path.to_path_buf();
         let (shrink_from, transparent) = (SHRINK_FROM, Arc::default());
-        Ok(Self { path, stored, orientation, layer, has_alpha, mask: None, jpeg, shrink_from, transparent })
+        Ok(Self {
+            path,
+            stored,
+            orientation,
+            layer,
+            has_alpha,
+            is_gray,
+            bits,
+            mask: None,
+            jpeg,
+            shrink_from,
+            transparent,
+        })
     }
 
     /// The file.
@@ -110,6 +124,16 @@ impl PhotoFile {
     /// True if reading the photo, by this or by what was made of it, has met pixels that are not opaque. Always false before it is read.
     pub fn was_transparent(&self) -> bool {
         self.transparent.load(Ordering::Relaxed)
+    }
+
+    /// Whether it has no colors; all channels of what is read are alike then.
+    pub fn is_gray(&self) -> bool {
+        self.is_gray
+    }
+
+    /// Bits of each number in the file; what is read has 8.
+    pub fn bits(&self) -> usize {
+        self.bits
     }
 
     /// The photo over a background, where it is transparent.

@@ -4,7 +4,7 @@ use crate::random::{error, gaussians, picture};
 use proptest::prelude::*;
 use std::ops::ControlFlow;
 use weaver_codec::{Container, Stream};
-use weaver_image::{CUT, FitSettings, Fitted, decode, encode, fit};
+use weaver_image::{CUT, FitSettings, Fitted, Window, decode, decode_region, encode, encode_in_blocks, fit};
 
 fn random(seed: u64, count: usize, size: [usize; 2]) -> Fitted {
     Fitted { gaussians: gaussians(seed, count, size, [0.3, 20.0]), cut: CUT, reset: 0 }
@@ -22,12 +22,88 @@ proptest! {
     }
 
     #[test]
+    fn blocks_hold_the_same_gaussians(seed: u64, count in 0_usize..90, most in 1_usize..50) {
+        let fitted = random(seed, count, [300, 90]);
+        let bytes = encode_in_blocks(&fitted, 300, 90, most).unwrap();
+        let (whole, blocks) = (decode(&encode(&fitted, 300, 90).unwrap()).unwrap(), decode(&bytes).unwrap());
+        prop_assert_eq!(sorted(&whole.fitted), sorted(&blocks.fitted));
+        prop_assert_eq!(encode_in_blocks(&blocks.fitted, 300, 90, most).unwrap(), bytes);
+    }
+
+    #[test]
+    fn a_region_of_a_file_has_the_bits_of_the_whole(
+        seed: u64,
+        [x, y] in proptest::array::uniform2(0_usize..200),
+        side in 1_usize..60,
+        factor in 0.2_f64..3.0,
+    ) {
+        let bytes = encode_in_blocks(&random(seed, 120, [200, 200]), 200, 200, 8).unwrap();
+        let size = (200.0 * factor).round() as usize;
+        let inside = |first: usize| (first as f64 * factor) as usize % size;
+        let (x, y) = (inside(x), inside(y));
+        let window = Window { x, y, width: side.min(size - x), height: side.min(size - y) };
+        let mut longest = 0;
+        let mut read = |range: std::ops::Range<u64>| {
+            longest = longest.max(range.end);
+            Ok(bytes[range.start as usize..range.end as usize].to_vec())
+        };
+        let part = decode_region(bytes.len() as u64, &mut read, window.around(factor, CUT)).unwrap();
+        prop_assert!(longest <= bytes.len() as u64);
+        let drawn = |mut fitted: Fitted| {
+            fitted.gaussians = fitted.gaussians.at_scale(factor);
+            fitted.draw_window(window).unwrap()
+        };
+        prop_assert_eq!(drawn(part.fitted), drawn(decode(&bytes).unwrap().fitted));
+    }
+
+    #[test]
     fn changed_bytes_are_refused_or_a_picture(seed: u64, at: proptest::sample::Index, to: u8) {
         let mut bytes = encode(&random(seed, 20, [64, 64]), 64, 64).unwrap();
         let at = at.index(bytes.len());
         let same = bytes[at] == to;
         bytes[at] = to;
         prop_assert_eq!(decode(&bytes).is_ok(), same);
+    }
+}
+
+/// Gaussians in an order that does not depend on the file's.
+fn sorted(of: &Fitted) -> Vec<[u32; 8]> {
+    let g = &of.gaussians;
+    let numbers = |i: usize| {
+        let of =
+            [&g.centers[2 * i..2 * i + 2], &g.scales[2 * i..2 * i + 2], &g.angles[i..=i], &g.colors[3 * i..3 * i + 3]];
+        <[u32; 8]>::try_from(of.concat().into_iter().map(f32::to_bits).collect::<Vec<_>>()).unwrap()
+    };
+    let mut all: Vec<[u32; 8]> = (0..g.len()).map(numbers).collect();
+    all.sort_unstable();
+    all
+}
+
+#[test]
+fn only_blocks_of_the_region_are_read() {
+    let fitted = Fitted { gaussians: gaussians(4, 20_000, [2000, 2000], [2.0, 8.0]), cut: CUT, reset: 0 };
+    let mut bytes = encode_in_blocks(&fitted, 2000, 2000, 256).unwrap();
+    let part = |bytes: &[u8], window: Window| {
+        let mut taken = 0;
+        let mut read = |range: std::ops::Range<u64>| {
+            taken += range.end - range.start;
+            Ok(bytes[range.start as usize..range.end as usize].to_vec())
+        };
+        decode_region(bytes.len() as u64, &mut read, window).map(|coded| (coded.fitted, taken))
+    };
+    let window = Window { x: 900, y: 900, width: 64, height: 64 };
+    let (found, taken) = part(&bytes, window).unwrap();
+    assert!(taken < bytes.len() as u64 / 8, "{taken} of {}", bytes.len());
+    assert!(found.gaussians.len() <= 9 * 256);
+    // What is wrong elsewhere does not matter here, and does there.
+    let last = bytes.len() - 40;
+    bytes[last] ^= 1;
+    assert!(decode(&bytes).is_err());
+    assert_eq!(part(&bytes, window).unwrap().0, found);
+    let refusal = part(&bytes, Window::whole(2000, 2000)).unwrap_err().to_string();
+    assert!(refusal.starts_with("stream gaus"), "{refusal}");
+    for end in [0, 5, 100, 5000, bytes.len() - 1] {
+        assert!(part(&bytes[..end], window).is_err());
     }
 }
 
@@ -77,12 +153,21 @@ proptest! {
         gaussians in 0_u64..3000,
         [width, height] in proptest::array::uniform2(0_u32..5000),
         end in any::<[u8; 2]>(),
+        place in any::<[u8; 32]>(),
+        blocks in 1_usize..3,
     ) {
-        let head: Vec<u8> = [&width.to_le_bytes()[..], &height.to_le_bytes(), &end].concat();
+        let mut head: Vec<u8> = [&width.to_le_bytes()[..], &height.to_le_bytes(), &end].concat();
         let stream = |name, symbols, bytes: Vec<u8>| Stream { name, symbols, bytes: bytes.into() };
-        let streams = vec![stream(*b"pict", 1, head), stream(*b"gaus", gaussians, symbols)];
-        if let Ok(coded) = decode(&Container { gaussians, coefficients: 0, streams }.write()) {
+        if blocks > 1 {
+            head.extend(place);
+        }
+        let mut streams = vec![stream(*b"pict", 1, head), stream(*b"gaus", gaussians, symbols.clone())];
+        streams.extend((1..blocks).map(|_| stream(*b"gaus", 0, symbols.clone())));
+        let bytes = Container { gaussians, coefficients: 0, streams }.write();
+        if let Ok(coded) = decode(&bytes) {
             coded.fitted.gaussians.check().unwrap();
         }
+        let mut read = |range: std::ops::Range<u64>| Ok(bytes[range.start as usize..range.end as usize].to_vec());
+        let _ = decode_region(bytes.len() as u64, &mut read, Window { x: 9, y: 9, width: 40, height: usize::MAX });
     }
 }

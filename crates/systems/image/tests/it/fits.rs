@@ -1,8 +1,9 @@
 //! Fits.
 
 use crate::random::{error, gaussians, on_threads, picture};
+use proptest::prelude::*;
 use std::ops::ControlFlow;
-use weaver_image::{Descent, FitSettings, Fitted, Picture, Start, fit, refine};
+use weaver_image::{Descent, Fit, FitSettings, FitState, Fitted, Picture, Start, fit, refine};
 
 fn fitted(picture: &Picture, settings: &FitSettings) -> Fitted {
     fit(picture, settings, &mut |_| ControlFlow::Continue(())).unwrap()
@@ -64,6 +65,56 @@ fn threads_do_not_matter_and_seeds_do() {
         settings.seed = 1;
         assert_ne!(one, fitted(&picture, &settings));
     }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 32))]
+
+    #[test]
+    fn a_fit_goes_on_to_the_same_bits(seed: u64, stop in 0_usize..24, coarse: bool, coded: bool, published: bool) {
+        let picture = picture(seed, 50, 40);
+        let mut settings = if published { FitSettings::published(30, 24) } else { FitSettings::new(30, 24) };
+        (settings.seed, settings.coarse, settings.coded) = (seed, coarse, coded);
+        let mut first = Fit::new(&picture, &settings).unwrap();
+        for _ in 0..stop {
+            first.step(&picture).unwrap();
+        }
+        let mut second = Fit::at(&picture, &settings, first.state().clone()).unwrap();
+        while !second.is_done() {
+            second.step(&picture).unwrap();
+        }
+        prop_assert_eq!(second.finish(&picture).unwrap(), fitted(&picture, &settings));
+    }
+}
+
+#[test]
+fn states_of_something_else_are_refused() {
+    let (picture, settings) = (picture(8, 30, 30), FitSettings::new(20, 10));
+    let mut fit = Fit::new(&picture, &settings).unwrap();
+    fit.step(&picture).unwrap();
+    let refusal = |change: &dyn Fn(&mut FitState)| {
+        let mut state = fit.state().clone();
+        change(&mut state);
+        Fit::at(&picture, &settings, state).unwrap_err().to_string()
+    };
+    assert_eq!(refusal(&|state| state.step = 11), "steps of a state: expected at most 10, found 11");
+    let found = refusal(&|state| state.moments[1] = Default::default());
+    assert_eq!(found, "moments of a state: expected at most 12 of both kinds, found 12 and 0");
+    let found = refusal(&|state| state.additions = vec![[5, 0]]);
+    assert_eq!(found, "additions of a state: expected ascending ones from 0 on, found [[5, 0]]");
+    let found = refusal(&|state| state.gaussians = gaussians(1, 21, [30, 30], [1.0, 2.0]));
+    assert_eq!(found, "Gaussians of a state: expected at most 20, found 21");
+    let other = Picture::new(3, 30, vec![0.5; 270]).unwrap();
+    let found = fit.step(&other).unwrap_err().to_string();
+    assert_eq!(found, "picture of a fit: expected [30, 30] pixels, found [3, 30]");
+}
+
+#[test]
+fn one_color_takes_few_gaussians() {
+    let picture = Picture::new(90, 60, vec![0.25; 3 * 90 * 60]).unwrap();
+    let fitted = fitted(&picture, &FitSettings::new(400, 60));
+    assert_eq!(fitted.gaussians.len(), 64);
+    assert!(error(&picture, &fitted.gaussians) < 1e-3);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::random::gaussians;
 use std::process::Command;
-use weaver_image::{CUT, Fitted, decode, encode};
+use weaver_image::{CUT, Fitted, decode, encode_in_blocks};
 
 #[test]
 fn a_reader_of_the_documented_layout_agrees() {
@@ -13,9 +13,9 @@ fn a_reader_of_the_documented_layout_agrees() {
     }
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("picture.wgi");
-    for (count, size) in [(0, [20, 20]), (1, [9, 4000]), (300, [300, 200])] {
+    for (count, size, most) in [(0, [20, 20], 9), (1, [9, 4000], 9), (300, [300, 200], 300), (300, [300, 200], 40)] {
         let fitted = Fitted { gaussians: gaussians(count as u64, count, size, [0.3, 60.0]), cut: CUT, reset: 0 };
-        let bytes = encode(&fitted, size[0], size[1]).unwrap();
+        let bytes = encode_in_blocks(&fitted, size[0], size[1], most).unwrap();
         let expected = decode(&bytes).unwrap().fitted.gaussians;
         std::fs::write(&file, &bytes).unwrap();
         let done = Command::new("python3").arg(reader).arg(&file).output();

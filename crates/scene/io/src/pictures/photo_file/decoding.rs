@@ -30,6 +30,9 @@ pub(super) struct Header {
     pub stored: (usize, usize),
     pub orientation: Orientation,
     pub has_alpha: bool,
+    pub is_gray: bool,
+    /// Of a number of a pixel.
+    pub bits: usize,
     pub jpeg: Option<Segments>,
 }
 
@@ -43,11 +46,14 @@ pub(super) fn header(path: &Path) -> Result<Header> {
     let file = file.take(jpeg.map_or(u64::MAX, |jpeg| jpeg.end));
     let mut decoder = decoder(path, "header", file)?;
     let (width, height) = decoder.dimensions();
+    let color = decoder.color_type();
     Ok(Header {
         stored: (width as usize, height as usize),
         // What is malformed says nothing.
         orientation: decoder.orientation().unwrap_or(Orientation::NoTransforms),
-        has_alpha: decoder.color_type().has_alpha(),
+        has_alpha: color.has_alpha(),
+        is_gray: !color.has_color(),
+        bits: 8 * usize::from(color.bytes_per_pixel()) / usize::from(color.channel_count()),
         jpeg,
     })
 }
