@@ -13,7 +13,7 @@ use weaver_run::Page;
 use weaver_splat::Workspace;
 
 /// Fewer photos than this leave much of a scene unseen.
-const FEW: usize = 8;
+const FEW: usize = 4;
 /// Views with pictures.
 const PICTURES: usize = 6;
 

@@ -115,7 +115,7 @@ fn a_scene_from_photos_alone() {
     let doubts = |out: &str| {
         let html = std::fs::read_to_string(folder.join(out).join("report.html")).unwrap();
         assert!(html.contains("Estimated cameras") && html.contains("+-"), "{html}");
-        html.split("<h1>").next().unwrap().contains("Warning")
+        html.split("<h1>").next().unwrap().contains("doubtful")
     };
     assert_eq!(doubts("scene"), text.contains("cameras: doubtful"), "{text}");
     let two = run(folder, "reconstruct photos/00.png photos/01.png -o two --minutes 0.05 --gaussians 300");

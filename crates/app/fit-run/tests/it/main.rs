@@ -92,7 +92,10 @@ fn a_report_begins_with_what_is_doubtful_about_its_cameras() {
     write(&cameras);
     let html = report(settings(), &out("doubtful"));
     let body = html.split("<body>").nth(1).unwrap();
-    assert!(body.starts_with("<p style") && body.find("Warning").unwrap() < body.find("<h1>").unwrap(), "{html}");
+    assert!(
+        body.starts_with("<p class=\"warning\"") && body.find("Warning").unwrap() < body.find("<h1>").unwrap(),
+        "{html}"
+    );
     assert!(body.contains("told to 6 % only; photos from more different places, or --focal, would tell."), "{html}");
     // Somebody's file of that name.
     std::fs::write(data.join(CamerasSummary::NAME), "[1]").unwrap();
