@@ -115,39 +115,66 @@ impl SurfelCamera {
         }
     }
 
-    /// Half the columns and half the rows that a ball covers at most, around its projected center.
+    /// Half the columns and half the rows that an ellipse covers at most, around its projected center, from half of its axes.
     ///
-    /// On a sphere, a ball within the angle t of the elevation e covers the rows e +- t and the columns +- asin(sin t / cos e), or all
-    /// of them where it reaches around a pole.
-    pub(crate) fn reach(&self, center: DVec3, radius: f64) -> DVec2 {
-        let distance = center.length();
-        let all = 4.0 * DVec2::new(self.width as f64, self.height as f64);
+    /// The azimuths of the parallelogram around it are extreme at corners if it is beside the axis, and tan(elevation) = z / rho is between
+    /// the bounds of z over those of rho. Else it is in a ball, which covers the rows e +- t and the columns +- asin(sin t / cos e) within
+    /// the angle t of the elevation e, or all columns where it reaches around a pole.
+    pub(crate) fn reach(&self, center: DVec3, axes: [DVec3; 2]) -> DVec2 {
         match self.lens {
             Lens::Spherical(k) => {
-                let angle = (radius / distance).min(1.0).asin();
-                let elevation = center.z.atan2(center.x.hypot(center.y)).abs();
-                let around = radius >= distance || elevation + angle >= FRAC_PI_2 - 1e-9;
-                let across = (angle.sin() / elevation.cos()).min(1.0).asin() * k.fx.abs();
-                DVec2::new(
-                    if around { all.x } else { across },
-                    if radius < distance { angle * k.fy.abs() } else { all.y },
-                )
+                let ball = spherical_ball(&k, center, axes[0].length().max(axes[1].length()), self.height);
+                spherical_ellipse(&k, center, axes).map_or(ball, |ellipse| ellipse.min(ball))
             }
-            Lens::Pinhole(k) => {
-                let at = self.project(center);
-                if !at.is_finite() || at.abs().max_element() >= 1e9 {
-                    return DVec2::splat(4e9);
+            Lens::Pinhole(_) => {
+                let (at, near) = (self.project(center), 1e-3 * center.length());
+                let corners = corners(axes).map(|corner| center + corner);
+                match corners.iter().all(|corner| corner.z > near) {
+                    true => corners.iter().fold(DVec2::ZERO, |most, c| most.max((self.project(*c) - at).abs())),
+                    false => DVec2::splat(4e9),
                 }
-                let axis = |x: f64, focal: f64| -> f64 {
-                    let (angle, half) = (x.atan2(center.z), (radius / x.hypot(center.z)).min(1.0).asin());
-                    let ends = [angle - half, angle + half];
-                    if ends.iter().any(|end| end.abs() >= FRAC_PI_2 - 1e-6) {
-                        return 4e9;
-                    }
-                    ends.iter().fold(0.0, |most: f64, end| most.max((end.tan() - angle.tan()).abs())) * focal.abs()
-                };
-                DVec2::new(axis(center.x, k.fx), axis(center.y, k.fy))
             }
         }
     }
+}
+
+/// The corners of the parallelogram around an ellipse.
+fn corners([a, b]: [DVec3; 2]) -> [DVec3; 4] {
+    [a + b, a - b, b - a, -a - b]
+}
+
+/// What a ball around a center covers.
+fn spherical_ball(k: &Spherical, center: DVec3, radius: f64, height: usize) -> DVec2 {
+    let distance = center.length();
+    let angle = (radius / distance).min(1.0).asin();
+    let elevation = center.z.atan2(center.x.hypot(center.y)).abs();
+    let around = radius >= distance || elevation + angle >= FRAC_PI_2 - 1e-9;
+    let across = (angle.sin() / elevation.cos()).min(1.0).asin() * k.fx.abs();
+    let all_rows = 4.0 * height as f64 + 4.0 * k.fy.abs();
+    DVec2::new(
+        if around { TAU * k.fx.abs() } else { across },
+        if radius < distance { angle * k.fy.abs() } else { all_rows },
+    )
+}
+
+/// What an ellipse covers, if it is on one side of the axis.
+fn spherical_ellipse(k: &Spherical, center: DVec3, axes: [DVec3; 2]) -> Option<DVec2> {
+    let flat = center.x.hypot(center.y);
+    let ahead = DVec3::new(center.x / flat, center.y / flat, 0.0);
+    let aside = DVec3::new(-ahead.y, ahead.x, 0.0);
+    let extent = |along: DVec3| along.dot(axes[0]).hypot(along.dot(axes[1]));
+    let nearest = flat - extent(ahead);
+    let corners = corners(axes).map(|corner| [flat + corner.dot(ahead), corner.dot(aside)]);
+    // False for what is not a number, too.
+    let beside = nearest > 1e-3 * flat && corners.iter().all(|[ahead, _]| *ahead > 1e-3 * flat);
+    if !beside {
+        return None;
+    }
+    let (side, rise) = (extent(aside), extent(DVec3::Z));
+    let farthest = (flat + extent(ahead)).hypot(side);
+    let steepest = |z: f64, rising: bool| z.atan2(if (z > 0.0) == rising { nearest } else { farthest });
+    let elevation = center.z.atan2(flat);
+    let rows = (steepest(center.z + rise, true) - elevation).max(elevation - steepest(center.z - rise, false));
+    let across = corners.iter().map(|[ahead, aside]| aside.abs().atan2(*ahead)).fold(0.0, f64::max);
+    Some(DVec2::new(across.min(side.atan2(nearest)) * k.fx.abs(), rows * k.fy.abs()))
 }

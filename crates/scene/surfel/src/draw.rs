@@ -44,6 +44,7 @@ pub struct SurfelWorkspace<T> {
     /// Gradients `[N, 10]`, and those of the poses `[N, 6]` through one view.
     rows: Vec<f64>,
     poses: Vec<f64>,
+    work: [u64; 2],
 }
 
 impl<T: Real> Default for SurfelWorkspace<T> {
@@ -55,7 +56,7 @@ impl<T: Real> Default for SurfelWorkspace<T> {
 impl<T: Real> SurfelWorkspace<T> {
     /// Without memory yet.
     pub fn new() -> Self {
-        Self { tiles: Tiles::new(), rows: Vec::new(), poses: Vec::new() }
+        Self { tiles: Tiles::new(), rows: Vec::new(), poses: Vec::new(), work: [0; 2] }
     }
 
     /// Draws surfels front to back by the distance of their centers, into images of all poses.
@@ -89,7 +90,7 @@ impl<T: Real> SurfelWorkspace<T> {
         let stats = self.tiles.project(grid, (sight.poses.len(), sight.surfels.len()), sight, sight)?;
         self.tiles.bin(None);
         let blending = blending(sight);
-        self.tiles.blend(sight, &blending);
+        self.work = self.tiles.blend(sight, &blending);
         let pixels = sight.poses.len() * camera.pixels();
         let RangeImages { range, opacity, normal } = images;
         [(&mut *range, 1), (&mut *opacity, 1), (&mut *normal, 3)]
@@ -98,6 +99,11 @@ impl<T: Real> SurfelWorkspace<T> {
         let images = Images { image: normal, alpha: opacity, depth: Some(range), features: None };
         self.tiles.images(&blending, |_| [T::ZERO; 3], images);
         Ok(stats)
+    }
+
+    /// Pairs of a surfel and a pixel that it adds to in what was drawn last, and pairs that were looked at.
+    pub fn work(&self) -> [u64; 2] {
+        self.work
     }
 
     /// Writes median range and distortion of what was drawn last, `[V, H, W]` each.

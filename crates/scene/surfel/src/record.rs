@@ -3,6 +3,7 @@
 use crate::surfels::Surfel;
 use crate::{Limits, SurfelCamera, SurfelSlices};
 use weaver_geometry::Pose;
+use weaver_geometry::glam::DVec2;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 use weaver_splat::tiles::{ALPHA_MIN, Footprint, Projected, Projection, record};
@@ -45,10 +46,12 @@ impl<T: Real> Sight<'_, T> {
     /// Half the reach of alpha on the image around the center of a surfel.
     fn reach(&self, surfel: &Surfel) -> [f64; 2] {
         let visible = (surfel.opacity / ALPHA_MIN).ln().max(0.0);
-        let radius = (2.0 * visible).sqrt() * surfel.scales[0].max(surfel.scales[1]);
-        // Numbers of 32 bits round: a little more than the low-pass filter needs.
-        let more = visible.sqrt() + 0.01 + 1e-5 * self.camera.width.max(self.camera.height) as f64;
-        (self.camera.reach(surfel.center, radius * (1.0 + 1e-5)) + more).to_array()
+        let reach = (2.0 * visible).sqrt() * (1.0 + 1e-5);
+        let sides = [0, 1].map(|i| surfel.axes[i] * (surfel.scales[i] * reach));
+        // Numbers of 32 bits round.
+        let more = 0.01 + 1e-5 * self.camera.width.max(self.camera.height) as f64;
+        // Alpha is seen by the plane or by the filter: what either covers.
+        self.camera.reach(surfel.center, sides).max(DVec2::splat(visible.sqrt())).to_array().map(|half| half + more)
     }
 
     /// The record of a surfel in a view, if it is seen; `Err` if its numbers are not finite.

@@ -109,10 +109,11 @@ impl<T: Real> Surfels<T> {
         [&mut self.centers, &mut self.quats, &mut self.log_scales, &mut self.opacity_logits]
     }
 
-    /// Moves all surfels by a rigid motion.
-    pub fn transform(&mut self, motion: &Pose) {
-        let turn = DQuat::from_mat3(&motion.rotation);
-        for (c, q) in self.centers.chunks_exact_mut(3).zip(self.quats.chunks_exact_mut(4)) {
+    /// Moves each surfel by a rigid motion.
+    pub fn transform_each(&mut self, motion: impl Fn(usize) -> Pose) {
+        for (n, (c, q)) in self.centers.chunks_exact_mut(3).zip(self.quats.chunks_exact_mut(4)).enumerate() {
+            let motion = motion(n);
+            let turn = DQuat::from_mat3(&motion.rotation);
             let moved = motion.apply(DVec3::new(c[0].to_f64(), c[1].to_f64(), c[2].to_f64()));
             let [w, x, y, z] = [0, 1, 2, 3].map(|i| q[i].to_f64());
             let turned = turn * DQuat::from_xyzw(x, y, z, w);
