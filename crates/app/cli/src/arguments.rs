@@ -38,6 +38,7 @@ use std::path::PathBuf;
 use weaver_bench::Bench;
 use weaver_command::{DeviceFlag, MOST_SEED, MOST_THREADS, Threads};
 use weaver_inference::Density;
+use weaver_lidar_run::{EvalMesh, EvalTrajectory, Lidar, Meshing};
 use weaver_lift_run::{Lift, Query};
 use weaver_router::AllocationKind;
 
@@ -74,7 +75,23 @@ const GROUPS: [(&str, &[&str]); 4] = [
     ("Reconstruct", &["reconstruct", "cameras", "fit", "infer"]),
     ("Look", &["render", "compare", "info", "convert"]),
     ("Learn", &["train", "eval", "config", "convert-weights"]),
-    ("More", &["align", "lift", "query", "dynamic", "vad", "image", "bench", "completions"]),
+    (
+        "More",
+        &[
+            "align",
+            "lift",
+            "query",
+            "dynamic",
+            "vad",
+            "lidar",
+            "mesh",
+            "eval-trajectory",
+            "eval-mesh",
+            "image",
+            "bench",
+            "completions",
+        ],
+    ),
 ];
 
 impl CommandLine {
@@ -161,6 +178,10 @@ pub enum Command {
     Query(Query),
     Dynamic(Dynamic),
     Vad(Vad),
+    Lidar(Lidar),
+    Mesh(Meshing),
+    EvalTrajectory(EvalTrajectory),
+    EvalMesh(EvalMesh),
     Image(Pictures),
     Info(Info),
     Convert(Convert),
