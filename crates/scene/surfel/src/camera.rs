@@ -123,8 +123,8 @@ impl SurfelCamera {
     pub(crate) fn reach(&self, center: DVec3, axes: [DVec3; 2]) -> DVec2 {
         match self.lens {
             Lens::Spherical(k) => {
-                let ball = spherical_ball(&k, center, axes[0].length().max(axes[1].length()), self.height);
-                spherical_ellipse(&k, center, axes).map_or(ball, |ellipse| ellipse.min(ball))
+                let ball = || spherical_ball(&k, center, axes[0].length().max(axes[1].length()), self.height);
+                spherical_ellipse(&k, center, axes).unwrap_or_else(ball)
             }
             Lens::Pinhole(_) => {
                 let (at, near) = (self.project(center), 1e-3 * center.length());
@@ -175,6 +175,6 @@ fn spherical_ellipse(k: &Spherical, center: DVec3, axes: [DVec3; 2]) -> Option<D
     let steepest = |z: f64, rising: bool| z.atan2(if (z > 0.0) == rising { nearest } else { farthest });
     let elevation = center.z.atan2(flat);
     let rows = (steepest(center.z + rise, true) - elevation).max(elevation - steepest(center.z - rise, false));
-    let across = corners.iter().map(|[ahead, aside]| aside.abs().atan2(*ahead)).fold(0.0, f64::max);
-    Some(DVec2::new(across.min(side.atan2(nearest)) * k.fx.abs(), rows * k.fy.abs()))
+    let across = corners.iter().map(|[ahead, aside]| aside.abs() / ahead).fold(0.0, f64::max).min(side / nearest);
+    Some(DVec2::new(across.atan() * k.fx.abs(), rows * k.fy.abs()))
 }

@@ -1,4 +1,4 @@
-//! Figures on five scans: `cargo run --release -p weaver-lidar --example fragments FOLDER`.
+//! Figures on five scans: `cargo run --release -p weaver-lidar --example fragments FOLDER [VARIANT ...]`.
 //!
 //! The folder has `planes_NNNNNN.bin` and `edges_NNNNNN.bin`, or `NNNNNN.bin`, of x y z in 32 bits, and `graph.txt` of
 //! `name x y z qx qy qz qw`. Prints odometry, or registration pair by pair where the clouds are no scans, and what held-out scans see.
@@ -147,24 +147,23 @@ fn main() -> Outcome<()> {
     let base = MapSettings::default();
     let drawn = LossWeights { target: NormalTarget::Drawn, ..base.loss };
     let variants = [
-        ("as published", MapSettings::published()),
+        ("published", MapSettings::published()),
         ("default", base.clone()),
-        ("no steps", MapSettings { iterations: 0, ..base.clone() }),
-        ("all points", MapSettings { density: 1.0, ..base.clone() }),
-        ("normals of drawn ranges", MapSettings { loss: drawn, ..base.clone() }),
-        ("no term of normals", MapSettings { loss: LossWeights { normal: 0.0, ..base.loss }, ..base.clone() }),
-        ("no term of opacity", MapSettings { loss: LossWeights { opacity: 0.0, ..base.loss }, ..base.clone() }),
+        ("unfitted", MapSettings { iterations: 0, ..base.clone() }),
+        ("all", MapSettings { density: 1.0, ..base.clone() }),
+        ("drawn-normals", MapSettings { loss: drawn, ..base.clone() }),
+        ("no-normals", MapSettings { loss: LossWeights { normal: 0.0, ..base.loss }, ..base.clone() }),
+        ("no-opacity", MapSettings { loss: LossWeights { opacity: 0.0, ..base.loss }, ..base.clone() }),
     ];
+    let named: Vec<String> = std::env::args().skip(2).collect();
+    let mut variants = Vec::from(variants);
+    variants.retain(|(name, _)| named.is_empty() || named.iter().any(|other| other == name));
     for (name, map) in &variants {
         odometry(&scans, &poses, map.clone(), TrackSettings::default(), name)?;
     }
-    let far = TrackSettings { farthest: 0.5, ..Default::default() };
-    let map = MapSettings { density: 1.0, iterations: 60, ..base.clone() };
-    odometry(&scans, &poses, map.clone(), far.clone(), "all points, 60 steps, keyframe each")?;
-    let without = TrackSettings { range_steps: 0, ..far };
-    odometry(&scans, &poses, map.clone(), without, "the same without ranges")?;
-    let without = TrackSettings { range_steps: 0, ..Default::default() };
-    odometry(&scans, &poses, map, without, "all points, 60 steps, without ranges")?;
+    let map = MapSettings { density: 1.0, iterations: 60, ..base };
+    let without = TrackSettings { range_steps: 0, ..TrackSettings::default() };
+    odometry(&scans, &poses, map, without, "all, 60 steps, without ranges")?;
     for (name, map) in &variants {
         held(&scans, &poses, map, name)?;
     }
