@@ -20,11 +20,11 @@ pub enum LidarRunError {
     Invalid {
         /// The file or folder.
         path: PathBuf,
-        /// What of it.
+        /// The part of it.
         what: &'static str,
-        /// What should have been there.
+        /// The content that was expected.
         expected: String,
-        /// What was there.
+        /// The content that was found.
         found: String,
     },
 }

@@ -1,13 +1,13 @@
 //! `splatweaver eval-trajectory`.
 
 use crate::LidarRunError;
-use crate::results::Errors;
 use clap::Args;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure};
 use weaver_geometry::Pose;
 use weaver_io::TrajectoryFile;
-use weaver_lidar::trajectory_errors;
+use weaver_lidar::{TrajectoryErrors, trajectory_errors};
 
 /// Compares a trajectory with a reference (KITTI or TUM): absolute and relative errors.
 ///
@@ -20,12 +20,59 @@ pub struct EvalTrajectory {
     /// The trajectory
     #[arg(value_name = "ESTIMATE")]
     estimate: PathBuf,
-    /// What it should be
+    /// The trajectory that it should be
     #[arg(value_name = "REFERENCE")]
     reference: PathBuf,
     /// Prints figures as JSON
     #[arg(long)]
     json: bool,
+}
+
+/// Errors of a trajectory.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Root mean square distance after the best rigid motion, meters.
+    pub ate_m: f64,
+    /// The same with equal first poses, meters.
+    pub ate_first_m: f64,
+    /// Root mean square error of consecutive relative translations, meters.
+    pub rpe_m: f64,
+    /// Mean relative error of translations, percent.
+    pub rpe_percent: f64,
+    /// Root mean square error of consecutive relative rotations, degrees.
+    pub rpe_degrees: f64,
+    /// Length of the reference, meters.
+    pub length_m: f64,
+    /// Poses that were compared.
+    pub poses: usize,
+}
+
+impl Errors {
+    pub(crate) fn new(errors: TrajectoryErrors, poses: usize) -> Self {
+        Self {
+            ate_m: errors.ate,
+            ate_first_m: errors.ate_first,
+            rpe_m: errors.rpe,
+            rpe_percent: errors.rpe_percent,
+            rpe_degrees: errors.rpe_degrees,
+            length_m: errors.length,
+            poses,
+        }
+    }
+
+    /// A line for people.
+    pub(crate) fn text(&self) -> String {
+        format!(
+            "ATE {:.2} cm ({:.2} cm with equal first poses), RPE {:.2} cm, {:.2} %, {:.3} degrees; {} poses over {:.1} m",
+            100.0 * self.ate_m,
+            100.0 * self.ate_first_m,
+            100.0 * self.rpe_m,
+            self.rpe_percent,
+            self.rpe_degrees,
+            self.poses,
+            self.length_m
+        )
+    }
 }
 
 /// Runs `splatweaver eval-trajectory`.

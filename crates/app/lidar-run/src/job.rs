@@ -10,16 +10,16 @@ use weaver_lidar::{Edge, Frame, Keyframe, Lost, MapState, Odometry, OdometryStat
 use weaver_run::{Job, Log, Rhythm, Save, Scalar, StepReport};
 use weaver_surfel::Surfels;
 
-/// What is kept of each scan.
+/// The outcome of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScanRecord {
     /// Share of the scan that fits.
     pub fitness: f64,
     /// Why it was lost, or that ranges were not registered; empty where all is well.
     pub remark: String,
-    /// Whether its pose is only the expected one.
+    /// True if its pose is only the expected one.
     pub lost: bool,
-    /// Whether it is a keyframe.
+    /// True if it is a keyframe.
     pub keyframe: bool,
 }
 
@@ -47,7 +47,7 @@ impl LidarJob {
         Ok(Self { plan, files, odometry, records: Vec::new() })
     }
 
-    /// What was asked for.
+    /// The settings that were asked for.
     pub fn plan(&self) -> &LidarPlan {
         &self.plan
     }
@@ -67,12 +67,12 @@ impl LidarJob {
         &mut self.odometry
     }
 
-    /// What is known of each scan so far.
+    /// The outcomes of the scans so far.
     pub fn records(&self) -> &[ScanRecord] {
         &self.records
     }
 
-    /// Whether tracking ended before the last scan.
+    /// Says if tracking ended before the last scan.
     pub fn ended(&self) -> bool {
         self.odometry.ended()
     }

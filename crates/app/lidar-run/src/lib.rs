@@ -24,7 +24,7 @@ mod results;
 mod run;
 
 pub use error::LidarRunError;
-pub use evaluation::{EvalTrajectory, eval_trajectory, paired_errors};
+pub use evaluation::{Errors, EvalTrajectory, eval_trajectory, paired_errors};
 pub use job::{LidarJob, ScanRecord};
 pub use meshing::{EvalMesh, Meshing, eval_mesh, mesh};
 pub use plan::LidarPlan;

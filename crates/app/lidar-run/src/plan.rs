@@ -8,7 +8,7 @@ use weaver_command::MOST_SEED;
 use weaver_io::{LIDAR_FORMATS, TrajectoryFile, list_files, read_lidar_scan};
 use weaver_lidar::{LoopSettings, MapSettings, Scan, SurfelCamera, TrackSettings};
 
-/// What is made of which scans: kept beside a checkpoint.
+/// Scans and settings of a run: kept beside a checkpoint.
 #[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LidarPlan {
     /// Folder of scans (.bin as KITTI has them, .ply, .pcd, .npy), taken in the order of their names

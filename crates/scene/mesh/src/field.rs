@@ -1,8 +1,6 @@
 //! Truncated signed distances in blocks near surfaces.
 
-use crate::Mesh;
 use crate::blocks::{CELLS, Place, SIDE, cell};
-use crate::nets::nets;
 use rayon::prelude::*;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
@@ -120,11 +118,6 @@ impl DistanceField {
     /// Number of blocks.
     pub fn blocks(&self) -> usize {
         self.blocks.len()
-    }
-
-    /// The surface where distances are 0, in cells all of whose corners were seen.
-    pub fn mesh(&self) -> Mesh {
-        nets(self)
     }
 }
 

@@ -9,8 +9,15 @@ fn corner(cell: Place, index: usize) -> Place {
     std::array::from_fn(|axis| cell[axis] + (index >> axis & 1) as i32)
 }
 
+impl DistanceField {
+    /// The surface where distances are 0, in cells all of whose corners were seen.
+    pub fn mesh(&self) -> Mesh {
+        nets(self)
+    }
+}
+
 /// One vertex in each cell that the surface crosses, and a quadrilateral for each edge that it crosses.
-pub(crate) fn nets(field: &DistanceField) -> Mesh {
+fn nets(field: &DistanceField) -> Mesh {
     let DistanceField { voxel, blocks, cells } = field;
     let value = |around: &Around, place: Place| -> Option<f32> {
         let (block, at) = around.find(place)?;

@@ -143,7 +143,7 @@ fn corners([a, b]: [DVec3; 2]) -> [DVec3; 4] {
     [a + b, a - b, b - a, -a - b]
 }
 
-/// What a ball around a center covers.
+/// Half the columns and rows that a ball around a center covers.
 fn spherical_ball(k: &Spherical, center: DVec3, radius: f64, height: usize) -> DVec2 {
     let distance = center.length();
     let angle = (radius / distance).min(1.0).asin();
@@ -157,7 +157,7 @@ fn spherical_ball(k: &Spherical, center: DVec3, radius: f64, height: usize) -> D
     )
 }
 
-/// What an ellipse covers, if it is on one side of the axis.
+/// Half the columns and rows that an ellipse covers, if it is on one side of the axis.
 fn spherical_ellipse(k: &Spherical, center: DVec3, axes: [DVec3; 2]) -> Option<DVec2> {
     let flat = center.x.hypot(center.y);
     let ahead = DVec3::new(center.x / flat, center.y / flat, 0.0);

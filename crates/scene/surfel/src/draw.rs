@@ -7,7 +7,7 @@ use weaver_kernels::{Real, parallel};
 use weaver_splat::tiles::{BackwardPass, Blending, Grid, Region, TileSide, TileStats, Tiles};
 use weaver_splat::{Cotangents, Images};
 
-/// What surfels look like from V poses; weights are w = alpha T, with T the light that arrives.
+/// Images of surfels from V poses; weights are w = alpha T, with T the light that arrives.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RangeImages<T> {
     /// Sums w r of ranges, `[V, H, W]`, meters; the range is this divided by the opacity.

@@ -38,7 +38,7 @@ pub struct Sight<'a, T> {
     pub camera: &'a SurfelCamera,
     /// World-to-camera poses, one for each image.
     pub poses: &'a [Pose],
-    /// What is drawn.
+    /// Bounds of what is drawn.
     pub limits: Limits,
 }
 

@@ -64,7 +64,7 @@ impl<V: Lanes> std::fmt::Debug for Sample<V> {
     }
 }
 
-/// What pixels share: their place, and two numbers of the direction.
+/// Numbers that pixels share: their place, and two numbers of the direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<V> {
     at: V,

@@ -49,7 +49,7 @@ impl<T: Real> Surfels<T> {
         self.opacity_logits.len()
     }
 
-    /// Whether there are none.
+    /// Says if there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -130,7 +130,7 @@ impl<T: Real> SurfelSlices<'_, T> {
         self.opacity_logits.len()
     }
 
-    /// Whether there are none.
+    /// Says if there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

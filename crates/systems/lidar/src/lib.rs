@@ -30,7 +30,6 @@ mod tree;
 
 pub use error::{Error, Result};
 pub use frame::Frame;
-pub use loops::LoopSettings;
 pub use map_loss::{LossWeights, MapLoss, NormalTarget};
 pub use mapper::{Keyframe, MapReport, MapState, Mapper, held_out};
 pub use normal_equations::NormalEquations;
@@ -39,7 +38,7 @@ pub use pose_graph::{Edge, optimize_poses};
 pub use range_reference::RangeReference;
 pub use registration::{GeometricSettings, Lost, Registered, register, register_ranges};
 pub use scan::Scan;
-pub use settings::{MapSettings, TrackSettings};
+pub use settings::{LoopSettings, MapSettings, TrackSettings};
 pub use trajectory::{TrajectoryErrors, alignment, trajectory_errors};
 pub use tree::{Patch, PatchTree};
 pub use weaver_surfel::SurfelCamera;

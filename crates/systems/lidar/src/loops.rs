@@ -1,24 +1,7 @@
 //! Keyframes that come back to where an earlier one was.
 
-use crate::{Edge, GeometricSettings, Keyframe, PatchTree, register};
+use crate::{Edge, GeometricSettings, Keyframe, LoopSettings, PatchTree, register};
 use weaver_geometry::glam::DVec3;
-
-/// When a keyframe is registered to an earlier one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LoopSettings {
-    /// Largest distance between the two as far as is known, meters.
-    pub reach: f64,
-    /// Keyframes between the two at least.
-    pub gap: usize,
-    /// Share of the scan that must fit.
-    pub least_fitness: f64,
-}
-
-impl Default for LoopSettings {
-    fn default() -> Self {
-        Self { reach: 3.0, gap: 10, least_fitness: 0.6 }
-    }
-}
 
 /// The motion between the last keyframe and the nearest of those that it may have come back to, if it is found; `points` of the scan at most.
 pub(crate) fn closing(keyframes: &[Keyframe], settings: &LoopSettings, points: usize) -> Option<Edge> {

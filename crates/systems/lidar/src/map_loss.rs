@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use weaver_geometry::glam::DVec3;
 use weaver_surfel::RangeImages;
 
-/// What normals are drawn toward.
+/// The normals that surfels are drawn toward.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NormalTarget {
     /// The normals of the drawn ranges, which move along.
@@ -22,7 +22,7 @@ pub struct LossWeights {
     pub opacity: f64,
     /// Of 1 - n.m, for the mean normal n and the target's m.
     pub normal: f64,
-    /// What m is.
+    /// The source of m.
     pub target: NormalTarget,
 }
 
@@ -142,7 +142,7 @@ impl Sums {
     }
 }
 
-/// What the normal at the i-th point, in a pixel, is drawn toward.
+/// The target of the normal at the i-th point, in a pixel.
 fn target_of(
     frame: &Frame,
     rays: &Rays,

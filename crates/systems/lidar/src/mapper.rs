@@ -27,7 +27,7 @@ pub struct Keyframe {
     pub pose: Pose,
 }
 
-/// What a keyframe did to the map.
+/// The effect of a keyframe on the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MapReport {
     /// Surfels that were added.
@@ -38,11 +38,11 @@ pub struct MapReport {
     pub surfels: usize,
     /// Loss of the last step.
     pub loss: MapLoss,
-    /// Whether a new map was begun.
+    /// True if a new map was begun.
     pub new_map: bool,
 }
 
-/// What a [`Mapper`] has made so far.
+/// Everything that a [`Mapper`] has made so far.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapState {
     /// The map at hand, in the world's frame.
@@ -92,7 +92,7 @@ impl Mapper {
         self.state = state;
     }
 
-    /// What was made so far.
+    /// Everything that was made so far.
     pub fn state(&self) -> &MapState {
         &self.state
     }

@@ -12,7 +12,7 @@ use weaver_surfel::SurfelCamera;
 /// Points that the geometric stage takes of a scan at most.
 const MOST_POINTS: usize = 30_000;
 
-/// What a scan gave.
+/// The outcome of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tracked {
     /// The scan's number.
@@ -25,13 +25,13 @@ pub struct Tracked {
     pub lost: Option<Lost>,
     /// Why ranges were not registered, where they were not.
     pub without_ranges: Option<String>,
-    /// What became of the map, if the scan is a keyframe.
+    /// The effect on the map, if the scan is a keyframe.
     pub map: Option<MapReport>,
     /// The scan of the keyframe that this one came back to.
     pub closed: Option<usize>,
 }
 
-/// What an [`Odometry`] knows beside its map.
+/// Everything that an [`Odometry`] knows beside its map.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OdometryState {
     /// Poses of the scans, sensor to world.
@@ -57,11 +57,11 @@ pub struct Odometry {
     /// Poses are given and not tracked.
     given: Option<Vec<Pose>>,
     reference: Option<Reference>,
-    /// Whether scans were seen from one place; asked of the first.
+    /// Reasons against range images, asked of the first scan.
     single: Option<std::result::Result<(), String>>,
 }
 
-/// What scans are registered to: the last keyframe as it is drawn.
+/// The last keyframe as it is drawn, which scans are registered to.
 #[derive(Debug)]
 struct Reference {
     pose: Pose,
@@ -111,12 +111,12 @@ impl Odometry {
         &mut self.mapper
     }
 
-    /// What is known beside the map.
+    /// Everything that is known beside the map.
     pub fn state(&self) -> &OdometryState {
         &self.state
     }
 
-    /// Whether tracking ended: too many scans were lost in a row.
+    /// Says if tracking ended: too many scans were lost in a row.
     pub fn ended(&self) -> bool {
         self.state.lost >= self.settings.lost
     }
@@ -283,7 +283,7 @@ impl Odometry {
         }
     }
 
-    /// Whether a scan becomes a keyframe; a lost one never does, as it would spoil the map.
+    /// Says if a scan becomes a keyframe; a lost one never does, as it would spoil the map.
     fn is_keyframe(&self, tracked: &Tracked) -> bool {
         let Some(reference) = &self.reference else { return true };
         if tracked.lost.is_some() {

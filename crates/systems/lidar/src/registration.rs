@@ -5,7 +5,7 @@ use crate::{PatchTree, RangeReference};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
 
-/// What a registration found.
+/// The result of a registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Registered {
     /// The motion from the query's frame to the reference's.
@@ -33,14 +33,14 @@ pub enum Lost {
 /// Least number of matches.
 const LEAST: usize = 20;
 
-/// How points are matched with patches.
+/// Rules by which points are matched with patches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometricSettings {
     /// Steps.
     pub steps: usize,
     /// Largest distance of a match: the first in meters, the second for each meter of range.
     pub gate: [f64; 2],
-    /// How many times as far matches may be apart in the first step; falls to 1 in half of the steps.
+    /// Factor of the gate in the first step; falls to 1 in half of the steps.
     pub widened: f64,
 }
 

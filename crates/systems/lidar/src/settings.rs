@@ -1,8 +1,8 @@
 //! How maps are made and scans are tracked.
 
-use crate::{Error, LoopSettings, LossWeights, NormalTarget, Result};
+use crate::{Error, LossWeights, NormalTarget, Result};
 
-/// How surfels are made of keyframes.
+/// Rules by which surfels are made of keyframes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapSettings {
     /// Steps of Adam at each keyframe.
@@ -17,7 +17,7 @@ pub struct MapSettings {
     pub scale_weight: f64,
     /// Weights of the other terms.
     pub loss: LossWeights,
-    /// Whether surfels begin with normals by principal components; else they face the sensor.
+    /// True if surfels begin with normals by principal components; else they face the sensor.
     pub measured_normals: bool,
     /// Opacity below which a surfel goes after a keyframe.
     pub prune: f64,
@@ -72,7 +72,7 @@ impl MapSettings {
     }
 }
 
-/// How scans are tracked, and when one becomes a keyframe.
+/// Rules by which scans are tracked and become keyframes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackSettings {
     /// Steps of the geometric stage.
@@ -85,9 +85,9 @@ pub struct TrackSettings {
     pub farthest: f64,
     /// A scan becomes a keyframe after so many others.
     pub most_frames: usize,
-    /// Whether points are moved to where the sensor was when the sweep began, by their times and the motion of the sweep before.
+    /// True if points are moved to where the sensor was when the sweep began, by their times and the motion of the sweep before.
     pub deskew: bool,
-    /// Whether keyframes that come back are registered to earlier ones, and when; none without.
+    /// Rules by which keyframes that come back are registered to earlier ones; none if they are not.
     pub loops: Option<LoopSettings>,
     /// Tracking ends after so many scans were lost in a row.
     pub lost: usize,
@@ -105,5 +105,22 @@ impl Default for TrackSettings {
             loops: None,
             lost: 3,
         }
+    }
+}
+
+/// When a keyframe is registered to an earlier one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoopSettings {
+    /// Largest distance between the two as far as is known, meters.
+    pub reach: f64,
+    /// Keyframes between the two at least.
+    pub gap: usize,
+    /// Share of the scan that must fit.
+    pub least_fitness: f64,
+}
+
+impl Default for LoopSettings {
+    fn default() -> Self {
+        Self { reach: 3.0, gap: 10, least_fitness: 0.6 }
     }
 }

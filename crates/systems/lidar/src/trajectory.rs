@@ -6,7 +6,7 @@ use weaver_geometry::glam::{DMat3, DVec3};
 /// Shares of the path over which relative errors are taken, percent.
 const SHARES: [f64; 8] = [2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0, 55.0];
 
-/// How far an estimated trajectory is from its reference.
+/// Errors of an estimated trajectory.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrajectoryErrors {
     /// Root mean square distance of positions after the best rigid motion, meters.

@@ -5,7 +5,7 @@ use weaver_geometry::glam::DVec3;
 
 /// Leaves are smaller than this along their largest axis, meters.
 const LEAF: f64 = 0.2;
-/// What is thinner than this is a surface, whose normal its parts inherit, meters.
+/// Points in a thinner layer are a surface, whose normal its parts inherit, meters.
 const SURFACE: f64 = 0.1;
 
 /// A patch of a surface.

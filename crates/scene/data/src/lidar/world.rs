@@ -7,7 +7,7 @@ use weaver_kernels::random::Stream;
 /// Sides of a column in its mesh.
 const SIDES: usize = 48;
 
-/// What a lidar moves through: a room or the ground, with boxes and round columns on it.
+/// A world that a lidar moves through: a room or the ground, with boxes and round columns on it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LidarWorld {
     /// Opposite corners of a room that is seen from the inside; else there is the ground z = 0.

@@ -1,9 +1,10 @@
 //! Point Cloud Library's files: ascii, binary, and binary compressed by LZF.
 
-use super::scan::{LidarScan, is_time};
 use crate::{Error, Result};
 use std::path::Path;
 
+/// Names of columns that hold the time of a point.
+pub(super) const TIMES: [&str; 4] = ["time", "t", "timestamp", "time_stamp"];
 /// The most that a byte of an LZF stream can become, and a little more.
 const MOST_EXPANSION: usize = 100;
 
@@ -48,7 +49,10 @@ struct Header<'a> {
     body: &'a [u8],
 }
 
-pub(super) fn decode(path: &Path, bytes: &[u8]) -> Result<LidarScan> {
+/// Points, and their times if there are any.
+type Columns = (Vec<[f32; 3]>, Option<Vec<f64>>);
+
+pub(super) fn decode(path: &Path, bytes: &[u8]) -> Result<Columns> {
     let Header { fields, points, data, body } = header(path, bytes)?;
     let place = |name: &str| fields.iter().position(|field| field.name == name);
     let xyz = ["x", "y", "z"].map(place);
@@ -56,7 +60,7 @@ pub(super) fn decode(path: &Path, bytes: &[u8]) -> Result<LidarScan> {
         let found = fields.iter().map(|field| field.name.as_str()).collect::<Vec<_>>().join(" ");
         return Err(Error::invalid(path, "FIELDS", "x, y and z", found));
     };
-    let time = fields.iter().position(|field| is_time(&field.name));
+    let time = fields.iter().position(|field| TIMES.contains(&field.name.as_str()));
     let wanted: Vec<usize> = [x, y, z].into_iter().chain(time).collect();
     let stride: usize = fields.iter().map(Field::bytes).sum();
     let columns = match data {
@@ -82,7 +86,7 @@ pub(super) fn decode(path: &Path, bytes: &[u8]) -> Result<LidarScan> {
         _ => return Err(Error::invalid(path, "DATA", "ascii, binary or binary_compressed", data)),
     };
     let points = (0..points).map(|row| [0, 1, 2].map(|k| columns[k][row] as f32)).collect();
-    Ok(LidarScan::new(points, columns.into_iter().nth(3)))
+    Ok((points, columns.into_iter().nth(3)))
 }
 
 fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<Header<'a>> {

@@ -5,7 +5,7 @@ use std::path::Path;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 
-/// How a trajectory is written.
+/// The form of a trajectory's lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TrajectoryFormat {
     /// Twelve numbers a line: the rows of the rotation, each with its part of the translation.

@@ -1,6 +1,6 @@
 //! Scans as files: KITTI's .bin, PLY, PCD and NPY.
 
-use super::pcd;
+use super::pcd::{self, TIMES};
 use crate::files::file::read_bytes;
 use crate::gaussians::ply::Table;
 use crate::{Error, Npy, Result};
@@ -8,9 +8,6 @@ use std::path::Path;
 
 /// Endings of the files that [`read_lidar_scan`] reads.
 pub const LIDAR_FORMATS: [&str; 4] = ["bin", "ply", "pcd", "npy"];
-
-/// Names of columns that hold the time of a point.
-const TIMES: [&str; 4] = ["time", "t", "timestamp", "time_stamp"];
 
 /// The points of one sweep, as a file has them: those that are not finite among them.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -57,7 +54,10 @@ pub fn read_lidar_scan(path: impl AsRef<Path>) -> Result<LidarScan> {
     let scan = match ending.as_str() {
         "bin" => numbers(path, &read_bytes(path)?)?,
         "ply" => ply(path)?,
-        "pcd" => pcd::decode(path, &read_bytes(path)?)?,
+        "pcd" => {
+            let (points, times) = pcd::decode(path, &read_bytes(path)?)?;
+            LidarScan::new(points, times)
+        }
         "npy" => npy(path)?,
         _ => {
             let expected = "a scan that ends in .bin, .ply, .pcd or .npy";
@@ -113,9 +113,4 @@ fn npy(path: &Path) -> Result<LidarScan> {
     };
     let rows = array.numbers(0..array.len());
     Ok(LidarScan::new(rows.chunks_exact(columns).map(|row| [row[0], row[1], row[2]]).collect(), None))
-}
-
-/// Whether a column of this name holds times.
-pub(crate) fn is_time(name: &str) -> bool {
-    TIMES.contains(&name)
 }

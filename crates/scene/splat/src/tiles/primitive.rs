@@ -90,9 +90,9 @@ pub trait Response: Sync {
     type Loaded<V: Lanes>: Copy;
     /// What [`backward`](Self::backward) needs to know of a primitive at sixteen pixels.
     type Sample<V: Lanes>: Copy;
-    /// What all primitives see alike of pixels with these x, such as the sine and cosine of an azimuth; x itself will do.
+    /// Numbers that all primitives share at pixels with these x, such as the sine and cosine of an azimuth; x itself will do.
     type Column<V: Lanes>: Copy;
-    /// What all primitives see alike of pixels with these y.
+    /// Numbers that all primitives share at pixels with these y.
     type Line<V: Lanes>: Copy;
 
     /// Prepares pixels whose centers have these x. Called once for each window and column of blocks, not for each primitive.

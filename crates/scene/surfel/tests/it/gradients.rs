@@ -27,7 +27,7 @@ fn slope(mut at: impl FnMut(f64) -> f64) -> Option<f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 16))]
 
     #[test]
     fn agree_with_differences(seed in 0_u64..1000, n in 1_usize..9, width in 5_usize..40, height in 5_usize..30, spherical: bool) {

@@ -13,7 +13,7 @@ fn difference<T: Real>(found: &[T], expected: &[f64]) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
 
     #[test]
     fn images_are_those_of_the_twin(
