@@ -5,8 +5,23 @@ use crate::command::splatweaver;
 #[test]
 fn every_command_explains_itself_with_an_example() {
     let photos = ["train", "eval", "infer", "fit", "cameras", "reconstruct", "compare"];
-    let scenes =
-        ["render", "align", "lift", "query", "vad", "image", "info", "convert", "bench", "config", "completions"];
+    let scenes = [
+        "render",
+        "align",
+        "lift",
+        "query",
+        "vad",
+        "lidar",
+        "mesh",
+        "eval-trajectory",
+        "eval-mesh",
+        "image",
+        "info",
+        "convert",
+        "bench",
+        "config",
+        "completions",
+    ];
     for command in photos.into_iter().chain(scenes) {
         let done = splatweaver(&[&command, &"--help"]).fine();
         assert!(done.stdout.contains(&format!("Usage: splatweaver {command}")), "{}", done.stdout);

@@ -18,7 +18,7 @@ pub struct Pictures {
     pub(crate) command: ImageCommand,
 }
 
-/// What is to be done.
+/// The commands.
 #[derive(Debug, Subcommand)]
 pub enum ImageCommand {
     Fit(ImageFit),

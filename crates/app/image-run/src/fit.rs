@@ -46,7 +46,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
     }
 }
 
-/// Whether a path for results is that of a folder: it is there as one, or has no extension of files.
+/// True if a path for results is that of a folder: it is there as one, or has no extension of files.
 fn is_folder(out: &Path) -> bool {
     out.is_dir() || (!out.exists() && out.extension().is_none())
 }

@@ -12,17 +12,17 @@ use weaver_run::{Folder, Job, Kind, Scalar, StepReport};
 
 /// The folders of these runs.
 pub const KIND: Kind = Kind { command: "image fit", settings: "run.json", results: &[] };
-/// What the fitted pictures are called in a checkpoint's metadata.
+/// Name of the fitted pictures in a checkpoint's metadata.
 const ROWS: &str = "rows";
 /// The file of a picture that was finished and is not written yet.
 const FINISHED: &str = "finished";
 
-/// What is asked of a run.
+/// Settings of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Settings {
     /// The pictures, and checksums of their files.
     pictures: Vec<(PathBuf, String)>,
-    /// How they are fitted.
+    /// Method of the fits.
     #[serde(flatten)]
     pub method: Method,
 }
@@ -86,7 +86,7 @@ impl PicturesJob {
         &self.settings
     }
 
-    /// What is known of the pictures that are finished.
+    /// Figures of the pictures that are finished.
     pub fn rows(&self) -> &[Row] {
         &self.rows
     }

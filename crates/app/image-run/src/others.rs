@@ -5,7 +5,7 @@ use weaver_command::Failure;
 use weaver_image::{Picture, metrics};
 use weaver_io::{Background, Bitmap, Image, PhotoFile, file_length, list_photos};
 
-/// What the program's own encoder is called.
+/// Name of the program's own encoder.
 pub const OWN: &str = "JPEG, own";
 /// Qualities that it is tried at.
 const QUALITIES: [u8; 12] = [1, 3, 6, 10, 15, 22, 30, 40, 50, 60, 70, 80];
@@ -48,7 +48,7 @@ impl Encoded {
         Ok(this)
     }
 
-    /// What it decodes to.
+    /// The decoded picture.
     pub fn image(&self) -> Result<Image, Failure> {
         match &self.pixels {
             Pixels::File(path) => Ok(PhotoFile::at(path)?.read()?.to_image()),

@@ -8,7 +8,7 @@ use weaver_image::{FitSettings, Fitted, ImageError, Picture, decode, encode, met
 /// Bits of a Gaussian in a file, about.
 pub const BITS: f64 = 29.0;
 
-/// How a file shows its picture.
+/// Figures of a fitted picture and its file.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Row {
     /// The picture.
@@ -68,7 +68,7 @@ impl Judged {
     }
 }
 
-/// How pictures are fitted.
+/// Method of fits.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Method {
     /// Compression ratio that the number of Gaussians is for.
@@ -79,7 +79,7 @@ pub struct Method {
     pub steps: usize,
     /// Seed.
     pub seed: u64,
-    /// Whether by the published method.
+    /// True for the published method.
     pub published: bool,
 }
 
@@ -110,7 +110,7 @@ impl Method {
         settings
     }
 
-    /// What is said of a step: Gaussians, decibels or the published loss, and about how long the file would be.
+    /// Note on a step: Gaussians, decibels or the published loss, and about how long the file would be.
     pub fn note(&self, gaussians: usize, loss: f64) -> String {
         let near = match self.published {
             true => format!("loss {loss:.4}"),

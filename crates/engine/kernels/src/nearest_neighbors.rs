@@ -49,3 +49,33 @@ pub fn nearest_neighbors<T: Real>(points: &[T], k: usize, neighbors: &mut [u32])
         }
     });
 }
+
+/// Writes the squared distance of each of `queries` `[M, 3]` to the nearest of `points` `[N, 3]`; infinite without points.
+///
+/// # Panics
+///
+/// If a length does not fit.
+///
+/// ```
+/// use weaver_kernels::nearest_neighbors::nearest_among;
+/// let mut squares = [0.0; 2];
+/// nearest_among(&[0.0, 0.0, 0.0, 3.0, 0.0, 0.0], &[1.0, 0.0, 0.0, 5.0, 0.0, 0.0], &mut squares);
+/// assert_eq!(squares, [1.0, 4.0]);
+/// ```
+pub fn nearest_among<T: Real>(points: &[T], queries: &[T], squares: &mut [T]) {
+    assert_eq!(points.len() % 3, 0, "nearest_among: points are not [N, 3]");
+    assert_eq!(queries.len(), 3 * squares.len(), "nearest_among: one distance for each query");
+    let tree = KdTree::new(points);
+    for_chunks(squares, GRAIN, |chunk, squares| {
+        for (row, square) in squares.iter_mut().enumerate() {
+            let i = chunk * GRAIN + row;
+            let query = [queries[3 * i], queries[3 * i + 1], queries[3 * i + 2]];
+            let (mut index, mut distance) = ([0], [T::from_f64(f64::INFINITY)]);
+            if tree.nearest(query, u32::MAX, &mut index, &mut distance) > 0 {
+                *square = distance[0];
+            } else {
+                *square = T::from_f64(f64::INFINITY);
+            }
+        }
+    });
+}

@@ -4,7 +4,7 @@
 //! [`capture`] loads scenes from photos on disk, [`procedural`] generates them from a seed, [`appearance`] gives their photos light and
 //! passers-by. [`training_tuple`] and [`evaluation_tuples`] choose the views that the network is given and those that it must render.
 //! A [`film::Film`] is photos of a scene that moves, each with its time: generated from a seed, or read from the layouts of D-NeRF, Neural
-//! 3D Video and HyperNeRF.
+//! 3D Video and HyperNeRF. [`lidar`] has sweeps of a spinning sensor through worlds of boxes.
 
 pub mod appearance;
 pub mod capture;
@@ -12,6 +12,7 @@ mod error;
 mod estimated;
 pub mod film;
 mod layout;
+pub mod lidar;
 pub mod procedural;
 mod remarks;
 mod sampler;

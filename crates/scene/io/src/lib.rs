@@ -1,5 +1,5 @@
 //! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ, SOG, glTF, ksplat), COLMAP, transforms.json, RealEstate10K, LLFF, Nerfies, safetensors,
-//! NPY.
+//! NPY; scans of lidars (KITTI .bin, PLY, PCD, NPY) and trajectories (KITTI, TUM).
 //!
 //! [`read_gaussians`] and [`read_cameras`] read every supported format of scenes and of cameras into the types of
 //! `weaver-scene`. Poses are world-to-camera with OpenCV axes, intrinsics are in pixels with pixel centers at half-integers.
@@ -11,6 +11,7 @@ mod error;
 mod files;
 mod gaussians;
 mod info;
+mod lidar;
 mod pictures;
 mod tensors;
 
@@ -31,6 +32,8 @@ pub use gaussians::{
     write_gaussians, write_gaussians_to, write_scene,
 };
 pub use info::info;
+pub use lidar::poses::{TrajectoryFile, TrajectoryFormat};
+pub use lidar::scan::{LIDAR_FORMATS, LidarScan, read_lidar_scan, write_lidar_scan};
 pub use pictures::bitmap::Bitmap;
 pub use pictures::color::{false_color, label_color};
 pub use pictures::exif::focal_35mm;

@@ -152,6 +152,18 @@ impl<T: Real> Response for Seen<'_, T> {
     const SUMS: usize = 10;
     type Loaded<V: Lanes> = ([V; 9], V);
     type Sample<V: Lanes> = Hit<V>;
+    /// Sine and cosine of the longitude.
+    type Column<V: Lanes> = [V; 2];
+    /// Sine and cosine of the latitude.
+    type Line<V: Lanes> = [V; 2];
+
+    fn column<V: Lanes>(&self, x: V) -> [V; 2] {
+        sine_and_cosine(x, self.width, TAU)
+    }
+
+    fn line<V: Lanes>(&self, y: V) -> [V; 2] {
+        sine_and_cosine(y, self.height, PI)
+    }
 
     #[inline(always)]
     fn load<V: Lanes>(&self, record: &[V::Scalar; LANES]) -> ([V; 9], V) {
@@ -159,12 +171,12 @@ impl<T: Real> Response for Seen<'_, T> {
     }
 
     #[inline(always)]
-    fn at<V: Lanes>(&self, (k, opacity): &([V; 9], V), x: V, y: V) -> (V, Hit<V>) {
-        let sizes = [(x, self.width, TAU), (y, self.height, PI)];
-        let [(sin_lon, cos_lon), (sin_lat, cos_lat)] = sizes.map(|(at, size, whole)| {
-            let angle = ((at * V::constant(1.0 / size) - V::constant(0.5)) * V::constant(whole)).to_array();
-            (V::from_fn(|lane| angle[lane].sin()), V::from_fn(|lane| angle[lane].cos()))
-        });
+    fn at<V: Lanes>(
+        &self,
+        (k, opacity): &([V; 9], V),
+        &[sin_lon, cos_lon]: &[V; 2],
+        &[sin_lat, cos_lat]: &[V; 2],
+    ) -> (V, Hit<V>) {
         let direction = [cos_lat * sin_lon, sin_lat, cos_lat * cos_lon];
         // u a + v b + m = distance d, so that (u, v, 1) / distance = K d.
         let [p, q, r] = [0, 3, 6].map(|i| k[i] * direction[0] + k[i + 1] * direction[1] + k[i + 2] * direction[2]);
@@ -195,6 +207,12 @@ impl<T: Real> Response for Seen<'_, T> {
         let by_inverse = -(g * hit.distance * hit.distance);
         sums[6..9].iter_mut().zip(hit.direction).for_each(|(sum, d)| *sum = *sum + by_inverse * d);
     }
+}
+
+/// Sine and cosine of the angles at places along an image whose `size` pixels go over the angle `whole`.
+fn sine_and_cosine<V: Lanes>(at: V, size: f64, whole: f64) -> [V; 2] {
+    let angle = ((at * V::constant(1.0 / size) - V::constant(0.5)) * V::constant(whole)).to_array();
+    [V::from_fn(|lane| angle[lane].sin()), V::from_fn(|lane| angle[lane].cos())]
 }
 
 /// Surfels on a shell around the origin, which face it roughly: means, tangents, opacities, colors, background.

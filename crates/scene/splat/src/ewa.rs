@@ -93,6 +93,18 @@ impl Response for EwaGaussian {
     type Loaded<V: Lanes> = Loaded<V>;
     /// u and v.
     type Sample<V: Lanes> = [V; 2];
+    type Column<V: Lanes> = V;
+    type Line<V: Lanes> = V;
+
+    #[inline(always)]
+    fn column<V: Lanes>(&self, x: V) -> V {
+        x
+    }
+
+    #[inline(always)]
+    fn line<V: Lanes>(&self, y: V) -> V {
+        y
+    }
 
     #[inline(always)]
     fn load<V: Lanes>(&self, record: &[V::Scalar; LANES]) -> Loaded<V> {
@@ -104,7 +116,7 @@ impl Response for EwaGaussian {
     }
 
     #[inline(always)]
-    fn at<V: Lanes>(&self, gaussian: &Loaded<V>, x: V, y: V) -> (V, [V; 2]) {
+    fn at<V: Lanes>(&self, gaussian: &Loaded<V>, &x: &V, &y: &V) -> (V, [V; 2]) {
         let [p, q, r] = gaussian.factor;
         let (dx, dy) = (x - gaussian.center[0], y - gaussian.center[1]);
         let (u, v) = (p.mul_add(dx, q * dy), r * dy);

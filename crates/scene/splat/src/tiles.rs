@@ -5,8 +5,8 @@
 //! else is done here, for any such primitive: depth keys, a stable sort, lists of the tiles, blending front to back, and
 //! blending backward, which leaves sums over pixels for each primitive.
 //!
-//! The Gaussians of [`rasterize`](crate::rasterize()) are one such kind: pinhole cameras and the EWA approximation. A spherical
-//! camera or surfels are others; `tests/it/spherical.rs` of this crate has an example with its gradient.
+//! The Gaussians of [`rasterize`](crate::rasterize()) are one such kind: pinhole cameras and the EWA approximation. The surfels of weaver-surfel
+//! are another, for spherical cameras too; `tests/it/spherical.rs` of this crate has a small example with its gradient.
 
 mod assemble;
 mod backward;
@@ -19,6 +19,7 @@ mod grid;
 mod hits;
 mod lists;
 mod primitive;
+mod ranges;
 mod sort;
 mod traverse;
 mod window;
@@ -78,6 +79,8 @@ pub struct Tiles<T> {
     lists: Lists,
     /// State after blending in each window, `[V * K * tiles * windows, planes]`.
     planes: Vec<Plane<T>>,
+    /// State that [`Tiles::ranges`] left in each window, `[V * K * tiles * windows, 4]`.
+    range_planes: Vec<Plane<T>>,
     /// Sums over pixels of each list entry.
     moments: Vec<Row<T>>,
     /// Sums of features of each list entry, `[entries, C]`.
@@ -101,6 +104,7 @@ impl<T: Real> Tiles<T> {
             ends: Vec::new(),
             lists: Lists::default(),
             planes: Vec::new(),
+            range_planes: Vec::new(),
             moments: Vec::new(),
             feature_sums: Vec::new(),
             background_sums: Vec::new(),

@@ -51,7 +51,7 @@ pub fn extent(grid: &Grid, block: &[Symbols], cut: f64) -> [u32; 4] {
     [held(low[0], width), held(low[1], height), held(high[0], width), held(high[1], height)]
 }
 
-/// Whether a window may show what reaches as far.
+/// True if a window may show what reaches as far.
 pub fn meets(&[x0, y0, x1, y1]: &[u32; 4], window: &Window) -> bool {
     let along = |low: u32, high: u32, first: usize, length: usize| {
         low as usize <= first.saturating_add(length) && high as usize >= first

@@ -196,7 +196,7 @@ fn foreign(names: &[[u8; 4]]) -> ImageError {
     invalid("streams", "those of a picture, pict and then gaus", found.join(" "))
 }
 
-/// What the head says.
+/// Head of a file.
 struct Head {
     grid: Grid,
     cut: f64,

@@ -193,7 +193,7 @@ impl Fit {
         })
     }
 
-    /// What there is after the steps that are done.
+    /// State after the steps that are done.
     pub fn state(&self) -> &FitState {
         &self.state
     }
@@ -203,7 +203,7 @@ impl Fit {
         &self.settings
     }
 
-    /// Whether all steps are done.
+    /// True if all steps are done.
     pub fn is_done(&self) -> bool {
         self.state.step >= self.settings.steps as u64
     }
@@ -293,7 +293,7 @@ impl Fit {
         out
     }
 
-    /// What is rounded after so many steps, and does not move any more.
+    /// Parts that are rounded after so many steps, and do not move any more.
     fn rounded(&self, steps: usize) -> Parts {
         let staged = self.settings.coded && !self.settings.straight_through;
         let due = |part: f64| staged && steps as f64 >= part * self.settings.steps as f64;

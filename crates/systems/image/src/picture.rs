@@ -55,7 +55,7 @@ impl Picture {
         (3.0 * self.pixels() as f64 / (7.0 * ratio)).floor().clamp(1.0, self.pixels() as f64) as usize
     }
 
-    /// Whether all pixels are the same.
+    /// True if all pixels are the same.
     pub fn is_of_one_color(&self) -> bool {
         self.colors.chunks_exact(3).all(|pixel| *pixel == self.colors[..3])
     }

@@ -99,7 +99,7 @@ pub(crate) struct Inside {
 }
 
 impl Inside {
-    /// Whether that is all of it.
+    /// True if that is all of it.
     #[inline(always)]
     pub fn is_whole(&self) -> bool {
         self.first == [0; 2] && self.end == [TILE; 2]

@@ -6,6 +6,7 @@ mod estimated;
 mod exif;
 mod film;
 mod film_layouts;
+mod lidar;
 mod masked;
 mod own_photos;
 mod posed;

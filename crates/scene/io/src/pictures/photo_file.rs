@@ -126,7 +126,7 @@ impl PhotoFile {
         self.transparent.load(Ordering::Relaxed)
     }
 
-    /// Whether it has no colors; all channels of what is read are alike then.
+    /// True if it has no colors; all channels of what is read are alike then.
     pub fn is_gray(&self) -> bool {
         self.is_gray
     }

@@ -12,6 +12,7 @@ mod gltf;
 mod images;
 mod info;
 mod ksplat;
+mod lidar;
 mod llff;
 mod mapped;
 mod mutated;

@@ -15,11 +15,11 @@ impl<T: Real> Tiles<T> {
         images: Images<'_, T>,
     ) {
         let (channels, planes) = (blending.channels(), blending.planes());
-        self.assemble(images.alpha, (planes, 1), |_, window, block, lane, out| {
+        self.assemble(images.alpha, &self.planes, (planes, 1), |_, window, block, lane, out| {
             out.iter_mut().zip(&window[0][block].0[lane..]).for_each(|(out, &left)| *out = T::ONE - left);
         });
         if !images.image.is_empty() {
-            self.assemble(images.image, (planes, 3), |picture, window, block, lane, out| {
+            self.assemble(images.image, &self.planes, (planes, 3), |picture, window, block, lane, out| {
                 let [left, red, green, blue] = [0, 1, 2, 3].map(|plane| &window[plane][block].0[lane..]);
                 let background = background(picture / self.groups);
                 for (i, pixel) in out.as_chunks_mut::<3>().0.iter_mut().enumerate() {
@@ -32,13 +32,13 @@ impl<T: Real> Tiles<T> {
             });
         }
         if let Some(depth) = images.depth {
-            self.assemble(depth, (planes, 1), |_, window, block, lane, out| {
+            self.assemble(depth, &self.planes, (planes, 1), |_, window, block, lane, out| {
                 out.copy_from_slice(&window[4][block].0[lane..][..out.len()]);
             });
         }
         if let Some(features) = images.features.filter(|features| !features.is_empty()) {
             let first = planes - channels;
-            self.assemble(features, (planes, channels), |_, window, block, lane, out| {
+            self.assemble(features, &self.planes, (planes, channels), |_, window, block, lane, out| {
                 for (i, pixel) in out.chunks_exact_mut(channels).enumerate() {
                     pixel.iter_mut().enumerate().for_each(|(c, x)| *x = window[first + c][block].0[lane + i]);
                 }
@@ -47,10 +47,11 @@ impl<T: Real> Tiles<T> {
     }
 
     /// Runs `body(picture, planes of the window, block, first lane, pixels)` on each row of each block, in parallel; `out`
-    /// is `[V, K, h, w, channels]`, a window has `per_window` planes.
-    fn assemble(
+    /// is `[V, K, h, w, channels]`, a window has `per_window` of the `planes`.
+    pub(super) fn assemble(
         &self,
         out: &mut [T],
+        planes: &[Plane<T>],
         (per_window, channels): (usize, usize),
         body: impl Fn(usize, &[Plane<T>], usize, usize, &mut [T]) + Sync,
     ) {
@@ -62,7 +63,7 @@ impl<T: Real> Tiles<T> {
             for (x, out) in cuts(region.x, SIDE, channels, out) {
                 let tile = picture * grid.tiles() + grid.tile((x / side) as u32, (y / side) as u32) as usize;
                 let window = tile * across * across + y % side / SIDE * across + x % side / SIDE;
-                let planes = &self.planes[window * per_window..][..per_window];
+                let planes = &planes[window * per_window..][..per_window];
                 for (x, out) in cuts(x, BLOCK, channels, out) {
                     let block = y % SIDE / BLOCK * BLOCK + x % SIDE / BLOCK;
                     body(picture, planes, block, y % BLOCK * BLOCK + x % BLOCK, out);

@@ -90,12 +90,27 @@ pub trait Response: Sync {
     type Loaded<V: Lanes>: Copy;
     /// Values of a primitive at sixteen pixels that [`backward`](Self::backward) needs.
     type Sample<V: Lanes>: Copy;
+    /// Numbers that all primitives share at pixels with these x, such as the sine and cosine of an azimuth; x itself will do.
+    type Column<V: Lanes>: Copy;
+    /// Numbers that all primitives share at pixels with these y.
+    type Line<V: Lanes>: Copy;
+
+    /// Prepares pixels whose centers have these x. Called once for each window and column of blocks, not for each primitive.
+    fn column<V: Lanes>(&self, x: V) -> Self::Column<V>;
+
+    /// Prepares pixels whose centers have these y.
+    fn line<V: Lanes>(&self, y: V) -> Self::Line<V>;
 
     /// Loads a primitive from its record.
     fn load<V: Lanes>(&self, record: &[V::Scalar; LANES]) -> Self::Loaded<V>;
 
-    /// The alpha of a primitive at the pixel centers (x, y), before it is capped.
-    fn at<V: Lanes>(&self, primitive: &Self::Loaded<V>, x: V, y: V) -> (V, Self::Sample<V>);
+    /// The alpha of a primitive at the pixel centers of a column and a line, before it is capped.
+    fn at<V: Lanes>(
+        &self,
+        primitive: &Self::Loaded<V>,
+        column: &Self::Column<V>,
+        line: &Self::Line<V>,
+    ) -> (V, Self::Sample<V>);
 
     /// The depth at the pixels of a sample, finite also where alpha is zero. `center` is the depth of the record, which all
     /// pixels have by default.

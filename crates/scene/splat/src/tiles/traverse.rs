@@ -113,6 +113,8 @@ pub(crate) fn traverse<V: Lanes, P: Footprint + Response>(
     let (alpha_max, alpha_min) = (V::constant(alpha_max), V::constant(ALPHA_MIN));
     let end = V::constant(TRANSMITTANCE_END);
     let [pixel_x, pixel_y] = window.centers::<V>();
+    let columns = each!(BLOCK, |i| primitive.column(V::load(&pixel_x[i].0)));
+    let lines = each!(BLOCK, |i| primitive.line(V::load(&pixel_y[i].0)));
     // A pixel that has ended, or is beyond the region, holds its transmittance negated: nothing passes the tests below.
     for (block, left) in transmittance.iter_mut().enumerate() {
         V::constant(1.0).or(V::Mask::from_bits(window.lanes(block)), V::constant(-1.0)).store(&mut left.0);
@@ -139,8 +141,7 @@ pub(crate) fn traverse<V: Lanes, P: Footprint + Response>(
             while todo != 0 {
                 let block = todo.trailing_zeros() as usize % LANES;
                 todo &= todo - 1;
-                let (x, y) = (V::load(&pixel_x[block % BLOCK].0), V::load(&pixel_y[block / BLOCK].0));
-                let (raw, sample) = primitive.at(&loaded, x, y);
+                let (raw, sample) = primitive.at(&loaded, &columns[block % BLOCK], &lines[block / BLOCK]);
                 let alpha = alpha_max.min(raw);
                 let before = V::load(&transmittance[block].0);
                 let after = alpha.neg_mul_add(before, before);

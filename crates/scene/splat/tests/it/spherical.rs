@@ -131,6 +131,18 @@ impl Response for Sphere {
     type Loaded<V: Lanes> = [V; 5];
     /// w, and 1 - d . w.
     type Sample<V: Lanes> = ([V; 3], V);
+    type Column<V: Lanes> = V;
+    type Line<V: Lanes> = V;
+
+    #[inline(always)]
+    fn column<V: Lanes>(&self, x: V) -> V {
+        x
+    }
+
+    #[inline(always)]
+    fn line<V: Lanes>(&self, y: V) -> V {
+        y
+    }
 
     #[inline(always)]
     fn load<V: Lanes>(&self, record: &[V::Scalar; LANES]) -> [V; 5] {
@@ -138,7 +150,7 @@ impl Response for Sphere {
     }
 
     #[inline(always)]
-    fn at<V: Lanes>(&self, spot: &[V; 5], x: V, y: V) -> (V, ([V; 3], V)) {
+    fn at<V: Lanes>(&self, spot: &[V; 5], &x: &V, &y: &V) -> (V, ([V; 3], V)) {
         let (x, y) = (x.to_array(), y.to_array());
         let directions: Vec<_> = (0..LANES).map(|lane| self.direction(x[lane].to_f64(), y[lane].to_f64())).collect();
         let w: [V; 3] = std::array::from_fn(|axis| V::from_fn(|lane| V::Scalar::from_f64(directions[lane][axis])));

@@ -17,7 +17,7 @@ cameras = \"given\"
 # Seconds after which to stop. Range: at least 0.
 # limit =
 
-# How Gaussians are added. One of: split: Where the gradient is large; relocate: By moving dead ones.
+# Strategy of adding Gaussians. One of: split: Where the gradient is large; relocate: By moving dead ones.
 [strategy]
 kind = \"split\"
 # Steps between looks.

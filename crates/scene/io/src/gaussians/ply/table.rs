@@ -134,6 +134,45 @@ impl Table {
     }
 }
 
+/// The lists of the element `face` behind the vertices, whose lengths are bytes and whose numbers are 32-bit integers; none where there
+/// is no such element.
+pub(crate) fn faces(path: &Path, data: &[u8]) -> Result<Vec<Vec<u32>>> {
+    let Header { format, elements, end, .. } = header(path, data)?;
+    let Some(index) = elements.iter().position(|e| e.name == "face") else { return Ok(Vec::new()) };
+    let (before, face) = (&elements[..index], &elements[index]);
+    before.iter().try_for_each(|e| e.check(path))?;
+    let broken = |expected: &str| Error::invalid(path, "element face", expected, "something else");
+    if !face.lists || !face.types.is_empty() {
+        return Err(broken("one list of indices"));
+    }
+    // A length and at least nothing.
+    let count = room(path, data.len() - end, face, 1)?;
+    let mut lists = Vec::with_capacity(count);
+    if format == Format::Ascii {
+        let text =
+            std::str::from_utf8(&data[end..]).map_err(|_| Error::invalid(path, "body", "ASCII text", "other bytes"))?;
+        let skip: usize = before.iter().map(|e| e.count.saturating_mul(e.types.len())).sum();
+        let mut words = text.split_ascii_whitespace().skip(skip);
+        let mut number = || words.next().and_then(|word| word.parse::<u32>().ok()).ok_or_else(|| broken("indices"));
+        for _ in 0..count {
+            let length = number()?;
+            lists.push((0..length.min(u32::from(u8::MAX))).map(|_| number()).collect::<Result<Vec<u32>>>()?);
+        }
+        return Ok(lists);
+    }
+    let mut body = &data[end..];
+    for element in before {
+        body = &body[room(path, body.len(), element, element.stride())?..];
+    }
+    for _ in 0..count {
+        let rest = body.split_first().and_then(|(n, rest)| rest.split_at_checked(4 * usize::from(*n)));
+        let (list, rest) = rest.ok_or_else(|| broken("as many lists as it says"))?;
+        lists.push(list.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect());
+        body = rest;
+    }
+    Ok(lists)
+}
+
 /// The elements of a binary file, their rows as they are in it.
 pub(crate) struct Elements<'a> {
     path: &'a Path,

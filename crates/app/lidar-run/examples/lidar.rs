@@ -1,0 +1,34 @@
+//! The commands of this crate as a small program: `cargo run --release -p weaver-lidar-run --example lidar -- lidar SCANS -o RUN`.
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+use weaver_command::{Console, Interrupt};
+use weaver_lidar_run::{EvalMesh, EvalTrajectory, Lidar, Meshing, eval_mesh, eval_trajectory, mesh, run};
+
+#[derive(Parser)]
+struct Line {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Lidar(Lidar),
+    Mesh(Meshing),
+    EvalTrajectory(EvalTrajectory),
+    EvalMesh(EvalMesh),
+}
+
+fn main() -> ExitCode {
+    let (mut out, mut notes) = (std::io::stdout(), std::io::stderr());
+    let mut console = Console { stdout: &mut out, stderr: &mut notes, terminal: false };
+    let done = match Line::parse().command {
+        Command::Lidar(arguments) => run(&arguments, &mut console, &Interrupt::new()),
+        Command::Mesh(arguments) => mesh(&arguments, &mut console),
+        Command::EvalTrajectory(arguments) => eval_trajectory(&arguments, &mut console),
+        Command::EvalMesh(arguments) => eval_mesh(&arguments, &mut console),
+    };
+    let Err(failure) = done else { return ExitCode::SUCCESS };
+    failure.line().into_iter().for_each(|line| console.note(&format!("error: {line}")));
+    failure.exit_code().into()
+}

@@ -1,0 +1,148 @@
+//! `splatweaver mesh` and `eval-mesh`.
+
+use crate::plan::read;
+use crate::results::{MAP, Summary, TRAJECTORY, surfels};
+use crate::{KIND, LidarPlan, LidarRunError};
+use clap::Args;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use weaver_command::{Console, Failure, Progress, Threads, in_pool};
+use weaver_geometry::Pose;
+use weaver_io::ply::{read_triangles, write_triangles};
+use weaver_io::{TrajectoryFile, check_output_file, read_gaussians, read_lidar_scan, read_text};
+use weaver_mesh::{DistanceField, Mesh, RangeView, compare, thinned};
+use weaver_run::Folder;
+use weaver_surfel::{Limits, RangeImages, Sight, SurfelWorkspace};
+
+/// Points on a square meter of a mesh that is compared, before it is thinned.
+const PER_AREA: f64 = 5000.0;
+/// Side of the cubes that keep one point each, meters.
+const THINNED: f64 = 0.02;
+
+/// Makes a mesh of the map of a lidar run: drawn ranges and normals of its keyframes, averaged as truncated signed distances, and surface nets.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver mesh runs/street -o street.ply
+  splatweaver mesh runs/street --voxel 0.05 -o fine.ply --json")]
+pub struct Meshing {
+    /// Folder of a run of `lidar` that is complete
+    #[arg(value_name = "RUN")]
+    run: PathBuf,
+    /// The mesh, PLY
+    #[arg(short, long, value_name = "FILE", default_value = "mesh.ply")]
+    out: PathBuf,
+    /// Side of a cell, meters
+    #[arg(long, value_name = "METERS", default_value_t = 0.1)]
+    voxel: f64,
+    /// Prints figures as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    threads: Threads,
+}
+
+/// Compares a mesh with a cloud of the true surface: accuracy, completeness, Chamfer distance, F-score.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver eval-mesh street.ply truth.ply
+  splatweaver eval-mesh street.ply truth.pcd --threshold 0.1 --json")]
+pub struct EvalMesh {
+    /// The mesh, PLY
+    #[arg(value_name = "MESH")]
+    mesh: PathBuf,
+    /// Points of the true surface (.ply, .pcd, .npy, .bin)
+    #[arg(value_name = "CLOUD")]
+    cloud: PathBuf,
+    /// Distance within which points belong together in the F-score, meters
+    #[arg(long, value_name = "METERS", default_value_t = 0.2)]
+    threshold: f64,
+    /// Prints figures as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    threads: Threads,
+}
+
+/// Runs `splatweaver mesh`.
+///
+/// Fails where there is no complete run, cells are too small for the memory, or the mesh cannot be written.
+pub fn mesh(arguments: &Meshing, console: &mut Console) -> Result<(), Failure> {
+    in_pool(arguments.threads.count(), || {
+        check_output_file(&arguments.out, [&arguments.run])?;
+        let mesh = meshed(&arguments.run, arguments.voxel, console)?;
+        write_triangles(&arguments.out, &mesh.vertices, &mesh.triangles)?;
+        let (vertices, triangles, area) = (mesh.vertices.len(), mesh.triangles.len(), mesh.area());
+        if arguments.json {
+            let figures = json!({ "vertices": vertices, "triangles": triangles, "area_m2": area });
+            return console.print(&serde_json::to_string_pretty(&figures)?);
+        }
+        let out = arguments.out.display();
+        console.print(&format!("{out}: {vertices} vertices, {triangles} triangles, {area:.1} m^2"))
+    })
+}
+
+/// The mesh of a run's map.
+fn meshed(run: &Path, voxel: f64, console: &mut Console) -> Result<Mesh, Failure> {
+    let plan: LidarPlan = Folder::settings(run, KIND, "odometry and mapping of lidar scans")?;
+    let path = run.join(Folder::SUMMARY);
+    let summary: Summary = serde_json::from_str(&read_text(&path)?).map_err(|error| LidarRunError::Invalid {
+        path: path.clone(),
+        what: "figures",
+        expected: "those of a lidar run".into(),
+        found: error.to_string(),
+    })?;
+    let trajectory = TrajectoryFile::read(run.join(TRAJECTORY))?;
+    let map = surfels(&read_gaussians(run.join(MAP))?);
+    let camera = plan.camera(&read(&plan.files()?[0])?);
+    let poses: Vec<Pose> =
+        summary.keyframes.iter().filter_map(|i| trajectory.poses.get(*i)).map(Pose::inverse).collect();
+    let mut workspace = SurfelWorkspace::new();
+    let mut drawn = Vec::new();
+    let mut progress = Progress::new("mesh", 0, poses.len(), console);
+    for (i, pose) in poses.iter().enumerate() {
+        let (view, mut images) = ([*pose], RangeImages::default());
+        let sight = Sight { surfels: map.slices(), camera: &camera, poses: &view, limits: Limits::default() };
+        workspace.draw(&sight, &mut images)?;
+        let ranges = images.mean_range().into_iter().zip(&images.opacity);
+        let ranges: Vec<f32> = ranges.map(|(r, a)| if *a > 0.5 { r } else { 0.0 }).collect();
+        drawn.push((ranges, images.normal));
+        progress.at(i + 1, poses.len(), String::new, console);
+    }
+    progress.finish();
+    let views = poses.iter().zip(&drawn);
+    let views: Vec<RangeView<'_>> =
+        views.map(|(pose, (range, normal))| RangeView { camera: &camera, pose: *pose, range, normal }).collect();
+    Ok(DistanceField::new(&views, voxel, 3.0 * voxel)?.mesh())
+}
+
+/// Runs `splatweaver eval-mesh`.
+///
+/// Fails where files cannot be read.
+pub fn eval_mesh(arguments: &EvalMesh, console: &mut Console) -> Result<(), Failure> {
+    in_pool(arguments.threads.count(), || {
+        let (vertices, triangles) = read_triangles(&arguments.mesh)?;
+        let mesh = Mesh { vertices, triangles };
+        let points = thinned(&mesh.sample(PER_AREA, 0), THINNED);
+        let cloud = thinned(&read_lidar_scan(&arguments.cloud)?.points, THINNED);
+        let errors = compare(&points, &cloud, arguments.threshold);
+        if arguments.json {
+            let figures = json!({
+                "accuracy_m": errors.accuracy,
+                "completeness_m": errors.completeness,
+                "chamfer_m": errors.chamfer,
+                "precision": errors.precision,
+                "recall": errors.recall,
+                "f_score": errors.f_score,
+            });
+            return console.print(&serde_json::to_string_pretty(&figures)?);
+        }
+        console.print(&format!(
+            "accuracy {:.2} cm, completeness {:.2} cm, Chamfer {:.2} cm, F {:.2} % within {} m",
+            100.0 * errors.accuracy,
+            100.0 * errors.completeness,
+            100.0 * errors.chamfer,
+            100.0 * errors.f_score,
+            arguments.threshold
+        ))
+    })
+}

@@ -1,0 +1,116 @@
+//! `splatweaver lidar`.
+
+use crate::job::said;
+use crate::plan::name;
+use crate::results::{KEYFRAMES, MAP, Summary, TRAJECTORY, write};
+use crate::{LidarJob, LidarPlan};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use weaver_command::{Console, Failure, Interrupt, Progress, Threads, in_pool};
+use weaver_run::{Folder, Job, Kind, Run};
+
+/// The folders of these runs.
+pub const KIND: Kind = Kind { command: "lidar", settings: "run.json", results: &[TRAJECTORY, KEYFRAMES, MAP] };
+
+/// Finds where the scans of a lidar were taken, and makes a map of flat Gaussians of them (Splat-LOAM).
+///
+/// Each scan is registered to the map as it is drawn from the last keyframe; scans that show something new become keyframes, to which the map
+/// is fitted. Ctrl-C saves a checkpoint and ends; --resume goes on to the same bits.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver lidar scans -o runs/street
+  splatweaver lidar velodyne --size 64x1024 --fov -25,3 --range 3,60 --reference poses.txt -o runs/kitti
+  splatweaver lidar scans --poses poses.txt -o runs/map
+  splatweaver lidar --resume runs/street")]
+pub struct Lidar {
+    #[command(flatten)]
+    plan: LidarPlan,
+    /// Folder of the run [default: the first free one of runs/lidar-1, runs/lidar-2, ...]
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Goes on from the checkpoint of a run that was stopped, with what it was started with
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["LidarPlan", "out"])]
+    resume: Option<PathBuf>,
+    /// Prints figures as JSON, and nothing else, on standard output
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    threads: Threads,
+}
+
+/// Runs `splatweaver lidar`.
+///
+/// Fails where scans cannot be read, settings make no sense, and results cannot be written.
+pub fn run(arguments: &Lidar, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    in_pool(arguments.threads.count(), || {
+        let run = opened(arguments)?;
+        advance(run, arguments.json, console, interrupt)
+    })
+}
+
+fn opened(arguments: &Lidar) -> Result<Run<LidarJob>, Failure> {
+    let Some(path) = &arguments.resume else {
+        let path = &arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), "lidar"));
+        let plan = arguments.plan.clone().absolute()?;
+        let inputs = [plan.scans.as_ref(), plan.poses.as_ref(), plan.reference.as_ref()];
+        for input in inputs.into_iter().flatten() {
+            weaver_io::path_in_utf8(input)?;
+        }
+        let folder = Folder::claim(path, KIND, inputs.into_iter().flatten())?;
+        let job = LidarJob::new(plan)?;
+        folder.store(job.plan())?;
+        return Ok(Run::begin(folder, job));
+    };
+    let plan = Folder::settings(path, KIND, "odometry and mapping of lidar scans")?;
+    let folder = Folder::reopen(path, KIND)?;
+    if path.join(Folder::SUMMARY).exists() && !folder.checkpoint_path().exists() {
+        return Err(weaver_run::Error::Complete { folder: path.clone() }.into());
+    }
+    Ok(Run::resume(folder, LidarJob::new(plan)?)?)
+}
+
+fn advance(mut run: Run<LidarJob>, json: bool, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let [before, of] = run.job.steps();
+    let mut progress = Progress::new("lidar", before, of, console);
+    let complete = run.advance(interrupt.watch(), |report| {
+        let shown = || report.scalar("fitness").map_or(String::new(), |fitness| format!("fitness {fitness:.2}"));
+        progress.at(report.step, report.of, shown, console);
+        Ok(())
+    })?;
+    progress.finish();
+    remark(&run.job, before, console);
+    let [done, of] = run.job.steps();
+    if !complete && !run.job.ended() {
+        let folder = run.folder.path().display();
+        console.note(&format!("saved at scan {done} of {of}; to go on: splatweaver lidar --resume {folder}"));
+        return Ok(());
+    }
+    if run.job.ended() {
+        console.note(&format!("tracking ended after scan {done} of {}", run.job.files().len()));
+    }
+    let summary = write(&mut run.job, &run.folder)?;
+    finish(&mut run, &summary, json, console)
+}
+
+/// Says what was lost, and why: one line for each scan, and one for all whose ranges were not used.
+fn remark(job: &LidarJob, before: usize, console: &mut Console) {
+    let mut once = false;
+    for (record, file) in job.records().iter().zip(job.files()).skip(before) {
+        if let Some(line) = said(record, &name(file)).filter(|_| record.lost || !once) {
+            console.note(&line);
+        }
+        once |= !record.lost && !record.remark.is_empty();
+    }
+}
+
+fn finish(run: &mut Run<LidarJob>, summary: &Summary, json: bool, console: &mut Console) -> Result<(), Failure> {
+    run.folder.summarize(summary)?;
+    crate::report::leave(&mut run.job, summary, &run.folder)?;
+    run.folder.forget_checkpoint();
+    if json {
+        return console.print(&serde_json::to_string_pretty(summary)?);
+    }
+    console.print(&summary.text())?;
+    console.note(&format!("report: {}", run.folder.path().join(Folder::REPORT).display()));
+    Ok(())
+}

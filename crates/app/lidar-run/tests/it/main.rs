@@ -1,0 +1,4 @@
+//! Integration tests.
+
+mod commands;
+mod meshes;

@@ -1,0 +1,184 @@
+//! Truncated signed distances in blocks near surfaces.
+
+use crate::blocks::{CELLS, Place, SIDE, cell};
+use rayon::prelude::*;
+use weaver_geometry::Pose;
+use weaver_geometry::glam::DVec3;
+use weaver_surfel::SurfelCamera;
+
+/// The most blocks of a field: 8 GiB.
+const MOST_BLOCKS: usize = 1 << 21;
+
+/// Why a field or a mesh cannot be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MeshError {
+    /// A size that makes no sense.
+    #[error("{what}: expected meters above 0, found {found}")]
+    Size {
+        /// Which size.
+        what: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// A view whose images do not have its camera's size.
+    #[error("view {view}: expected {expected} ranges, and no or as many normals, found {ranges} and {normals}")]
+    View {
+        /// Which view.
+        view: usize,
+        /// Pixels.
+        expected: usize,
+        /// Ranges.
+        ranges: usize,
+        /// Normals.
+        normals: usize,
+    },
+    /// More blocks than fit into memory.
+    #[error("cells of {voxel} m: expected at most {MOST_BLOCKS} blocks of 8 x 8 x 8 cells, found more")]
+    TooMany {
+        /// Side of a cell, meters.
+        voxel: f64,
+    },
+}
+
+/// A range image with its camera.
+#[derive(Clone, Copy, Debug)]
+pub struct RangeView<'a> {
+    /// Lens and size.
+    pub camera: &'a SurfelCamera,
+    /// World to camera.
+    pub pose: Pose,
+    /// Distances `[H, W]`, meters; 0 where nothing is.
+    pub range: &'a [f32],
+    /// Normals in the camera's frame, of any length, `[H, W, 3]`; empty where unknown.
+    pub normal: &'a [f32],
+}
+
+/// Means of truncated signed distances, positive before surfaces, in the blocks that lie within the truncation of a range.
+#[derive(Clone, Debug, Default)]
+pub struct DistanceField {
+    /// Side of a cell, meters.
+    pub(crate) voxel: f64,
+    /// Places of blocks, ascending.
+    pub(crate) blocks: Vec<Place>,
+    /// Distances and weights at the lower corners of cells, block by block.
+    pub(crate) cells: Vec<[f32; 2]>,
+}
+
+impl DistanceField {
+    /// Averages range images in cells of side `voxel`, with distances up to `truncation`, both in meters.
+    ///
+    /// At a cell's corner p, which a view sees at the range r, the distance is (r - |p|) |n.d|, for the normal n and the direction d: that to
+    /// the plane and not along the ray. What is farther behind a surface than the truncation is left alone. Weights are |n.d|.
+    ///
+    /// # Errors
+    /// [`MeshError`] where sizes make no sense or do not fit.
+    pub fn new(views: &[RangeView<'_>], voxel: f64, truncation: f64) -> Result<Self, MeshError> {
+        for (what, found) in [("cells", voxel), ("truncation", truncation)] {
+            if !(found > 0.0 && found.is_finite()) {
+                return Err(MeshError::Size { what, found });
+            }
+        }
+        for (i, view) in views.iter().enumerate() {
+            let (expected, ranges, normals) = (view.camera.pixels(), view.range.len(), view.normal.len() / 3);
+            if ranges != expected || ![0, expected].contains(&normals) {
+                return Err(MeshError::View { view: i, expected, ranges, normals });
+            }
+        }
+        let mut blocks: Vec<Place> = Vec::new();
+        for view in views {
+            let mut own = near(view, voxel, truncation);
+            own.par_sort_unstable();
+            own.dedup();
+            blocks.extend(own);
+            blocks.par_sort_unstable();
+            blocks.dedup();
+            if blocks.len() > MOST_BLOCKS {
+                return Err(MeshError::TooMany { voxel });
+            }
+        }
+        let mut cells = vec![[0.0; 2]; blocks.len() * CELLS];
+        cells.par_chunks_mut(CELLS).zip(&blocks).for_each(|(cells, block)| {
+            for (at, mean) in cells.iter_mut().enumerate() {
+                let corner = DVec3::from_array(cell(*block, at).map(f64::from)) * voxel;
+                let (mut sum, mut weights) = (0.0, 0.0);
+                for view in views {
+                    if let Some([distance, weight]) = distance(view, corner, truncation) {
+                        sum += weight * distance;
+                        weights += weight;
+                    }
+                }
+                if weights > 0.0 {
+                    *mean = [(sum / weights) as f32, weights as f32];
+                }
+            }
+        });
+        Ok(Self { voxel, blocks, cells })
+    }
+
+    /// Number of blocks.
+    pub fn blocks(&self) -> usize {
+        self.blocks.len()
+    }
+}
+
+/// The blocks that rays go through within the truncation of their ranges.
+fn near(view: &RangeView<'_>, voxel: f64, truncation: f64) -> Vec<Place> {
+    let to_world = view.pose.inverse();
+    let (width, side) = (view.camera.width, voxel * f64::from(SIDE));
+    let steps = (2.0 * truncation / (0.5 * side)).ceil().max(1.0);
+    let rows = view.range.par_chunks(width).enumerate().map(|(row, ranges)| {
+        let mut own = Vec::new();
+        for (column, range) in ranges.iter().enumerate().filter(|(_, r)| **r > 0.0 && r.is_finite()) {
+            let ray = view.camera.pixel_ray(column, row);
+            for i in 0..=steps as usize {
+                let r = f64::from(*range) + truncation * (2.0 * i as f64 / steps - 1.0);
+                let p = to_world.apply(ray * r.max(0.0)) / side;
+                // Cells on both sides of a face: half a cell of a block around.
+                for dz in [-0.1, 0.1] {
+                    for dy in [-0.1, 0.1] {
+                        for dx in [-0.1, 0.1] {
+                            own.push((p + DVec3::new(dx, dy, dz)).floor().to_array().map(|x| x as i32));
+                        }
+                    }
+                }
+            }
+            own.dedup();
+        }
+        own.sort_unstable();
+        own.dedup();
+        own
+    });
+    rows.collect::<Vec<_>>().concat()
+}
+
+/// The distance of a point from the surface that a view sees there, and its weight.
+fn distance(view: &RangeView<'_>, point: DVec3, truncation: f64) -> Option<[f64; 2]> {
+    let p = view.pose.apply(point);
+    let at = view.camera.project(p);
+    let (width, height) = (view.camera.width, view.camera.height);
+    let column = match view.camera.period() {
+        Some(_) => at.x.floor().rem_euclid(width as f64),
+        None => at.x.floor(),
+    };
+    if !(column >= 0.0 && column < width as f64 && at.y >= 0.0 && at.y < height as f64) {
+        return None;
+    }
+    let pixel = at.y as usize * width + column as usize;
+    let range = f64::from(view.range[pixel]);
+    if !(range > 0.0) {
+        return None;
+    }
+    let reach = p.length();
+    let normal = view.normal.get(3 * pixel..3 * pixel + 3);
+    // Along the plane of the pixel, whose center is not where the point is seen.
+    let (along, facing) = match normal.map(|n| DVec3::new(n[0].into(), n[1].into(), n[2].into())) {
+        Some(n) if n.length_squared() > 0.0 => {
+            let n = n.normalize();
+            let ray = view.camera.pixel_ray(column as usize, at.y as usize);
+            ((p - ray * range).dot(-n * ray.dot(n).signum()), ray.dot(n).abs())
+        }
+        _ => (range - reach, 1.0),
+    };
+    (along > -truncation && (range - reach).abs() < 4.0 * truncation || along >= truncation && reach < range)
+        .then(|| [along.min(truncation), facing.max(0.05)])
+}

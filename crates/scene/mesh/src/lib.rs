@@ -1,0 +1,20 @@
+//! Meshes from range images of any camera, and how far a mesh is from a surface; without files.
+//!
+//! - A [`DistanceField`] averages truncated signed distances of range images in blocks of 8 x 8 x 8 cells near surfaces.
+//! - [`DistanceField::mesh`] is its zero level by surface nets: one vertex in each cell that the surface crosses.
+//! - [`compare`] has accuracy, completeness, Chamfer distance and F-score of a mesh and a cloud.
+
+mod blocks;
+mod comparison;
+mod field;
+mod mesh;
+mod nets;
+
+pub use comparison::{MeshErrors, compare, thinned};
+pub use field::{DistanceField, MeshError, RangeView};
+pub use mesh::Mesh;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,6 @@
+//! Integration tests.
+
+mod analytic;
+mod gradients;
+mod scene;
+mod twin;

@@ -1,0 +1,297 @@
+//! Where each scan was taken, and the map that grows meanwhile.
+
+use crate::loops::closing;
+use crate::{
+    Edge, Error, Frame, GeometricSettings, Lost, MapReport, MapSettings, Mapper, PatchTree, RangeReference, Registered,
+    Result, Scan, TrackSettings, optimize_poses, register, register_ranges,
+};
+use weaver_geometry::Pose;
+use weaver_geometry::glam::DVec3;
+use weaver_surfel::SurfelCamera;
+
+/// Points that the geometric stage takes of a scan at most.
+const MOST_POINTS: usize = 30_000;
+
+/// The outcome of a scan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tracked {
+    /// The scan's number.
+    pub scan: usize,
+    /// Sensor to world.
+    pub pose: Pose,
+    /// Share of the scan that was used in the last step; 1 for the first.
+    pub fitness: f64,
+    /// Why the pose is only the one that was expected, where it is.
+    pub lost: Option<Lost>,
+    /// Why ranges were not registered, where they were not.
+    pub without_ranges: Option<String>,
+    /// The effect on the map, if the scan is a keyframe.
+    pub map: Option<MapReport>,
+    /// The scan of the keyframe that this one came back to.
+    pub closed: Option<usize>,
+}
+
+/// Everything that an [`Odometry`] knows beside its map.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OdometryState {
+    /// Poses of the scans, sensor to world.
+    pub poses: Vec<Pose>,
+    /// The number of the last keyframe of all maps, when each scan was tracked.
+    pub anchors: Vec<u32>,
+    /// Measured motions between keyframes of the map at hand.
+    pub edges: Vec<Edge>,
+    /// Scans since the last keyframe.
+    pub since: usize,
+    /// Scans lost in a row.
+    pub lost: usize,
+}
+
+/// Odometry and mapping, scan by scan.
+#[derive(Debug)]
+pub struct Odometry {
+    settings: TrackSettings,
+    mapper: Mapper,
+    /// Range limits, meters.
+    range: [f64; 2],
+    state: OdometryState,
+    /// Poses are given and not tracked.
+    given: Option<Vec<Pose>>,
+    reference: Option<Reference>,
+    /// Reasons against range images, asked of the first scan.
+    single: Option<std::result::Result<(), String>>,
+}
+
+/// The last keyframe as it is drawn, which scans are registered to.
+#[derive(Debug)]
+struct Reference {
+    pose: Pose,
+    tree: PatchTree,
+    ranges: RangeReference,
+}
+
+impl Reference {
+    fn new(mapper: &mut Mapper, pose: Pose) -> Result<Self> {
+        let ranges = mapper.reference(&pose)?;
+        Ok(Self { pose, tree: PatchTree::new(&ranges.points()), ranges })
+    }
+}
+
+impl Odometry {
+    /// Begins; the first scan's frame is the world's, or as `given` says.
+    ///
+    /// # Errors
+    /// As [`MapSettings::check`].
+    pub fn new(
+        camera: &SurfelCamera,
+        range: [f64; 2],
+        map: MapSettings,
+        settings: TrackSettings,
+        given: Option<Vec<Pose>>,
+    ) -> Result<Self> {
+        if !(range[0] >= 0.0 && range[0] < range[1] && range[1].is_finite()) {
+            let [near, far] = range;
+            return Err(Error::Settings(format!("range: expected meters near < far, found {near}, {far}")));
+        }
+        let mapper = Mapper::new(camera, map)?;
+        Ok(Self { settings, mapper, range, state: OdometryState::default(), given, reference: None, single: None })
+    }
+
+    /// Poses (sensor to world) of the scans so far.
+    pub fn poses(&self) -> &[Pose] {
+        &self.state.poses
+    }
+
+    /// The map.
+    pub fn mapper(&self) -> &Mapper {
+        &self.mapper
+    }
+
+    /// The map, for drawing.
+    pub fn mapper_mut(&mut self) -> &mut Mapper {
+        &mut self.mapper
+    }
+
+    /// Everything that is known beside the map.
+    pub fn state(&self) -> &OdometryState {
+        &self.state
+    }
+
+    /// Says if tracking ended: too many scans were lost in a row.
+    pub fn ended(&self) -> bool {
+        self.state.lost >= self.settings.lost
+    }
+
+    /// Goes on where another was, whose first scan was `first`. The [map](Mapper::restore) follows, and then [`refer`](Self::refer).
+    pub fn restore(&mut self, state: OdometryState, first: &Scan, name: &str) {
+        self.state = state;
+        let (kept, _) = first.within(self.range);
+        self.single = Some(kept.check_single(name).map_err(|error| error.to_string()));
+    }
+
+    /// Draws the last keyframe, which the next scan is registered to.
+    ///
+    /// # Errors
+    /// As [`Mapper::draw`].
+    pub fn refer(&mut self) -> Result<()> {
+        if let Some(pose) = self.mapper.keyframes().last().map(|keyframe| keyframe.pose) {
+            self.reference = Some(Reference::new(&mut self.mapper, pose)?);
+        }
+        Ok(())
+    }
+
+    /// The pose to expect: the last motion again.
+    fn expected(&self) -> Pose {
+        match self.state.poses.as_slice() {
+            [] => Pose::IDENTITY,
+            [only] => *only,
+            [.., before, last] => last.compose(&before.inverse().compose(last)),
+        }
+    }
+
+    /// The range image of scan `number`, whose predecessors have their poses already: points within the range, moved to where they would
+    /// have been seen from at the beginning of the sweep if that is asked for.
+    ///
+    /// # Errors
+    /// Where the scan has no points within the range, or fills fewer than 100 pixels.
+    pub fn frame(&self, number: usize, scan: &Scan, name: &str) -> Result<Frame> {
+        let [near, far] = self.range;
+        let (mut kept, _) = scan.within(self.range);
+        if kept.points.is_empty() {
+            return Err(Error::NoPoints { of: name.into(), points: scan.points.len(), near, far });
+        }
+        if let (true, [.., before, last]) = (self.settings.deskew, &self.state.poses[..number]) {
+            kept = kept.deskewed(&before.inverse().compose(last));
+        }
+        Frame::new(&kept, self.mapper.camera(), name)
+    }
+
+    /// Tracks the next scan and adds it to the map if it shows enough that is new.
+    ///
+    /// # Errors
+    /// As [`frame`](Self::frame); the state is then as before.
+    pub fn add(&mut self, scan: &Scan, name: &str) -> Result<Tracked> {
+        let number = self.state.poses.len();
+        let frame = self.frame(number, scan, name)?;
+        if self.single.is_none() {
+            let (kept, _) = scan.within(self.range);
+            self.single = Some(kept.check_single(name).map_err(|error| error.to_string()));
+        }
+        let mut tracked = self.untracked();
+        let given = self.given.as_ref().map(|poses| poses.get(number).copied());
+        match (given, &self.reference) {
+            (Some(pose), _) => tracked.pose = pose.unwrap_or(tracked.pose),
+            (None, Some(reference)) => self.track(reference, &frame, &mut tracked),
+            (None, None) => {}
+        }
+        self.lost_or_found(&tracked);
+        if self.is_keyframe(&tracked) {
+            self.add_keyframe(frame, &mut tracked)?;
+        } else {
+            self.state.since += 1;
+        }
+        self.keep(&tracked);
+        Ok(tracked)
+    }
+
+    fn lost_or_found(&mut self, tracked: &Tracked) {
+        self.state.lost = if tracked.lost.is_some() { self.state.lost + 1 } else { 0 };
+    }
+
+    fn keep(&mut self, tracked: &Tracked) {
+        self.state.poses.push(tracked.pose);
+        self.state.anchors.push(self.mapper.state().count.saturating_sub(1) as u32);
+    }
+
+    /// Adds a keyframe to the map, and closes a loop if it came back to an earlier one.
+    fn add_keyframe(&mut self, frame: Frame, tracked: &mut Tracked) -> Result<()> {
+        let report = self.mapper.add(tracked.scan, frame, tracked.pose)?;
+        self.state.since = 0;
+        if report.new_map {
+            self.state.edges.clear();
+        }
+        if let [.., before, last] = self.mapper.keyframes() {
+            let to = self.mapper.keyframes().len() - 1;
+            let motion = before.pose.inverse().compose(&last.pose);
+            self.state.edges.push(Edge { from: to - 1, to, motion, weight: 1.0 });
+        }
+        tracked.map = Some(report);
+        if let (Some(settings), None) = (self.settings.loops, &self.given) {
+            if let Some(edge) = closing(self.mapper.keyframes(), &settings, MOST_POINTS) {
+                tracked.closed = Some(self.mapper.keyframes()[edge.from].scan);
+                self.close(edge);
+                tracked.pose = self.mapper.keyframes()[edge.to].pose;
+            }
+        }
+        self.reference = Some(Reference::new(&mut self.mapper, tracked.pose)?);
+        Ok(())
+    }
+
+    /// Moves keyframes, their surfels and their scans so that all measured motions agree best.
+    fn close(&mut self, edge: Edge) {
+        self.state.edges.push(edge);
+        let old: Vec<Pose> = self.mapper.keyframes().iter().map(|keyframe| keyframe.pose).collect();
+        let mut new = old.clone();
+        optimize_poses(&mut new, &self.state.edges);
+        self.mapper.move_keyframes(&new);
+        let first = self.mapper.state().count - new.len();
+        for (pose, anchor) in self.state.poses.iter_mut().zip(&self.state.anchors) {
+            if let Some(k) = (*anchor as usize).checked_sub(first) {
+                *pose = new[k].compose(&old[k].inverse()).compose(pose);
+            }
+        }
+    }
+
+    /// Leaves out a scan that cannot be used: it is lost, with the pose that was expected or given.
+    pub fn skip(&mut self) -> Tracked {
+        let given = self.given.as_ref().and_then(|poses| poses.get(self.state.poses.len()).copied());
+        let mut tracked = Tracked { fitness: 0.0, lost: Some(Lost::NoScan), ..self.untracked() };
+        tracked.pose = given.unwrap_or(tracked.pose);
+        self.lost_or_found(&tracked);
+        self.state.since += 1;
+        self.keep(&tracked);
+        tracked
+    }
+
+    fn untracked(&self) -> Tracked {
+        let (scan, pose) = (self.state.poses.len(), self.expected());
+        Tracked { scan, pose, fitness: 1.0, lost: None, without_ranges: None, map: None, closed: None }
+    }
+
+    /// Registers a frame to the last keyframe: by geometry, then by ranges.
+    fn track(&self, reference: &Reference, frame: &Frame, tracked: &mut Tracked) {
+        let start = reference.pose.inverse().compose(&tracked.pose);
+        let step = frame.points.len().div_ceil(MOST_POINTS).max(1);
+        let query: Vec<DVec3> = frame.points.iter().step_by(step).copied().collect();
+        let settings = GeometricSettings { steps: self.settings.geometric_steps, ..Default::default() };
+        let mut found = register(&query, &reference.tree, &start, &settings);
+        match (&self.single, found) {
+            (Some(Err(reason)), _) => tracked.without_ranges = Some(reason.clone()),
+            (_, Ok(Registered { pose, .. })) if self.settings.range_steps > 0 => {
+                let ranges = register_ranges(&frame.points, &reference.ranges, &pose, self.settings.range_steps);
+                match ranges {
+                    Ok(registered) => found = Ok(registered),
+                    Err(lost) => tracked.without_ranges = Some(lost.to_string()),
+                }
+            }
+            _ => {}
+        }
+        match found {
+            Ok(Registered { pose, fitness, .. }) => {
+                (tracked.pose, tracked.fitness) = (reference.pose.compose(&pose), fitness);
+            }
+            Err(lost) => (tracked.lost, tracked.fitness) = (Some(lost), 0.0),
+        }
+    }
+
+    /// Says if a scan becomes a keyframe; a lost one never does, as it would spoil the map.
+    fn is_keyframe(&self, tracked: &Tracked) -> bool {
+        let Some(reference) = &self.reference else { return true };
+        if tracked.lost.is_some() {
+            return false;
+        }
+        let far = reference.pose.translation.distance(tracked.pose.translation) > self.settings.farthest;
+        let tracking = self.given.is_none();
+        far || (tracking && tracked.fitness < self.settings.least_fitness)
+            || self.state.since + 1 > self.settings.most_frames
+    }
+}

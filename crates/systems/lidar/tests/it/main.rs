@@ -1,0 +1,6 @@
+//! Integration tests.
+
+mod hall;
+mod real_scans;
+mod registration;
+mod track;
