@@ -1,5 +1,7 @@
 //! Drawing and differentiating a room of surfels at 64 x 1024.
 
+#![allow(missing_docs)]
+
 use criterion::{Criterion, criterion_group, criterion_main};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DQuat, DVec3};

@@ -1,5 +1,7 @@
 //! A keyframe of 200 steps, and the registration of a scan, in a hall at 64 x 1024.
 
+#![allow(missing_docs)]
+
 use criterion::{Criterion, criterion_group, criterion_main};
 use weaver_geometry::Pose;
 use weaver_lidar::{Frame, MapSettings, Mapper, PatchTree, Scan, SurfelCamera, register};
