@@ -129,7 +129,7 @@ impl Job for LidarJob {
     fn state(&mut self) -> Result<Tensors, LidarRunError> {
         let mut state = Tensors::default();
         let odometry = &self.odometry;
-        let rows = |poses: &[Pose]| poses.iter().flat_map(|pose| pose_numbers(pose)).collect::<Vec<f64>>();
+        let rows = |poses: &[Pose]| poses.iter().flat_map(pose_numbers).collect::<Vec<f64>>();
         state.insert("poses", &[odometry.poses().len(), POSE], rows(odometry.poses()));
         let known = odometry.state();
         state.insert("anchors", &[known.anchors.len()], known.anchors.clone());

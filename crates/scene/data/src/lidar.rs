@@ -6,7 +6,7 @@ mod world;
 
 pub use world::LidarWorld;
 
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_8, TAU};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DQuat, DVec3};
 use weaver_kernels::random::Stream;
@@ -35,7 +35,7 @@ impl Default for SpinningSensor {
         Self {
             rows: 32,
             columns: 512,
-            elevations: [-0.3927, 0.3927],
+            elevations: [-FRAC_PI_8, FRAC_PI_8],
             range: [0.3, 80.0],
             noise: 0.01,
             divergence: 0.0015,

@@ -165,7 +165,7 @@ fn distance(view: &RangeView<'_>, point: DVec3, truncation: f64) -> Option<[f64;
     }
     let pixel = at.y as usize * width + column as usize;
     let range = f64::from(view.range[pixel]);
-    if !(range > 0.0) {
+    if range <= 0.0 || range.is_nan() {
         return None;
     }
     let reach = p.length();

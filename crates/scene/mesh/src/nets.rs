@@ -95,8 +95,8 @@ fn crossing(values: &[f32; 8]) -> Option<[f64; 3]> {
             if (a < 0.0) == (b < 0.0) {
                 continue;
             }
-            for k in 0..3 {
-                sum[k] += if k == axis { a / (a - b) } else { (from >> k & 1) as f64 };
+            for (k, sum) in sum.iter_mut().enumerate() {
+                *sum += if k == axis { a / (a - b) } else { (from >> k & 1) as f64 };
             }
             count += 1.0;
         }

@@ -1,6 +1,6 @@
 //! Drawing and differentiating a room of surfels at 64 x 1024.
 
-#![allow(missing_docs)] // criterion_group! makes an undocumented function
+#![allow(missing_docs)]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use weaver_geometry::Pose;

@@ -1,6 +1,6 @@
 //! A keyframe of 200 steps, and the registration of a scan, in a hall at 64 x 1024.
 
-#![allow(missing_docs)] // criterion_group! makes an undocumented function
+#![allow(missing_docs)]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use weaver_geometry::Pose;

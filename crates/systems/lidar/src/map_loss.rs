@@ -66,7 +66,7 @@ pub(crate) fn map_loss(
     let n = frame.pixels.len() as f64;
     let ImageGradients { range, opacity, normal, mean, ranges } = to;
     let rows = opacity.par_chunks_mut(width).zip(normal.par_chunks_mut(3 * width)).zip(mean.par_chunks_mut(width));
-    let row_of = |(row, ((opacity, normal), mean)): (usize, ((&mut [f32], &mut [f32]), &mut [f32]))| {
+    let row_of = |(row, ((opacity, normal), mean)): (usize, RowGradients<'_>)| {
         opacity.fill(0.0);
         normal.fill(0.0);
         mean.fill(0.0);
@@ -117,6 +117,9 @@ pub(crate) fn map_loss(
     let total = (difference + missed) / pixels as f64 + weights.opacity * logs / n + weights.normal * turned / n;
     MapLoss { total, range: difference / met.max(1.0) }
 }
+
+/// Gradients of a row with respect to opacity, normals and mean range.
+type RowGradients<'a> = ((&'a mut [f32], &'a mut [f32]), &'a mut [f32]);
 
 /// Sums over the pixels of a row.
 #[derive(Clone, Copy, Debug, Default)]

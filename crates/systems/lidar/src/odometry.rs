@@ -215,12 +215,12 @@ impl Odometry {
             self.state.edges.push(Edge { from: to - 1, to, motion, weight: 1.0 });
         }
         tracked.map = Some(report);
-        if let (Some(settings), None) = (self.settings.loops, &self.given) {
-            if let Some(edge) = closing(self.mapper.keyframes(), &settings, MOST_POINTS) {
-                tracked.closed = Some(self.mapper.keyframes()[edge.from].scan);
-                self.close(edge);
-                tracked.pose = self.mapper.keyframes()[edge.to].pose;
-            }
+        let settings = self.settings.loops.filter(|_| self.given.is_none());
+        let edge = settings.and_then(|settings| closing(self.mapper.keyframes(), &settings, MOST_POINTS));
+        if let Some(edge) = edge {
+            tracked.closed = Some(self.mapper.keyframes()[edge.from].scan);
+            self.close(edge);
+            tracked.pose = self.mapper.keyframes()[edge.to].pose;
         }
         self.reference = Some(Reference::new(&mut self.mapper, tracked.pose)?);
         Ok(())

@@ -65,12 +65,13 @@ fn add(edge: &Edge, poses: &[Pose], h: &mut [f64], b: &mut [f64]) {
     let error = [v.x, v.y, v.z, w.x, w.y, w.z];
     let back = between.inverse();
     let mut from = [[0.0; 6]; 6];
-    for column in 0..6 {
-        let axis = DVec3::AXES[column % 3];
-        let turned = back.rotation * axis;
-        let (v, w) = if column < 3 { (turned, DVec3::ZERO) } else { (back.translation.cross(turned), turned) };
-        for (row, x) in [v.x, v.y, v.z, w.x, w.y, w.z].into_iter().enumerate() {
-            from[row][column] = -x;
+    for (axis, direction) in DVec3::AXES.into_iter().enumerate() {
+        let turned = back.rotation * direction;
+        let carried = back.translation.cross(turned);
+        for k in 0..3 {
+            from[k][axis] = -turned[k];
+            from[k][3 + axis] = -carried[k];
+            from[3 + k][3 + axis] = -turned[k];
         }
     }
     let to: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
