@@ -15,7 +15,7 @@ use weaver_splat::{RasterSettings, Renderer};
 
 /// WildSplatter with its weights, ready to run without gradients.
 ///
-/// [`Predictor::predict`] shows the place in the light of the first photo, [`Predictor::predict_looks`] in that of any. Photos of a look
+/// [`Predictor::predict`] shows the place in the light of the first photo, [`Lights::predict_looks`] in that of any. Photos of a look
 /// may have other sizes than those of the place, in multiples of the patch.
 #[derive(Debug)]
 pub struct WildPredictor(Pretrained<Wild>);

@@ -120,7 +120,7 @@ impl<T: Real> SurfelWorkspace<T> {
 
     /// Gradients of what was drawn last with respect to the surfels, which replace those in `gradients`, and to the poses.
     ///
-    /// A pose has six numbers: for the motion T = (1 + [w]x) T + t of the camera's frame, the gradients with respect to t and w.
+    /// A pose has six numbers: for the motion T = (1 + \[w\]x) T + t of the camera's frame, the gradients with respect to t and w.
     ///
     /// # Panics
     ///
