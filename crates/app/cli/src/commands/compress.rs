@@ -27,8 +27,8 @@ pub struct Compress {
     /// The Gaussians: PLY as 3DGS stores them, or another format of `splatweaver convert`
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// The file to write
-    #[arg(short, long, value_name = "FILE.wsz")]
+    /// The file to write, .wsz
+    #[arg(short, long, value_name = "FILE")]
     pub out: PathBuf,
     /// Quality of pictures of the compressed scene beside those of the scene, decibels; 46 is hard to tell apart, 40 shows on a closer look
     #[arg(long, value_name = "DECIBELS", default_value = "46", value_parser = decibels)]

@@ -47,7 +47,7 @@ pub struct Render {
     pub path: Option<PathKind>,
     /// Cameras of the path
     #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(2..=100_000), requires = "path")]
-    pub poses: u32,
+    pub pictures: u32,
     /// Folder for the pictures
     #[arg(short, long, value_name = "DIR", required_unless_present = "film")]
     pub out: Option<PathBuf>,
@@ -92,7 +92,9 @@ fn draw(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
         (Some(file), _) => {
             let cameras = camera_files::read(file, size)?;
             match arguments.path {
-                Some(kind) => along(kind, &cameras, arguments.poses as usize, middle(&gaussians).unwrap_or_default()),
+                Some(kind) => {
+                    along(kind, &cameras, arguments.pictures as usize, middle(&gaussians).unwrap_or_default())
+                }
                 None => cameras,
             }
         }

@@ -138,7 +138,7 @@ fn paths_along_cameras_become_pictures_and_gifs() {
     scene(folder);
     for path in ["ellipse", "spline", "dolly"] {
         let line = format!(
-            "render scene.ply --cameras capture/transforms.json --path {path} --poses 4 --gif {path}.gif -o {path}"
+            "render scene.ply --cameras capture/transforms.json --path {path} --pictures 4 --gif {path}.gif -o {path}"
         );
         let said = printed(folder, &line);
         assert!(said.contains(&format!("pictures: 4 of 24 Gaussians, in {path} and {path}.gif")), "{said}");
