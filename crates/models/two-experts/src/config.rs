@@ -75,7 +75,7 @@ impl TwoExpertsConfig {
     /// The network of a preset, if there is one of this name: `tiny` (64x48 pixels) learns on a CPU, `micro` is for tests.
     ///
     /// ```
-    /// let config = weaver_model::TwoExpertsConfig::preset("tiny").unwrap();
+    /// let config = weaver_two_experts::TwoExpertsConfig::preset("tiny").unwrap();
     /// assert_eq!((config.width, config.appearance.width, config.check()), (64, 32, Ok(())));
     /// ```
     pub fn preset(name: &str) -> Option<Self> {

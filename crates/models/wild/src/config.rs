@@ -111,7 +111,7 @@ impl WildConfig {
     /// The network of a preset, if there is one of this name: `tiny` (64x48 pixels) learns on a CPU, `micro` is for tests.
     ///
     /// ```
-    /// let config = weaver_model::WildConfig::preset("tiny").unwrap();
+    /// let config = weaver_wild::WildConfig::preset("tiny").unwrap();
     /// assert_eq!((config.width, config.looks.embedding, config.check()), (64, 16, Ok(())));
     /// ```
     pub fn preset(name: &str) -> Option<Self> {
