@@ -42,7 +42,8 @@ pub fn run(arguments: &BenchCompress, console: &mut Console) -> Result<(), Failu
     let methods = methods(&arguments.methods)?;
     arguments.html.as_ref().map_or(Ok(()), |page| check_output_file(page, &arguments.scenes))?;
     let mut rows = Vec::new();
-    let mut progress = Progress::new("bench", 0, arguments.scenes.len() * methods.len(), console);
+    let (mut done, all) = (0, arguments.scenes.len() * methods.len());
+    let mut progress = Progress::new("bench", 0, all, console);
     for path in &arguments.scenes {
         let gaussians = read_scene(path)?.gaussians;
         let cameras = match &arguments.cameras {
@@ -54,7 +55,8 @@ pub fn run(arguments: &BenchCompress, console: &mut Console) -> Result<(), Failu
         let mut bench = Bench::new(path, gaussians, &cameras)?;
         for method in &methods {
             bench.method(method)?;
-            progress.at(rows.len() + bench.rows.len(), 0, || method.clone(), console);
+            done += 1;
+            progress.at(done, all, || method.clone(), console);
         }
         rows.append(&mut bench.rows);
     }

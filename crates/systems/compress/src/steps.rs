@@ -26,6 +26,9 @@ const FINE: Quality = Quality {
     adaptation: 0.0,
     rotation_adaptation: 0.0,
 };
+/// Steps are made four times finer so often at most before they are measured: where all numbers are rounded to nothing, errors do not follow
+/// the step.
+const FINER: usize = 4;
 /// The most that a step grows or shrinks from the one that was measured.
 const REACH: f64 = 16.0;
 /// Bounds of the exponent of an error: 2 for numbers that pictures are linear in, less where Gaussians hide each other.
@@ -72,8 +75,12 @@ pub fn compress(
     if !(decibels > 0.0 && decibels <= MOST_DECIBELS) {
         return Err(CompressError::Quality { most: MOST_DECIBELS, found: decibels });
     }
-    let of = 2 * KINDS + ROUNDS;
-    let curves = Curves::measure(gaussians, judge, |done| observe(Round { done, of, psnr: None }))?;
+    let mut measured = 0;
+    let curves = Curves::measure(gaussians, decibels, judge, |done| {
+        measured = done;
+        observe(Round { done, of: done.max(2 * KINDS) + ROUNDS, psnr: None });
+    })?;
+    let of = measured + ROUNDS;
     let middle = curves.first_guess(decibels);
     let (mut finer, mut coarser) = (middle - INTERVAL, middle + INTERVAL);
     let mut best: Option<(Quality, f64)> = None;
@@ -81,7 +88,7 @@ pub fn compress(
         let log_lambda = if round == 0 { middle } else { (finer + coarser) / 2.0 };
         let quality = curves.quality(log_lambda.exp());
         let psnr = judge.psnr(&rounded(gaussians, &quality)?)?;
-        observe(Round { done: 2 * KINDS + round + 1, of, psnr: Some(psnr) });
+        observe(Round { done: measured + round + 1, of, psnr: Some(psnr) });
         if psnr >= decibels {
             finer = log_lambda;
             best = Some((quality, psnr));
@@ -138,35 +145,55 @@ impl Curve {
 struct Curves([Curve; KINDS]);
 
 impl Curves {
-    fn measure(gaussians: &Gaussians, judge: &mut Judge, mut done: impl FnMut(usize)) -> Result<Self, CompressError> {
+    /// Measures each kind at steps that cause no more error than is wanted.
+    fn measure(
+        gaussians: &Gaussians,
+        decibels: f64,
+        judge: &mut Judge,
+        mut done: impl FnMut(usize),
+    ) -> Result<Self, CompressError> {
         let base = Quality::default();
-        let halved = (0..KINDS).fold(base, |quality, kind| with_step(quality, kind, step_of(&base, kind) / 2.0));
-        let [coarse, fine] = [order_zero_bits(gaussians, &base)?, order_zero_bits(gaussians, &halved)?];
         // Adapted as in the stream that is written: larger steps where less shows.
         let Quality { adaptation, rotation_adaptation, .. } = base;
         let rest = Quality { adaptation, rotation_adaptation, ..FINE };
         let least = judge.mean_square(&rounded(gaussians, &rest)?)?;
         let mut curves = [Curve::default(); KINDS];
+        let mut count = 0;
         for (kind, curve) in curves.iter_mut().enumerate() {
-            let step = step_of(&base, kind);
             let mut error = |step: f64| -> Result<f64, CompressError> {
                 let error = judge.mean_square(&rounded(gaussians, &with_step(rest, kind, step))?)?;
+                count += 1;
+                done(count);
                 Ok((error - least).max(0.0))
             };
-            let whole = error(step)?;
-            done(2 * kind + 1);
+            let mut step = step_of(&base, kind);
+            let mut whole = error(step)?;
+            for _ in 0..FINER {
+                if whole <= mean_square(decibels) {
+                    break;
+                }
+                step /= 4.0;
+                whole = error(step)?;
+            }
             let half = error(step / 2.0)?;
-            done(2 * kind + 2);
             let exponent = if half > 0.0 { (whole / half).log2() } else { 2.0 };
             let exponent = if exponent.is_finite() { exponent.clamp(EXPONENT[0], EXPONENT[1]) } else { 2.0 };
-            *curve = Curve { step, error: whole, exponent, bits: fine[kind].1 - coarse[kind].1 };
+            *curve = Curve { step, error: whole, exponent, bits: 0.0 };
+        }
+        let at = |factor: f64| {
+            let steps = curves.iter().enumerate();
+            steps.fold(base, |quality, (kind, curve)| with_step(quality, kind, factor * curve.step))
+        };
+        let [coarse, fine] = [order_zero_bits(gaussians, &at(1.0))?, order_zero_bits(gaussians, &at(0.5))?];
+        for (kind, curve) in curves.iter_mut().enumerate() {
+            curve.bits = fine[kind].1 - coarse[kind].1;
         }
         Ok(Self(curves))
     }
 
     /// The logarithm of λ at which errors that add up give so many decibels.
     fn first_guess(&self, decibels: f64) -> f64 {
-        let wanted = 10_f64.powf(-decibels / 10.0);
+        let wanted = mean_square(decibels);
         let error = |log_lambda: f64| -> f64 {
             let of = |curve: &Curve| curve.error * (curve.step_at(log_lambda.exp()) / curve.step).powf(curve.exponent);
             self.0.iter().map(of).sum()
@@ -183,6 +210,11 @@ impl Curves {
         let chosen = self.0.iter().enumerate();
         chosen.fold(Quality::default(), |quality, (kind, curve)| with_step(quality, kind, curve.step_at(lambda)))
     }
+}
+
+/// The mean square error of so many decibels.
+fn mean_square(decibels: f64) -> f64 {
+    10_f64.powf(-decibels / 10.0)
 }
 
 /// The step of a kind.

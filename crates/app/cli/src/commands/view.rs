@@ -33,7 +33,7 @@ pub struct View {
     #[arg(long, value_name = "DIR", requires = "cameras")]
     pub photos: Option<PathBuf>,
     /// Writes one HTML file that needs nothing else, in place of a server
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
     /// Keeps every bit of the scene in the file; else it is rounded as SPZ does
     #[arg(long, requires = "html")]
