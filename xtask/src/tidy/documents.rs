@@ -8,8 +8,7 @@ use std::path::{Component, Path, PathBuf};
 const PROMISES: &str = "docs/tests.md";
 
 /// The most lines of a page by the beginning of its path, where that is not 400.
-const LONGEST_PAGES: &[(&str, usize)] =
-    &[
+const LONGEST_PAGES: &[(&str, usize)] = &[
     ("docs/guide/", 200),
     ("docs/results/notebook/", usize::MAX),
     ("docs/changelog.md", usize::MAX),

@@ -16,12 +16,12 @@ pub const MOST_DECIBELS: f64 = 65.0;
 const KINDS: usize = 6;
 /// Steps so small that they cause no error beside that of the kind which is measured.
 const FINE: Quality = Quality {
-    position: 0.001,
-    scale_step: 0.001,
+    position: 0.0005,
+    scale_step: 0.0005,
     opacity_levels: 4095,
-    rotation_step: 0.0003,
-    dc_step: 0.001,
-    sh_step: 0.001,
+    rotation_step: 0.0001,
+    dc_step: 0.0002,
+    sh_step: 0.0002,
     dead_zone: 0.0,
     adaptation: 0.0,
     rotation_adaptation: 0.0,
@@ -169,7 +169,8 @@ impl Curves {
             let mut step = step_of(&base, kind);
             let mut whole = error(step)?;
             for _ in 0..FINER {
-                if whole <= mean_square(decibels) {
+                // Not so fine that the rest causes as much.
+                if whole <= mean_square(decibels) || step < 16.0 * step_of(&FINE, kind) {
                     break;
                 }
                 step /= 4.0;
