@@ -11,7 +11,8 @@ use serde_json::{Value, json};
 use std::error::Error;
 use std::path::Path;
 use weaver_data::posed::{self, PosedOptions, PosedPhoto, PosedPhotos};
-use weaver_fit::{ColorAgreement, Fit, FitSettings, Judge, Photo, Quality, init};
+use weaver_kernels::random::Stream;
+use weaver_fit::{ColorAgreement, Fit, FitSettings, Judge, Photo, Quality, init, mean_color};
 
 type Failure = Box<dyn Error + Send + Sync>;
 
@@ -22,6 +23,8 @@ struct Variant {
     name: String,
     views: Option<usize>,
     even: bool,
+    planted: Option<usize>,
+    by_photos: bool,
     settings: Value,
 }
 
@@ -34,7 +37,7 @@ fn main() -> Result<(), Failure> {
     let variants = variants.iter().map(|v| variant(v)).collect::<Result<Vec<_>, _>>()?;
     let captures: Vec<&str> = captures.split(',').collect();
     let data =
-        captures.iter().map(|c| Ok(posed::load(c, &PosedOptions::default())?)).collect::<Result<Vec<_>, Failure>>()?;
+        captures.iter().map(|c| Ok(posed::load(c, &PosedOptions { long_side: std::env::var("SIDE").ok().and_then(|x| x.parse().ok()), ..PosedOptions::default() })?)).collect::<Result<Vec<_>, Failure>>()?;
 
     let names: Vec<_> =
         captures.iter().map(|c| Path::new(c).file_name().map_or((*c).into(), |n| n.to_string_lossy())).collect();
@@ -73,7 +76,9 @@ fn variant(argument: &str) -> Result<Variant, Failure> {
     let own = settings.as_object_mut().ok_or("settings: expected an object")?;
     let views = own.remove("views").and_then(|v| v.as_u64()).map(|v| v as usize);
     let even = own.remove("even").is_some_and(|v| v == true);
-    Ok(Variant { name: name.into(), views, even, settings })
+    let planted = own.remove("planted").and_then(|v| v.as_u64()).map(|v| v as usize);
+    let by_photos = own.remove("by_photos").is_some_and(|v| v == true);
+    Ok(Variant { name: name.into(), views, even, planted, by_photos, settings })
 }
 
 /// Fits a capture, and returns how well the held-out photos are met and the pairs, in millions, of the last step.
@@ -84,7 +89,7 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
     if variant.even {
         settings["density"]["strategy"] = json!("keep");
     }
-    let settings: FitSettings = serde_json::from_value(settings)?;
+    let mut settings: FitSettings = serde_json::from_value(settings)?;
     let of = |held_out| capture.photos.iter().filter(move |p| p.held_out == held_out).map(photo).collect::<Vec<_>>();
     let (mut training, test) = (of(false), of(true));
     if let Some(views) = variant.views {
@@ -93,6 +98,13 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
         (0..views.min(all)).for_each(|i| chosen[(2 * i + 1) * all / (2 * views.min(all))] = true);
         let mut keep = chosen.into_iter();
         training.retain(|_| keep.next() == Some(true));
+    }
+    if variant.by_photos {
+        settings.background = mean_color(&training);
+        settings.dropout = FitSettings::dropout_for(training.len());
+    }
+    if let Some(every) = variant.planted {
+        plant(&mut training, every);
     }
     let mut initial = match capture.points.is_empty() {
         true => init::random(&training, &settings)?,
@@ -111,6 +123,27 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
     while fit.steps_done() < fit.settings().steps {
         pairs = fit.step()?.pairs;
     }
+    if let Some(every) = variant.planted {
+        let parts: Vec<String> = (0..fit.photos()).map(|i| format!("{}{:.0}", if i % every == 0 { "*" } else { "" }, 100.0 * fit.transients(i).map_or(0.0, |t| t.part()))).collect();
+        eprintln!("{} {}", variant.name, parts.join(" "));
+    }
+    if let Ok(folder) = std::env::var("DUMP") {
+        for i in 0..fit.photos() {
+            let Some(t) = fit.transients(i).cloned() else { continue };
+            let camera = fit.camera(i);
+            let image = fit.render(&camera)?;
+            let photo = fit.photo(i);
+            let (w, h) = (camera.width, camera.height);
+            let m = t.at_size(w, h);
+            let mut out = format!("P6 {} {} 255\n", 3 * w, h).into_bytes();
+            for y in 0..h {
+                for x in 0..w { out.extend(&photo.rgb[3 * (y * w + x)..][..3]); }
+                for x in 0..w { out.extend(image[3 * (y * w + x)..][..3].iter().map(|v| (v.clamp(0.0, 1.0) * 255.0) as u8)); }
+                for x in 0..w { out.extend(if m[y * w + x] { [255, 0, 0] } else { [photo.rgb[3 * (y * w + x)]; 3] }); }
+            }
+            std::fs::write(format!("{folder}/{i:03}-{}.ppm", photo.name.replace('/', "_")), out)?;
+        }
+    }
     let judge = Judge::default();
     let mut compare = |photo: &Photo| -> Result<Quality, Failure> {
         let size = [photo.camera.height, photo.camera.width];
@@ -123,6 +156,25 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
     };
     let quality: Vec<Quality> = test.iter().map(&mut compare).collect::<Result<_, _>>()?;
     Ok((Quality::mean(&quality).ok_or("no held-out photos")?, pairs as f64 / 1e6))
+}
+
+/// Puts a thing of its own before every so many photos: an ellipse of an eighth of the photo with a part of another one, upside down.
+fn plant(photos: &mut [Photo], every: usize) {
+    let all: Vec<Photo> = photos.to_vec();
+    for i in (0..photos.len()).step_by(every) {
+        let (width, height) = (photos[i].camera.width, photos[i].camera.height);
+        let other = &all[(i + all.len() / 2) % all.len()];
+        let stream = Stream::new(0, i as u64, "planted");
+        let (x0, y0) = (0.25 + 0.5 * stream.uniform::<f64>(0), 0.25 + 0.5 * stream.uniform::<f64>(1));
+        for at in 0..width * height {
+            let (x, y) = ((at % width) as f64 / width as f64, (at / width) as f64 / height as f64);
+            if ((x - x0) / 0.2).powi(2) + ((y - y0) / 0.2).powi(2) < 1.0 {
+                let (ox, oy) = (at % width * other.camera.width / width, (height - 1 - at / width) * other.camera.height / height);
+                let from = oy * other.camera.width + ox;
+                photos[i].rgb[3 * at..3 * at + 3].copy_from_slice(&other.rgb[3 * from..3 * from + 3]);
+            }
+        }
+    }
 }
 
 fn photo(p: &PosedPhoto) -> Photo {

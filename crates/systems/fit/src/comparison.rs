@@ -4,7 +4,16 @@ use crate::exposure::Exposure;
 use crate::objective::Objective;
 use crate::settings::FitSettings;
 use weaver_kernels::{parallel, simd};
-use weaver_scene::Photo;
+
+/// A photo as a view is compared with it.
+pub(crate) struct Compared<'a> {
+    /// Colors `[H, W, 3]`.
+    pub rgb: &'a [u8],
+    /// Which pixels count, if not all do.
+    pub mask: Option<&'a [bool]>,
+    /// Height and width.
+    pub size: [usize; 2],
+}
 
 /// Images of a step.
 #[derive(Debug, Default)]
@@ -30,11 +39,10 @@ impl Buffers {
     /// The loss, its gradient with respect to the image, and the mean squared difference.
     pub fn compare(
         &mut self,
-        photo: &Photo,
+        photo: &Compared<'_>,
         exposure: Option<&mut Exposure>,
         settings: &FitSettings,
         objective: &mut dyn Objective,
-        size: [usize; 2],
     ) -> (f64, f64) {
         const GRAIN: usize = 3 << 12;
         parallel::for_chunks(&mut self.target, GRAIN, |chunk, target| {
@@ -48,7 +56,7 @@ impl Buffers {
             }
             None => &mut self.image,
         };
-        if let Some(mask) = &photo.mask {
+        if let Some(mask) = photo.mask {
             // What is masked is taken to be as drawn: no difference, and windows of SSIM see nothing of the photo there.
             let pixels = corrected.chunks_exact_mut(3).zip(self.target.chunks_exact_mut(3));
             let masked = pixels.zip(mask).filter(|(_, m)| !**m);
@@ -57,9 +65,9 @@ impl Buffers {
                 target.copy_from_slice(drawn);
             }
         }
-        let loss = objective.compare(corrected, &self.target, size, &mut self.gradient);
+        let loss = objective.compare(corrected, &self.target, photo.size, &mut self.gradient);
         let mse = mean_square(corrected, &self.target, &mut self.squares);
-        if let Some(mask) = &photo.mask {
+        if let Some(mask) = photo.mask {
             let pixels = self.gradient.chunks_exact_mut(3).zip(mask);
             pixels.filter(|(_, m)| !**m).for_each(|(g, _)| g.fill(0.0));
         }

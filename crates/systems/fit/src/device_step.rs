@@ -7,6 +7,7 @@ use crate::photos::at_level;
 use crate::population::Field;
 use crate::resident::Newer;
 use crate::strategy::Moment;
+use crate::transients::counted;
 use std::time::{Duration, Instant};
 use weaver_scene::{CameraSlices, Model, intrinsics_row, viewmat};
 
@@ -64,6 +65,7 @@ impl Fit {
         let (viewmats, intrinsics) = (viewmat(&camera.pose), intrinsics_row(&camera));
         let background = &self.settings.background;
         let (width, height) = (camera.width, camera.height);
+        let mask = counted(photo, self.transients[index].as_ref());
         let rates = self.settings.rates.in_run_of(self.settings.steps);
         let regularizer = self.strategy.regularizer(moment, self.population.len());
         let Some(resident) = &mut self.resident else { return Ok((f64::NAN, f64::NAN, 0)) };
@@ -81,7 +83,7 @@ impl Fit {
             },
             settings: &self.raster,
             rgb: &photo.rgb,
-            mask: photo.mask.as_deref(),
+            mask: mask.as_deref(),
             ssim_weight: self.settings.ssim_weight,
             regularizer: [regularizer.opacity, regularizer.scale],
             step: moment.step as u64 + 1,

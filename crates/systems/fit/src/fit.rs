@@ -2,7 +2,7 @@
 
 use crate::FitError;
 use crate::cameras::{Alignment, Views, moved};
-use crate::comparison::Buffers;
+use crate::comparison::{Buffers, Compared};
 use crate::device_fit::FitRasterizer;
 use crate::exposure::Exposure;
 use crate::gradients::{Activated, Gradients};
@@ -13,6 +13,7 @@ use crate::population::Population;
 use crate::resident::Resident;
 use crate::settings::FitSettings;
 use crate::strategy::{Moment, Strategy};
+use crate::transients::{Transients, counted};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use weaver_geometry::glam::DVec3;
@@ -73,6 +74,8 @@ pub struct Fit {
     order: Vec<usize>,
     pub(crate) poses: Vec<Pose>,
     pub(crate) exposures: Vec<Exposure>,
+    /// What each photo alone shows.
+    pub(crate) transients: Vec<Option<Transients>>,
     pub(crate) population: Population,
     pub(crate) statistics: Vec<GaussianStatistics<f32>>,
     pub(crate) strategy: Box<dyn Strategy>,
@@ -131,6 +134,7 @@ impl Fit {
             resident: rasterizer.device_fit().map(Resident::new),
             poses: photos.iter().map(|photo| photo.camera.pose).collect(),
             exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },
+            transients: vec![None; photos.len()],
             photos: photos.into_iter().map(|photo| Pyramid::new(photo, settings.halvings)).collect(),
             order: Vec::new(),
             statistics: vec![GaussianStatistics::default(); population.len()],
@@ -273,6 +277,7 @@ impl Fit {
         if self.step.is_multiple_of(self.photos.len()) {
             self.center_exposures();
         }
+        self.search_transients()?;
         let start = Instant::now();
         let moment = self.moment();
         if self.strategy.is_due(&moment) {
@@ -350,6 +355,10 @@ impl Fit {
         let buffers = &mut self.buffers;
         buffers.resize(height * width);
         self.activated.update(&self.population);
+        if self.settings.dropout > 0.0 {
+            let part = self.settings.dropout * moment.fraction();
+            self.activated.drop_part(part, Stream::new(self.settings.seed, self.step as u64, "fit.dropout"));
+        }
         let gaussians = self.activated.slices(&self.population);
         let rate = self.settings.poses.rate_at(moment.fraction());
         let depth = (rate > 0.0).then_some(&mut buffers.depth[..]);
@@ -359,8 +368,9 @@ impl Fit {
 
         let start = Instant::now();
         let exposure = self.exposures.get_mut(index);
-        let size = [height, width];
-        let (loss, mse) = buffers.compare(photo, exposure, &self.settings, self.objective.as_mut(), size);
+        let mask = counted(photo, self.transients[index].as_ref());
+        let seen = Compared { rgb: &photo.rgb, mask: mask.as_deref(), size: [height, width] };
+        let (loss, mse) = buffers.compare(&seen, exposure, &self.settings, self.objective.as_mut());
         if !loss.is_finite() {
             return Err(self.diverged(loss, index, moment));
         }
@@ -385,7 +395,7 @@ impl Fit {
         if rate > 0.0 {
             let Buffers { target, image, corrected, alpha, depth, .. } = &self.buffers;
             let image = if self.exposures.is_empty() { image } else { corrected };
-            let mask = photo.mask.as_deref();
+            let mask = mask.as_deref();
             let alignment = Alignment::new(&camera, &Views { image, alpha, depth, photo: target, mask });
             if let Some(twist) = alignment.twist() {
                 self.poses[index] = moved(&self.poses[index], twist, rate);

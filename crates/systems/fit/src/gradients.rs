@@ -5,6 +5,7 @@ use crate::settings::Rates;
 use weaver_geometry::sh::{MAX_DEGREE, coefficients};
 use weaver_kernels::optim::AdamW;
 use weaver_kernels::parallel::for_chunks;
+use weaver_kernels::random::Stream;
 use weaver_kernels::{Real, simd};
 use weaver_scene::{Color, GaussianSlices};
 
@@ -31,6 +32,9 @@ pub struct Gradients {
 pub(crate) struct Activated {
     scales: Vec<f32>,
     opacities: Vec<f32>,
+    /// Factors on the opacities while some Gaussians are dropped, and their products; empty where none are.
+    factors: Vec<f32>,
+    dropped: Vec<f32>,
 }
 
 impl Activated {
@@ -41,6 +45,17 @@ impl Activated {
         self.opacities.resize(logits.len(), 0.0);
         each(&mut self.scales, stored, Real::exp);
         each(&mut self.opacities, logits, |x| 1.0 / (1.0 + Real::exp(-x)));
+        self.factors.clear();
+        self.dropped.clear();
+    }
+
+    /// Drops a part of the Gaussians, drawn at random, until the next [`update`](Self::update): their opacity is 0, and that of the others
+    /// larger by the inverse of what is left, so that pictures stay as bright in the mean.
+    pub fn drop_part(&mut self, part: f64, stream: Stream) {
+        let (part, kept) = (part as f32, 1.0 / (1.0 - part as f32));
+        let factor = |n: usize| if stream.uniform::<f32>(n as u64) < part { 0.0 } else { kept };
+        self.factors.extend((0..self.opacities.len()).map(factor));
+        self.dropped.extend(self.opacities.iter().zip(&self.factors).map(|(o, k)| (o * k).min(1.0)));
     }
 
     /// The population as a rasterizer takes it.
@@ -49,7 +64,7 @@ impl Activated {
             means: &population.means.values,
             quats: &population.quats.values,
             scales: &self.scales,
-            opacities: &self.opacities,
+            opacities: if self.dropped.is_empty() { &self.opacities } else { &self.dropped },
             color: Color::Sh { coefficients: &population.sh.values, degree: population.degree() },
             features: None,
             groups: None,
@@ -85,6 +100,8 @@ impl Gradients {
         };
         times(&mut self.scales, &activated.scales, |s| s);
         times(&mut self.opacities, &activated.opacities, |o| o * (1.0 - o));
+        let drawn = activated.factors.iter().zip(&activated.dropped);
+        self.opacities.iter_mut().zip(drawn).for_each(|(g, (k, o))| *g *= if *o < 1.0 { *k } else { 0.0 });
     }
 
     /// One step of Adam on all parameters; `step` counts from 1, `mean_rate` is the rate of the means now.

@@ -29,6 +29,7 @@ mod settings;
 mod state;
 pub mod strategy;
 mod timing;
+mod transients;
 mod view;
 
 pub use cameras::{Alignment, Views, motion};
@@ -41,10 +42,12 @@ pub use fit::{Fit, StepReport, StepTimings};
 pub use gradients::Gradients;
 pub use objective::{L1Ssim, Objective};
 pub use population::{Field, Population};
+pub use photos::mean_color;
 pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
 pub use state::gaussians_of;
 pub use strategy::{Moment, Regularizer, Strategy};
 pub use timing::steps_in;
+pub use transients::Transients;
 pub use weaver_scene::Photo;
 
 /// The example of the README, compiled and run.

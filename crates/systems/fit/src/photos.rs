@@ -22,6 +22,22 @@ pub(crate) fn check(photo: &Photo) -> Result<(), FitError> {
     Ok(())
 }
 
+/// The mean color of photos, where they count; white where nothing does.
+///
+/// It is the color of a background that costs least where a scene has holes, as seen from where no photo was taken.
+pub fn mean_color<'p>(photos: impl IntoIterator<Item = &'p Photo>) -> [f32; 3] {
+    let (mut sum, mut count) = ([0u64; 3], 0u64);
+    for photo in photos {
+        for (at, pixel) in photo.rgb.chunks_exact(3).enumerate() {
+            if photo.mask.as_ref().is_none_or(|mask| mask[at]) {
+                (0..3).for_each(|c| sum[c] += u64::from(pixel[c]));
+                count += 1;
+            }
+        }
+    }
+    if count == 0 { [1.0; 3] } else { sum.map(|sum| (sum as f64 / (255.0 * count as f64)) as f32) }
+}
+
 /// The photo at half its size: means of 2 x 2 pixels; an odd last row or column is left out. What any of the four
 /// masks is masked.
 fn halved_photo(photo: &Photo) -> Photo {

@@ -43,6 +43,12 @@ pub struct FitSettings {
     pub poses: Poses,
     /// True if the colors of each photo are corrected: by gains, or by an affine map ([`Rates::exposure_rest`]).
     pub exposure: bool,
+    /// Part of the Gaussians that each step leaves out, drawn at random, at the end of the run; it grows from nothing.
+    #[serde(default)]
+    pub dropout: f64,
+    /// True if photos are searched for what none of the others shows, which is then left out of them.
+    #[serde(default)]
+    pub transients: bool,
 }
 
 impl Default for FitSettings {
@@ -65,6 +71,8 @@ impl Default for FitSettings {
             density: Density::default(),
             poses: Poses::default(),
             exposure: false,
+            dropout: 0.0,
+            transients: true,
         }
     }
 }
@@ -225,6 +233,12 @@ impl Default for Poses {
 }
 
 impl FitSettings {
+    /// [`dropout`](Self::dropout) that pays for so many photos: the fewer there are, the more Gaussians fit each photo from its own side
+    /// alone.
+    pub fn dropout_for(photos: usize) -> f64 {
+        (1.2 / photos.max(1) as f64).min(0.2)
+    }
+
     /// Number of halvings of photos at this part of the run.
     pub(crate) fn level(&self, fraction: f64) -> usize {
         if fraction >= self.coarse_until || self.halvings == 0 {

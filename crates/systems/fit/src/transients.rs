@@ -1,0 +1,230 @@
+//! Things that one photo alone shows: passers-by, a finger, foliage right before the lens.
+//!
+//! While a scene is still young, it shows what most photos agree about. A place that a photo shows far worse than the other photos that see
+//! it is therefore hidden in this photo by something else, and is left out of it; a place that all photos show badly is only fine or
+//! shiny, and stays. Sources of the idea that residuals tell transients: RobustNeRF (Sabour et al., 2023), SpotLessSplats (2024); the
+//! comparison with the other photos' residuals at the same place is our own, and needs no trained features.
+
+use crate::fit::Fit;
+use crate::photos::{Pyramid, at_level};
+use crate::{Exposure, FitError};
+use std::borrow::Cow;
+use weaver_geometry::Camera;
+use weaver_geometry::glam::DVec2;
+use weaver_kernels::parallel;
+use weaver_scene::Photo;
+
+/// Parts of a run after which photos are searched.
+const MOMENTS: [f64; 6] = [0.15, 0.25, 0.35, 0.45, 0.55, 0.65];
+/// Photos are compared at a size of at most so many pixels, and no longer than the smallest that a halving gives.
+const LONGEST_SIDE: usize = 160;
+/// Photos that a photo is compared with: the nearest.
+const NEIGHBORS: usize = 12;
+/// Fewer photos that see a place say nothing about it.
+const LEAST_OTHERS: usize = 3;
+/// Largest difference of depths, relative, at which two photos are taken to show the same place.
+const SAME_DEPTH: f64 = 0.1;
+/// What is hidden begins where a residual is so large, and so many times that of the other photos ...
+const STRONG: [f32; 2] = [0.12, 4.0];
+/// ... and goes on to neighbors where it is at least this.
+const WEAK: [f32; 2] = [0.06, 2.0];
+/// Residuals of others below this count as this: what is met better than noise says nothing.
+const NOISE: f32 = 0.02;
+/// Part of a photo below which a region is no thing.
+const LEAST_PART: f64 = 0.004;
+/// Part of a photo above which it is the whole photo that does not fit: that is not for a mask to say.
+const MOST_PART: f64 = 0.5;
+
+/// Pixels of a photo, in cells, that show what no other photo does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transients {
+    /// Number of columns and rows.
+    pub size: [usize; 2],
+    /// True where a cell is left out, row by row.
+    pub hidden: Vec<bool>,
+}
+
+impl Transients {
+    /// Part of the photo that is left out.
+    pub fn part(&self) -> f64 {
+        self.hidden.iter().filter(|hidden| **hidden).count() as f64 / self.hidden.len().max(1) as f64
+    }
+
+    /// True for each pixel of the photo at this size that is left out.
+    pub fn at_size(&self, width: usize, height: usize) -> Vec<bool> {
+        let [columns, rows] = self.size;
+        let cell = |y: usize, x: usize| self.hidden[(y * rows / height) * columns + x * columns / width];
+        (0..height).flat_map(|y| (0..width).map(move |x| (y, x))).map(|(y, x)| cell(y, x)).collect()
+    }
+}
+
+/// Which pixels of a photo count: those that its own mask takes, but for transients; `None` if all do.
+pub(crate) fn counted<'p>(photo: &'p Photo, transients: Option<&Transients>) -> Option<Cow<'p, [bool]>> {
+    let own = photo.mask.as_deref();
+    let Some(transients) = transients else { return own.map(Cow::Borrowed) };
+    let mut counts = transients.at_size(photo.camera.width, photo.camera.height);
+    counts.iter_mut().enumerate().for_each(|(at, hidden)| *hidden = !*hidden && own.is_none_or(|own| own[at]));
+    Some(Cow::Owned(counts))
+}
+
+/// A photo beside the scene as it is, both small.
+struct Seen {
+    camera: Camera,
+    /// Mean absolute difference of colors around each pixel; NaN where the photo's own mask is.
+    residuals: Vec<f32>,
+    /// Depth, world units; 0 where nothing is.
+    depths: Vec<f32>,
+    /// What is left out now, if anything: there, a photo is no evidence.
+    hidden: Vec<bool>,
+}
+
+impl Fit {
+    /// The pixels of a photo that were found to show what no other photo does; `None` where nothing was found.
+    pub fn transients(&self, photo: usize) -> Option<&Transients> {
+        self.transients.get(photo).and_then(Option::as_ref)
+    }
+
+    /// Searches the photos where that is due at this step.
+    pub(crate) fn search_transients(&mut self) -> Result<(), FitError> {
+        let due = |part: f64| (part * self.settings.steps as f64).ceil() as usize == self.step;
+        if self.settings.transients && MOMENTS.into_iter().any(due) && self.photos.len() > LEAST_OTHERS {
+            self.transients = self.find_transients()?;
+        }
+        Ok(())
+    }
+
+    fn find_transients(&mut self) -> Result<Vec<Option<Transients>>, FitError> {
+        let seen = (0..self.photos.len()).map(|photo| self.seen(photo)).collect::<Result<Vec<_>, _>>()?;
+        let extent = self.extent();
+        let mut found = vec![None; seen.len()];
+        parallel::for_chunks(&mut found, 1, |photo, found| found[0] = hidden(photo, &seen, extent));
+        Ok(found)
+    }
+
+    fn seen(&mut self, index: usize) -> Result<Seen, FitError> {
+        let level = |camera: &Camera| (0..).find(|level| longest(&at_level(camera, *level)) <= LONGEST_SIDE).unwrap_or(0);
+        let halvings = level(&self.photo(index).camera);
+        let camera = self.camera(index);
+        let pyramid = Pyramid::new(self.photo(index).clone(), halvings);
+        let (photo, halvings) = pyramid.level(halvings);
+        let camera = at_level(&camera, halvings);
+        let [mut image, alpha, mut depths] = self.draw(&camera)?;
+        let residuals_of = |image: &[f32]| residuals(image, photo);
+        let hidden = self.transients(index).map_or(Vec::new(), |t| t.at_size(camera.width, camera.height));
+        if let Some(exposure) = self.exposure(index).map(Exposure::clone) {
+            let drawn = image.clone();
+            exposure.apply(&drawn, &mut image);
+        }
+        depths.iter_mut().zip(&alpha).for_each(|(depth, alpha)| *depth = if *alpha < 0.5 { 0.0 } else { *depth / alpha });
+        Ok(Seen { camera, residuals: residuals_of(&image), depths, hidden })
+    }
+}
+
+fn longest(camera: &Camera) -> usize {
+    camera.width.max(camera.height)
+}
+
+/// Mean absolute differences over 3 x 3 pixels and the channels.
+fn residuals(image: &[f32], photo: &Photo) -> Vec<f32> {
+    let Camera { width, height, .. } = photo.camera;
+    let counts = |at: usize| photo.mask.as_ref().is_none_or(|mask| mask[at]);
+    let at = |at: usize| -> f32 {
+        let difference = |c: usize| (image[3 * at + c].clamp(0.0, 1.0) - f32::from(photo.rgb[3 * at + c]) / 255.0).abs();
+        if counts(at) { (difference(0) + difference(1) + difference(2)) / 3.0 } else { f32::NAN }
+    };
+    let own: Vec<f32> = (0..width * height).map(at).collect();
+    let around = |i: usize, n: usize| i.saturating_sub(1)..(i + 2).min(n);
+    let mean = |(y, x): (usize, usize)| {
+        let window = around(y, height).flat_map(|y| around(x, width).map(move |x| y * width + x));
+        let (sum, n) = window.map(|at| own[at]).filter(|r| !r.is_nan()).fold((0.0, 0.0), |(s, n), r| (s + r, n + 1.0));
+        if own[y * width + x].is_nan() { f32::NAN } else { sum / n }
+    };
+    (0..height).flat_map(|y| (0..width).map(move |x| (y, x))).map(mean).collect()
+}
+
+/// The cells of a photo that are hidden in it alone.
+fn hidden(photo: usize, seen: &[Seen], extent: f64) -> Option<Transients> {
+    let own = &seen[photo];
+    let (width, height) = (own.camera.width, own.camera.height);
+    let distance = |other: &Seen| {
+        let (a, b) = (own.camera.pose, other.camera.pose);
+        a.center().distance(b.center()) / extent.max(f64::MIN_POSITIVE) + a.angle_to(&b)
+    };
+    let mut others: Vec<usize> = (0..seen.len()).filter(|other| *other != photo).collect();
+    others.sort_by(|a, b| distance(&seen[*a]).total_cmp(&distance(&seen[*b])).then(a.cmp(b)));
+    others.truncate(NEIGHBORS);
+
+    // How many times as large a residual is as elsewhere: 0 where that cannot be said.
+    let ratio = |at: usize| {
+        let (residual, depth) = (own.residuals[at], f64::from(own.depths[at]));
+        if residual.is_nan() || depth <= 0.0 {
+            return 0.0;
+        }
+        let pixel = DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
+        let point = own.camera.pose.inverse().apply(own.camera.intrinsics.unproject(pixel, depth));
+        let mut elsewhere: Vec<f32> = others.iter().filter_map(|other| seen[*other].residual_of(point)).collect();
+        if elsewhere.len() < LEAST_OTHERS {
+            return 0.0;
+        }
+        elsewhere.sort_unstable_by(f32::total_cmp);
+        residual / elsewhere[elsewhere.len() * 3 / 4].max(NOISE)
+    };
+    let ratios: Vec<f32> = (0..width * height).map(ratio).collect();
+    // A photo that is met worse than its neighbors all over is judged by its own measure.
+    let mut known: Vec<f32> = ratios.iter().copied().filter(|ratio| *ratio > 0.0).collect();
+    known.sort_unstable_by(f32::total_cmp);
+    let usual = known.get(known.len() / 2).copied().unwrap_or(1.0).max(1.0);
+    let over = |at: usize, [least, times]: [f32; 2]| own.residuals[at] > least && ratios[at] > times * usual;
+    let mut hidden = vec![false; width * height];
+    let mut visited = vec![false; width * height];
+    for start in 0..width * height {
+        if visited[start] || !over(start, STRONG) {
+            continue;
+        }
+        visited[start] = true;
+        let (mut region, mut next) = (vec![start], 0);
+        while let Some(at) = region.get(next).copied() {
+            next += 1;
+            for neighbor in neighbors(at, width, height) {
+                if !visited[neighbor] && over(neighbor, WEAK) {
+                    visited[neighbor] = true;
+                    region.push(neighbor);
+                }
+            }
+        }
+        if region.len() as f64 >= LEAST_PART * (width * height) as f64 {
+            region.iter().for_each(|at| hidden[*at] = true);
+        }
+    }
+    // The rim of a thing is half of it.
+    let wide: Vec<bool> =
+        (0..width * height).map(|at| hidden[at] || neighbors(at, width, height).any(|n| hidden[n])).collect();
+    let found = Transients { size: [width, height], hidden: wide };
+    (found.part() > 0.0 && found.part() <= MOST_PART).then_some(found)
+}
+
+/// The pixels beside a pixel, corners included.
+fn neighbors(at: usize, width: usize, height: usize) -> impl Iterator<Item = usize> {
+    let (y, x) = (at / width, at % width);
+    let around = |i: usize, n: usize| i.saturating_sub(1)..(i + 2).min(n);
+    around(y, height).flat_map(move |y| around(x, width).map(move |x| y * width + x)).filter(move |n| *n != at)
+}
+
+impl Seen {
+    /// The residual where a point is seen, if it is.
+    fn residual_of(&self, point: weaver_geometry::glam::DVec3) -> Option<f32> {
+        let seen = self.camera.pose.apply(point);
+        if seen.z <= 0.0 {
+            return None;
+        }
+        let pixel = self.camera.intrinsics.project(seen);
+        let inside = |x: f64, n: usize| (x >= 0.0 && x < n as f64).then_some(x as usize);
+        let at = inside(pixel.y, self.camera.height)? * self.camera.width + inside(pixel.x, self.camera.width)?;
+        if self.hidden.get(at) == Some(&true) {
+            return None;
+        }
+        let depth = f64::from(self.depths[at]);
+        let residual = self.residuals[at];
+        ((depth - seen.z).abs() <= SAME_DEPTH * seen.z && !residual.is_nan()).then_some(residual)
+    }
+}
