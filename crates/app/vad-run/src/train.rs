@@ -22,7 +22,7 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
     let Some(path) = &arguments.resume else {
         let path = &arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), "vad"));
         if path.join(MODEL).exists() {
-            return Err(weaver_run::Error::RunExists { folder: path.clone() }.into());
+            return Err(weaver_run::Error::run_exists(path).into());
         }
         let folder = Folder::claim(path, KIND, arguments.plan.features.iter().chain(&arguments.plan.list))?;
         let job = Job::new(arguments.plan.clone())?;
@@ -30,7 +30,7 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
         return job.train(&folder, None, console, interrupt);
     };
     if path.join(MODEL).exists() && !path.join(Folder::CHECKPOINT).exists() {
-        return Err(weaver_run::Error::Complete { folder: path.clone() }.into());
+        return Err(weaver_run::Error::complete(path).into());
     }
     if !path.join(Folder::CHECKPOINT).exists() {
         let plan = Folder::settings(path, KIND, "a detector of anomalies")?;

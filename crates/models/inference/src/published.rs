@@ -18,7 +18,7 @@ use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::glam::DVec2;
 use weaver_io::safetensors::Mapped;
 use weaver_io::safetensors::Tensors;
-use weaver_io::{Image, OutputFolder};
+use weaver_io::{Advice, Image, OutputFolder};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_router::AllocationKind;
@@ -111,7 +111,7 @@ pub fn run(
     let config = opened.config.clone();
     let size = options.size.unwrap_or([config.height, config.width]);
     if let Some(side) = size.iter().find(|side| **side == 0 || !side.is_multiple_of(config.patch)) {
-        return Err(Error::ImageSize { patch: config.patch, side: *side });
+        return Err(Error::ImageSize { patch: config.patch, side: *side, source: Advice::Setting("image size") });
     }
     let size = photos::size_of(images, size, config.patch, options.fit)?;
     let gaussians = opened.has_gaussians;

@@ -32,7 +32,7 @@ impl Job for Count {
 
     fn step(&mut self) -> Result<StepReport, Error> {
         if self.fails_at == Some(self.done + 1) {
-            return Err(Error::Complete { folder: "failed".into() });
+            return Err(Error::complete("failed"));
         }
         self.done += 1;
         let x = self.done as f64;
@@ -88,7 +88,7 @@ fn a_run_that_is_stopped_goes_on_from_its_checkpoint() {
     assert_eq!(run.job.saved, [4, 6], "every fourth step, and where it was stopped");
     let inputs: [&str; 0] = [];
     let refused = Folder::claim(&path, KIND, inputs).unwrap_err();
-    assert!(matches!(&refused, Error::RunExists { folder } if *folder == path), "{refused}");
+    assert!(matches!(&refused, Error::RunExists { folder, .. } if *folder == path), "{refused}");
     drop(run);
 
     let of = Folder::settings(&path, KIND, "a count").unwrap();
