@@ -73,7 +73,8 @@ impl Run {
         if let FilmSource::Folder { path, .. } = &mut settings.film {
             *path = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
         }
-        let inputs = settings.film.path().into_iter().chain(settings.made.as_ref().map(|made| made.from.as_path()));
+        let inputs =
+            settings.film.path().into_iter().chain(settings.derived_from.as_ref().map(|origin| origin.from.as_path()));
         inputs.clone().try_for_each(|path| weaver_io::path_in_utf8(path).map(drop))?;
         let claimed = Folder::claim(folder, KIND, inputs)?;
         let film = settings.film.open()?;

@@ -33,8 +33,8 @@ impl Network for Wild {
     }
 }
 
-/// Result of a pass: the prediction, colors under each look, and the cameras of photos beyond the context.
-struct Made {
+/// A prediction in several lights: the prediction, colors under each look, and the cameras of photos beyond the context.
+struct Lit {
     prediction: Prediction,
     colors: Vec<Vec<f32>>,
     targets: Vec<Camera>,
@@ -90,7 +90,7 @@ impl WildPredictor {
         context: usize,
         source: CameraSource<'_>,
         looks: &[Look<'_>],
-    ) -> Result<Made, Error> {
+    ) -> Result<Lit, Error> {
         self.check(photos, "photos")?;
         for look in looks {
             match look {
@@ -145,7 +145,7 @@ impl WildPredictor {
             };
             prediction.gaussians.sh.clone_from(&colors[0]);
             prediction.predicted = predicted;
-            Made { prediction, colors, targets }
+            Lit { prediction, colors, targets }
         }))
     }
 }
@@ -197,7 +197,7 @@ impl Joint for WildPredictor {
         _stream: Stream,
     ) -> Result<JointPrediction, Error> {
         self.density(density)?;
-        let Made { prediction, targets, .. } =
+        let Lit { prediction, targets, .. } =
             self.run(photos, context, CameraSource::Predicted, &[Look::Of(photos)])?;
         Ok(JointPrediction { prediction, targets })
     }
@@ -211,7 +211,7 @@ impl Lights for WildPredictor {
         looks: &[Look<'_>],
         _stream: Stream,
     ) -> Result<LookPrediction, Error> {
-        let Made { prediction, colors, .. } = self.run(photos, photos.views(), source, looks)?;
+        let Lit { prediction, colors, .. } = self.run(photos, photos.views(), source, looks)?;
         Ok(LookPrediction { prediction, colors })
     }
 }

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Layout, Scene};
-use weaver_inference::reconstruct::{Options as ReconstructOptions, reconstruct};
-use weaver_inference::{CameraSource, Density, OutputFolder, Predictor, SplatWeaverPredictor};
+use weaver_inference::{
+    CameraSource, Density, OutputFolder, PredictOptions, Predictor, SplatWeaverPredictor, predict_to_folder,
+};
 use weaver_kernels::random::Stream;
 use weaver_recipes::{SplatWeaverRecipe, TwoExpertsRecipe, registry};
 use weaver_trainer::evaluate::{Options, evaluate};
@@ -257,7 +258,7 @@ fn opacities_may_depend_on_the_view() {
         scene.views[view].image.write_png(name).unwrap();
     }
     let out = OutputFolder::claim(folder.path().join("out"), "test", &names).unwrap();
-    let report = reconstruct(&mut predictor, &names, &ReconstructOptions::default(), &out).unwrap();
+    let report = predict_to_folder(&mut predictor, &names, &PredictOptions::default(), &out).unwrap();
     assert!(
         report.remarks.iter().any(|remark| remark.starts_with("opacities depend on the view")),
         "{:?}",

@@ -1,7 +1,7 @@
 //! A session as a run in a folder.
 
 use super::Session;
-use crate::evaluation::Summary;
+use crate::figures::Summary;
 use crate::observe::{CURVES, Observer, page};
 use crate::{Error, Recipe, TrainingState, evaluate, samples};
 use std::path::Path;

@@ -4,7 +4,7 @@ use crate::scale::captured;
 use crate::{PixelCnnRecipe, Silent, config};
 use std::sync::atomic::AtomicBool;
 use weaver_inference::RunFolder;
-use weaver_trainer::{Config, Registry, Session, Setup, create_run};
+use weaver_trainer::{Config, ConfigSource, Registry, Session, create_run};
 
 type Pixel = Config<PixelCnnRecipe>;
 
@@ -87,7 +87,7 @@ fn more_steps_prolong_the_last_stage_and_are_recorded() {
     let registry = Registry::new().with::<PixelCnnRecipe>();
     let recipe = registry.find(None).unwrap();
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
-    let config = recipe.resolve(&Setup { settings, steps: Some(3), ..Setup::default() }).unwrap();
+    let config = recipe.resolve(&ConfigSource { settings, steps: Some(3), ..ConfigSource::default() }).unwrap();
     let finished = || {
         let folder = create_run(&tempfile::tempdir_in(&parent).unwrap().keep(), &config).unwrap();
         recipe.start(&config).unwrap().train(&folder, &mut Silent, &AtomicBool::new(false)).unwrap();

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use weaver_data::capture::{CaptureOptions, load, load_cameras};
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
-use weaver_data::{EstimateOptions, EstimatedPhotos, estimate_photos};
+use weaver_data::{EstimatePhotosOptions, EstimatedPhotos, estimate_photos};
 use weaver_io::{Transforms, colmap::Model};
 
 /// Small, for matching is slow where nothing is optimized.
@@ -27,12 +27,15 @@ fn photos(folder: &Path, count: usize, [width, height]: [usize; 2]) -> Vec<PathB
 }
 
 /// With the focal length of the photos: to look for it takes most of the time.
-fn told() -> EstimateOptions {
+fn told() -> EstimatePhotosOptions {
     let camera = scene(3, &ProceduralOptions { width: 96, height: 72, views: 8 }).views[0].camera;
-    EstimateOptions { focal: Some(camera.intrinsics.fx / camera.width as f64), ..EstimateOptions::default() }
+    EstimatePhotosOptions {
+        focal: Some(camera.intrinsics.fx / camera.width as f64),
+        ..EstimatePhotosOptions::default()
+    }
 }
 
-fn estimated(paths: &[PathBuf], options: &EstimateOptions) -> EstimatedPhotos {
+fn estimated(paths: &[PathBuf], options: &EstimatePhotosOptions) -> EstimatedPhotos {
     estimate_photos(paths, &vec![false; paths.len()], options).unwrap()
 }
 
@@ -78,7 +81,7 @@ fn an_absurd_focal_length_changes_no_camera_and_is_named() {
     let paths = photos(temporary.path(), 3, SIZE);
     let tell = |told: [u16; 3]| {
         paths.iter().zip(told).for_each(|(path, told)| store(path, NoTransforms, Some(told)));
-        estimated(&paths, &EstimateOptions::default())
+        estimated(&paths, &EstimatePhotosOptions::default())
     };
     let expected = tell([30, 30, 0]);
     assert_eq!(expected.remarks, [""; 0]);
@@ -110,7 +113,7 @@ fn a_focal_length_that_photos_contradict_is_not_used() {
     }
     let with = |told: u16| {
         paths.iter().for_each(|path| store(path, NoTransforms, Some(told)));
-        let found = estimated(&paths, &EstimateOptions::default());
+        let found = estimated(&paths, &EstimatePhotosOptions::default());
         (found.focal() / (truth.views[0].camera.intrinsics.fx / 160.0), found.remarks)
     };
     let (right, remarks) = with(TRUE_FOCAL);
@@ -140,7 +143,7 @@ fn photos_of_two_zooms_upright_and_across_have_two_lenses() {
         paths.push((path, zoom * focal));
     }
     let files: Vec<PathBuf> = paths.iter().map(|(path, _)| path.clone()).collect();
-    let found = estimated(&files, &EstimateOptions::default());
+    let found = estimated(&files, &EstimatePhotosOptions::default());
     assert!(found.remarks.is_empty() && found.placed().len() == 10, "{:?} {:?}", found.remarks, found.left_out());
     assert_eq!(found.lenses(), 2);
     for ((path, focal), camera) in paths.iter().zip(&found.estimate.cameras) {
@@ -150,7 +153,7 @@ fn photos_of_two_zooms_upright_and_across_have_two_lenses() {
 }
 
 /// Estimates photos as they are and stored by these orientations, and checks that both give the same cameras, and what is written.
-fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options: &EstimateOptions) {
+fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options: &EstimatePhotosOptions) {
     let temporary = tempfile::tempdir().unwrap();
     let [clean, stored] = ["clean", "stored"].map(|name| temporary.path().join(name));
     let upright = estimated(&photos(&clean, 4, size), options);

@@ -9,7 +9,7 @@ use std::path::Path;
 use weaver_data::capture::{CaptureOptions, HoldOut, load, load_cameras, load_images};
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
-use weaver_data::{EstimateOptions, estimate_photos};
+use weaver_data::{EstimatePhotosOptions, estimate_photos};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 use weaver_io::colmap::Model;
@@ -247,7 +247,7 @@ fn cameras_are_estimated_of_turned_photos_as_of_upright_ones() {
             let orientation = if turned && i % 2 == 0 { Orientation::Rotate90 } else { Orientation::NoTransforms };
             turn(path, orientation);
         }
-        estimate_photos(&paths, &[false; 5], &EstimateOptions::default()).unwrap()
+        estimate_photos(&paths, &[false; 5], &EstimatePhotosOptions::default()).unwrap()
     });
     let [upright, turned] = &found;
     assert!(upright.placed().len() >= 3, "{:?}", upright.left_out());
@@ -437,7 +437,7 @@ fn photos_of_the_same_proportions_share_a_lens() {
         path
     });
     let lenses = |shared: bool| {
-        let options = EstimateOptions { shared, ..EstimateOptions::default() };
+        let options = EstimatePhotosOptions { shared, ..EstimatePhotosOptions::default() };
         estimate_photos(&paths, &[false; 5], &options).unwrap().lenses()
     };
     assert_eq!([lenses(true), lenses(false)], [3, 5]);

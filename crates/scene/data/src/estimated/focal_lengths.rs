@@ -3,7 +3,7 @@
 use crate::remarks::some_of;
 use std::collections::BTreeSet;
 use weaver_geometry::Camera;
-use weaver_sfm::{Estimate, EstimateSettings, Features, LeftOut, Photo, estimate_from};
+use weaver_sfm::{Estimate, EstimateOptions, Features, LeftOut, Photo, estimate_from};
 
 /// A focal length that is more times off those of the other photos is not one of theirs.
 const OFF: f64 = 3.0;
@@ -12,19 +12,19 @@ const OFF: f64 = 3.0;
 /// the photos of these.
 ///
 /// Where the others are an even number, it is the nearer of the two in the middle that counts.
-pub(super) fn without_outliers(names: &[String], told: &[Option<f64>]) -> (Vec<Option<f64>>, Option<String>) {
+pub(super) fn without_outliers(names: &[String], focals: &[Option<f64>]) -> (Vec<Option<f64>>, Option<String>) {
     let kept = |(i, own): (usize, &Option<f64>)| {
-        let others = told.iter().enumerate().filter(|(j, _)| *j != i);
+        let others = focals.iter().enumerate().filter(|(j, _)| *j != i);
         let mut others: Vec<f64> = others.filter_map(|(_, other)| *other).collect();
         others.sort_by(f64::total_cmp);
         let Some(last) = others.len().checked_sub(1) else { return *own };
         let middle = [others[last / 2], others[others.len() / 2]];
         own.filter(|own| middle.iter().any(|other| own / other <= OFF && other / own <= OFF))
     };
-    let kept: Vec<Option<f64>> = told.iter().enumerate().map(kept).collect();
-    let ignored = told.iter().zip(&kept).zip(names).filter(|((told, kept), _)| told != kept);
+    let kept: Vec<Option<f64>> = focals.iter().enumerate().map(kept).collect();
+    let ignored = focals.iter().zip(&kept).zip(names).filter(|((focals, kept), _)| focals != kept);
     let ignored: Vec<String> =
-        ignored.map(|((told, _), name)| format!("{name} ({} mm)", told.unwrap_or_default())).collect();
+        ignored.map(|((focals, _), name)| format!("{name} ({} mm)", focals.unwrap_or_default())).collect();
     let none_left = kept.iter().all(Option::is_none);
     let remark = match none_left {
         true => "focal lengths in EXIF that are more than three times apart are not used",
@@ -41,7 +41,7 @@ const CONTRADICTED: f64 = 2.0;
 ///
 /// A focal length is told as a measurement, whose deviation holds back what photos show. Where that is far off nevertheless, what is
 /// told is no measurement of this lens, and half way between both is wrong for certain.
-pub(super) fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> (Estimate, Option<String>) {
+pub(super) fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> (Estimate, Option<String>) {
     let features: Vec<Features> = photos.iter().map(|photo| photo.features(settings.keypoints)).collect();
     let estimate = estimate_from(photos, &features, settings);
     let most = CONTRADICTED * settings.focal_deviation;
@@ -80,15 +80,15 @@ pub(super) fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> (Es
 mod tests {
     use super::without_outliers;
 
-    fn kept(told: &[Option<f64>]) -> (Vec<Option<f64>>, Option<String>) {
-        let names: Vec<String> = (0..told.len()).map(|i| format!("{i}.jpg")).collect();
-        without_outliers(&names, told)
+    fn kept(focals: &[Option<f64>]) -> (Vec<Option<f64>>, Option<String>) {
+        let names: Vec<String> = (0..focals.len()).map(|i| format!("{i}.jpg")).collect();
+        without_outliers(&names, focals)
     }
 
     #[test]
     fn what_is_far_off_the_others_is_named_and_not_used() {
-        let told = [28.0, 28.0, 5000.0, 84.0, 26.0, 1.0].map(Some);
-        let (left, remark) = kept(&told);
+        let focals = [28.0, 28.0, 5000.0, 84.0, 26.0, 1.0].map(Some);
+        let (left, remark) = kept(&focals);
         assert_eq!(left, [Some(28.0), Some(28.0), None, Some(84.0), Some(26.0), None]);
         let remark = remark.unwrap();
         assert!(

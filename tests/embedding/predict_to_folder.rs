@@ -1,8 +1,7 @@
-//! Photos to a scene with the weights of a training run: `reconstruct RUN OUT`. The photos are drawn here.
+//! Photos to a scene with the weights of a training run: `predict_to_folder RUN OUT`. The photos are drawn here.
 
 use std::path::{Path, PathBuf};
-use weaver_inference::{OutputFolder, SplatWeaverPredictor};
-use weaver_inference::reconstruct::{Options, reconstruct};
+use weaver_inference::{OutputFolder, PredictOptions, SplatWeaverPredictor, predict_to_folder};
 use weaver_io::{Image, read_gaussians};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -13,7 +12,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let out = OutputFolder::claim(out.join("result"), "example", &photos)?;
 
     let mut predictor = SplatWeaverPredictor::open(run)?;
-    let report = reconstruct(&mut predictor, &photos, &Options::default(), &out)?;
+    let report = predict_to_folder(&mut predictor, &photos, &PredictOptions::default(), &out)?;
 
     let scene = read_gaussians(out.path().join("scene.ply"))?;
     assert_eq!(scene.len(), report.gaussians);

@@ -12,9 +12,9 @@ use weaver_kernels::random::Stream;
 use weaver_losses::metrics;
 use weaver_scene::Frame;
 
-/// Options of a reconstruction.
+/// PredictOptions of a prediction from photo files.
 #[derive(Clone, Debug, Default)]
-pub struct Options {
+pub struct PredictOptions {
     /// Cameras of the photos: a transforms.json, or a folder with a COLMAP model. Photos are matched by the ends of their paths; points
     /// of the model scale the cameras and repair depth ([`load_cameras`](weaver_data::capture::load_cameras)).
     pub cameras: Option<PathBuf>,
@@ -31,7 +31,7 @@ pub struct Options {
 
 /// Summary of the written files.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Report {
+pub struct PredictReport {
     /// Gaussians of the scene.
     pub gaussians: usize,
     /// Gaussians per pixel.
@@ -49,13 +49,13 @@ pub struct Report {
 /// # Errors
 /// When the photos or the cameras cannot be read or do not fit together, or the output cannot be written; before any work where a file
 /// is in the way.
-pub fn reconstruct(
+pub fn predict_to_folder(
     predictor: &mut dyn Predictor,
     images: &[PathBuf],
-    options: &Options,
+    options: &PredictOptions,
     out: &OutputFolder,
-) -> Result<Report, Error> {
-    check(out, images)?;
+) -> Result<PredictReport, Error> {
+    check_prediction_folder(out, images)?;
     let [height, width] = predictor.image_size();
     let with_cameras = |file| capture::load_cameras(file, images, [width, height], options.masks);
     let mut given = options.cameras.as_deref().map(with_cameras).transpose()?;
@@ -133,7 +133,7 @@ pub(crate) fn report(
     prediction: &Prediction,
     remarks: Vec<String>,
     out: &Path,
-) -> Report {
+) -> PredictReport {
     let psnr = |(v, (photo, render)): (usize, (&Image, &Image))| {
         let Some(inside) = inside else { return Some(metrics::psnr(&render.pixels, &photo.pixels)) };
         let pixels = photo.width * photo.height;
@@ -142,7 +142,7 @@ pub(crate) fn report(
     };
     let measured: Vec<f64> = photos.iter().zip(renders).enumerate().filter_map(psnr).collect();
     let gaussians = prediction.gaussians.opacities.len();
-    Report {
+    PredictReport {
         gaussians,
         gaussians_per_pixel: gaussians as f64 / prediction.counts.len() as f64,
         psnr: (!measured.is_empty()).then(|| measured.iter().sum::<f64>() / measured.len() as f64),
@@ -221,11 +221,11 @@ fn write_cameras(out: &OutputFolder, names: &[String], cameras: &[Camera]) -> Re
     Ok(())
 }
 
-/// Checks that a folder has a place for what [`reconstruct`] writes of photos: to be called before long work.
+/// Checks that a folder has a place for what [`predict_to_folder`] writes of photos: to be called before long work.
 ///
 /// # Errors
 /// Names the first file that is not to be replaced.
-pub fn check(out: &OutputFolder, images: &[PathBuf]) -> Result<(), Error> {
+pub fn check_prediction_folder(out: &OutputFolder, images: &[PathBuf]) -> Result<(), Error> {
     out.check(FILES)?;
     let names = unique_names(images);
     PARTS.iter().try_for_each(|part| out.check(names.iter().map(|name| format!("{part}/{name}"))))?;

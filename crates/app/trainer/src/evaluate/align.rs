@@ -6,7 +6,7 @@
 
 use super::LEAST_SIDE;
 use super::drawn::{Drawing, Drawn};
-use crate::evaluation::CameraFigures;
+use crate::figures::CameraFigures;
 use crate::{CameraMode, Error};
 use std::sync::Arc;
 use weaver_align::{Aligned, Method, Options, Outcome, Photo, Scene as AlignScene, align, mean_square};

@@ -1,7 +1,7 @@
 //! Held-out views in the light of a photo: whose, what of it the model is shown, and how well it is met.
 
 use super::Options;
-use crate::evaluation::LookFigures;
+use crate::figures::LookFigures;
 use std::fmt;
 use std::str::FromStr;
 use weaver_data::appearance::{keep_columns, seen};

@@ -1,9 +1,9 @@
 //! Results of an evaluation, as JSON and as a table.
 
-mod aligned;
+mod align;
 
-pub(crate) use aligned::areas;
-pub use aligned::{AlignedFigures, CameraFigures};
+pub(crate) use align::areas;
+pub use align::{AlignedFigures, CameraFigures};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
@@ -198,7 +198,7 @@ impl Evaluation {
         if let Some([a, b, c]) = self.mean.pose_auc {
             let _ = writeln!(out, "context cameras, area under the curve at 5, 10, 20 degrees: {a:.2} {b:.2} {c:.2}");
         }
-        out += &aligned::table(self);
+        out += &align::table(self);
         out += &self.look_table();
         for remark in &self.remarks {
             let _ = writeln!(out, "note: {remark}");
