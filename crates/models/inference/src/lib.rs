@@ -20,6 +20,7 @@ mod pretrained;
 pub mod published;
 mod refined;
 mod run_folder;
+mod scene_network;
 mod splatweaver;
 mod view_opacity;
 mod weights;
@@ -38,6 +39,7 @@ pub use predictor::{
 pub use pretrained::{Network, Pretrained, cameras_of};
 pub use refined::{Effort, Refined};
 pub use run_folder::RunFolder;
+pub use scene_network::{LitNetwork, SceneNetwork};
 pub use splatweaver::SplatWeaverPredictor;
 pub use view_opacity::{ViewOpacity, ViewOpacityRasterizer};
 pub use weaver_io::OutputFolder;

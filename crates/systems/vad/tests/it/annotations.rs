@@ -1,6 +1,6 @@
 //! Annotations: what they say, and what is refused.
 
-use crate::fixture::real_lists;
+use crate::real_lists::real_lists;
 use std::path::PathBuf;
 use weaver_io::write_npy;
 use weaver_vad::{Annotation, Length};

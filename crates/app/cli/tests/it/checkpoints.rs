@@ -1,7 +1,7 @@
 //! Checkpoints that do not fit their run.
 
 use crate::capture::{edit, halve};
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use crate::run::Run;
 use std::path::Path;
 use weaver_io::safetensors::Tensors;

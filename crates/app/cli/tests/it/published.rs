@@ -1,7 +1,7 @@
 //! Checkpoints in the published names: what comes out, and what is said of those that do not fit. The network is a small one
 //! of the same modules.
 
-use crate::command::{Outcome, splatweaver};
+use crate::in_process::{Outcome, splatweaver};
 use half::bf16;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -345,7 +345,7 @@ fn everything_that_does_not_fit_is_listed() {
 #[test]
 fn pytorch_checkpoints_are_converted() {
     let folder = tempfile::tempdir().unwrap();
-    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/torch_checkpoint.ckpt");
+    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../tests/fixtures/torch_checkpoint.ckpt");
     let out = folder.path().join("model.safetensors");
     let done = splatweaver(&[&"convert-weights", &sample, &"-o", &out]).fine();
     assert!(done.stdout.contains("8 tensors"), "{done:?}");

@@ -1,7 +1,7 @@
 //! One small run, trained once and looked at from all sides.
 
 use crate::capture;
-use crate::command::{Outcome, splatweaver};
+use crate::in_process::{Outcome, splatweaver};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use tempfile::TempDir;

@@ -1,6 +1,6 @@
 //! The second model of the command line: trained, evaluated beside the first, used, and refused what it cannot do.
 
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use crate::run::Run;
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! Losses that are no longer numbers.
 
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use crate::run::Run;
 
 #[test]

@@ -1,7 +1,7 @@
 //! Too few photos.
 
 use crate::capture;
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use crate::run::Run;
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! Rows and figures of the engine.
 
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use serde_json::Value;
 use std::collections::BTreeSet;
 

@@ -1,6 +1,6 @@
 //! Figures, and values and gradients against stored references, through the command line.
 
-use crate::command::{Outcome, splatweaver};
+use crate::in_process::{Outcome, splatweaver};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -13,7 +13,7 @@ pub fn raster(arguments: &[&dyn AsRef<OsStr>]) -> Outcome {
 }
 
 fn fixture(name: &str) -> Tensors {
-    Tensors::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/raster").join(name)).unwrap()
+    Tensors::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../tests/fixtures/raster").join(name)).unwrap()
 }
 
 /// The workload that a stored reference was computed from.

@@ -1,6 +1,6 @@
 //! The third model of the command line: trained on photos in different light, judged by looks, used with them, and refused what it cannot do.
 
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use crate::run::Run;
 
 #[test]

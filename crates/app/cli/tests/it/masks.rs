@@ -1,6 +1,6 @@
 //! Masks on the command line: with photos alone, and with a capture.
 
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use crate::run::Run;
 use std::path::Path;
 use weaver_io::{Background, Image};

@@ -1,6 +1,6 @@
 //! Training on photos without cameras, which a teacher with random weights has to tell.
 
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use crate::published::{Scene, checkpoint};
 use crate::run::Run;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ fn photos(folder: &Path) -> PathBuf {
     capture
 }
 
-fn train(data: &Path, teacher: &Path, out: &Path) -> crate::command::Outcome {
+fn train(data: &Path, teacher: &Path, out: &Path) -> crate::in_process::Outcome {
     let line: [&dyn AsRef<std::ffi::OsStr>; 11] =
         [&"train", &"--preset", &"micro", &"--steps", &"2", &"--data", &data, &"--teacher", &teacher, &"--out", &out];
     splatweaver(&line)

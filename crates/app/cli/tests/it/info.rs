@@ -1,7 +1,7 @@
 //! `info` on each kind of file.
 
 use crate::capture;
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use crate::render::splats;
 use crate::run::Run;
 use weaver_geometry::Pose;
@@ -27,7 +27,10 @@ fn every_kind_of_file_is_described() {
         (sparse.join("images.bin"), "COLMAP images, 2"),
         (sparse.join("points3D.bin"), "COLMAP points"),
         (clip, "RealEstate10K, 1 cameras"),
-        (concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/torch_checkpoint.ckpt").into(), "PyTorch checkpoint, "),
+        (
+            concat!(env!("CARGO_MANIFEST_DIR"), "/../../../tests/fixtures/torch_checkpoint.ckpt").into(),
+            "PyTorch checkpoint, ",
+        ),
     ];
     for (path, says) in kinds {
         let done = splatweaver(&[&"info", &path]).fine();

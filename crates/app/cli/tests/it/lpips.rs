@@ -1,6 +1,6 @@
 //! LPIPS in training and in evaluation, with random weights.
 
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use crate::run::Run;
 use std::ffi::OsStr;
 use std::path::Path;

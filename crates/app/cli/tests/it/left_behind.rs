@@ -1,6 +1,6 @@
 //! What a run leaves for its reader is what happened in it: report, sample pictures, TensorBoard's events.
 
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use crate::run::Run;
 use std::collections::BTreeMap;
 use std::path::Path;

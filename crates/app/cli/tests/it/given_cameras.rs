@@ -1,7 +1,7 @@
 //! Given cameras: which photo has which, how long they are, and the points that come with them.
 
 use crate::capture;
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use crate::run::Run;
 use std::path::{Path, PathBuf};
 use weaver_data::capture::CaptureOptions;

@@ -1,6 +1,6 @@
 //! Weights from files: to start from, to evaluate and to use.
 
-use crate::command::{Outcome, splatweaver};
+use crate::in_process::{Outcome, splatweaver};
 use crate::run::Run;
 use std::ffi::OsStr;
 use std::path::Path;

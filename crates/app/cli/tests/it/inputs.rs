@@ -1,7 +1,7 @@
 //! Captures that are damaged in one place each.
 
 use crate::capture::{self, edit, halve};
-use crate::command::{Outcome, splatweaver};
+use crate::in_process::{Outcome, splatweaver};
 use crate::run::Run;
 use std::path::Path;
 use weaver_io::Image;

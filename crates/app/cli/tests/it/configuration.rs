@@ -1,6 +1,6 @@
 //! Configurations that make no sense.
 
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 
 #[track_caller]
 fn refused(arguments: &[&str], parts: &[&str]) {

@@ -1,7 +1,7 @@
 //! `render` from every source of cameras.
 
 use crate::capture;
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 use std::path::{Path, PathBuf};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
