@@ -236,8 +236,9 @@ mod tests {
         Grown { bundle, placed: vec![true; 16], support: 1.0 }
     }
 
+    /// Explanations differ by photos and not by their world.
     #[test]
-    fn explanations_differ_by_photos_and_not_by_their_world() {
+    fn explanations_differ_by_photos() {
         let first = grown(&[], 0.0);
         assert!(!first.differs(&grown(&[], 0.7), DIFFERENT));
         assert!(!first.differs(&grown(&[0], 0.7), DIFFERENT), "one of many");

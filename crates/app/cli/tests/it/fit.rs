@@ -35,8 +35,9 @@ fn json(path: &Path) -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
+/// A capture becomes a scene with everything that is promised.
 #[test]
-fn a_capture_becomes_a_scene_with_everything_that_is_promised() {
+fn a_capture_becomes_a_scene() {
     let folder = tempfile::tempdir().unwrap();
     let (capture, out) = (captured(folder.path()), folder.path().join("out"));
     let done = small(&capture, &out, &[&"--also", &"splat", &"--also", &"spz", &"--exposure", &"--antialiased"]).fine();
@@ -64,8 +65,9 @@ fn a_capture_becomes_a_scene_with_everything_that_is_promised() {
     small(&capture, &out, &[]).refused(2, &["a run exists there already", "--resume"]);
 }
 
+/// The same seed gives the same bits at any number of threads and another seed others.
 #[test]
-fn the_same_seed_gives_the_same_bits_at_any_number_of_threads_and_another_seed_others() {
+fn seeds_decide_the_bits_and_threads_do_not() {
     let folder = tempfile::tempdir().unwrap();
     let capture = captured(folder.path());
     let scene = |name: &str, more: &[&dyn AsRef<OsStr>]| {
@@ -105,8 +107,9 @@ fn masked_photos_a_size_and_few_views_are_respected() {
     small(&capture, &folder.path().join("dark"), &[&"--masks"]).refused(1, &["photos", "pixels that count"]);
 }
 
+/// A dry run says what it would take and writes nothing.
 #[test]
-fn a_dry_run_says_what_it_would_take_and_writes_nothing() {
+fn a_dry_run_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let (capture, out) = (captured(folder.path()), folder.path().join("out"));
     let done = small(&capture, &out, &[&"--dry-run"]).fine();
@@ -174,8 +177,9 @@ fn a_scene_without_harmonics_begins_a_fit() {
     assert_eq!(weaver_io::read_gaussians(again.join("scene.ply")).unwrap().degree, 3);
 }
 
+/// More memory than there is is refused before anything is written.
 #[test]
-fn more_memory_than_there_is_is_refused_before_anything_is_written() {
+fn too_much_memory_is_refused_before_writing() {
     let folder = tempfile::tempdir().unwrap();
     let (capture, out) = (captured(folder.path()), folder.path().join("out"));
     fit(&capture, &out, &[&"--set", &"gaussians=1000000000000"]).refused(1, &["memory"]);

@@ -67,8 +67,9 @@ fn infer_and_eval_make_the_same_of_the_same_photos() {
     }
 }
 
+/// Without points cameras are as long as the predicted ones.
 #[test]
-fn without_points_cameras_are_as_long_as_the_predicted_ones() {
+fn without_points_predicted_cameras_set_the_scale() {
     let run = Run::shared();
     let folder = tempfile::tempdir().unwrap();
     let transforms = capture::transforms(&folder.path().join("capture"), capture::VIEWS);
@@ -96,8 +97,9 @@ fn said_factor(stderr: &str) -> f64 {
     said.split(',').next().unwrap().parse().unwrap()
 }
 
+/// Photos of one name in two folders have cameras of their own.
 #[test]
-fn photos_of_one_name_in_two_folders_have_cameras_of_their_own() {
+fn photos_of_one_name_in_two_folders() {
     let run = Run::shared();
     let folder = tempfile::tempdir().unwrap();
     let read = Transforms::read(capture::transforms(&folder.path().join("capture"), 4)).unwrap().frames;

@@ -47,8 +47,9 @@ fn other_files_are_refused() {
     splatweaver(&[&"info", &path]).refused(1, &["notes.md", "known extension"]);
 }
 
+/// A run is described by its folder and by each of its files.
 #[test]
-fn a_run_is_described_by_its_folder_and_by_each_of_its_files() {
+fn a_run_is_described_by_any_of_its_files() {
     let run = Run::shared().path();
     for (name, parts) in [
         ("", &["run of splatweaver, preset micro", "4 of 4 steps", "checksum of the weights", "PSNR"][..]),
@@ -63,8 +64,9 @@ fn a_run_is_described_by_its_folder_and_by_each_of_its_files() {
     assert!(done.stdout.contains("4 of 4 steps") && !done.stdout.contains("summary"), "{}", done.stdout);
 }
 
+/// Broken summaries and configurations are refused by name.
 #[test]
-fn broken_summaries_and_configurations_are_refused_by_name() {
+fn broken_summaries_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     for (name, text) in [("summary.json", "{"), ("mine.toml", "a = "), ("model.ckpt", "no archive")] {
         let path = folder.path().join(name);
@@ -76,8 +78,9 @@ fn broken_summaries_and_configurations_are_refused_by_name() {
     assert!(splatweaver(&[&"info", &path]).fine().stdout.contains("near: 0.5"));
 }
 
+/// Cameras are described where their photos are missing.
 #[test]
-fn cameras_are_described_where_their_photos_are_missing() {
+fn cameras_without_photos_are_described() {
     let folder = tempfile::tempdir().unwrap();
     let transforms = capture::transforms(folder.path(), 2);
     std::fs::remove_dir_all(folder.path().join("images")).unwrap();

@@ -126,8 +126,9 @@ fn logs_and_report_say_what_happened() {
     assert_eq!(report.matches("<img ").count(), 2);
 }
 
+/// A sample is input render depth and gaussians per pixel.
 #[test]
-fn a_sample_is_input_render_depth_and_gaussians_per_pixel() {
+fn a_sample_has_four_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     trained(&run);

@@ -69,8 +69,9 @@ fn infer_and_eval_see_nothing_of_what_masks_leave_out() {
     assert_ne!(plain, other_plain);
 }
 
+/// Photos without masks are refused with what was looked for.
 #[test]
-fn photos_without_masks_are_refused_with_what_was_looked_for() {
+fn photos_without_masks_are_refused() {
     let (run, folder) = (Run::shared(), tempfile::tempdir().unwrap());
     let photo = run.data().join("images/00.png");
     let out = folder.path().join("out");

@@ -130,8 +130,9 @@ fn a_scene_from_photos_alone() {
     assert!(fitted.status.success() && folder.join("fitted/cameras/sparse").exists(), "{}", said(&fitted));
 }
 
+/// The weights that come with the program take estimated cameras.
 #[test]
-fn the_weights_that_come_with_the_program_take_estimated_cameras() {
+fn built_in_weights_take_estimated_cameras() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     photos(folder, 8);
@@ -213,8 +214,9 @@ fn what_is_not_used_is_said() {
     assert!(output.status.code() == Some(1) && text.contains("06.heic") && text.contains("convert it"), "{text}");
 }
 
+/// Photos that were cropped have a focal length of their own.
 #[test]
-fn photos_that_were_cropped_have_a_focal_length_of_their_own() {
+fn cropped_photos_have_their_own_focal_length() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     photos(folder, 12);
@@ -255,9 +257,10 @@ fn photos_held_out_in_vain_are_not_replaced_by_others() {
     assert!(text.contains("no photo is held out") && text.contains("all, none held out"), "{text}");
 }
 
+/// A reconstruction that was killed says how it goes on.
 #[cfg(unix)]
 #[test]
-fn a_reconstruction_that_was_killed_says_how_it_goes_on() {
+fn a_killed_reconstruction_says_how_to_go_on() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     photos(folder, 12);

@@ -129,8 +129,9 @@ fn files_that_cannot_be_rendered_are_named() {
     render().refused(1, &["clip.txt", "at least one camera"]);
 }
 
+/// A scene is drawn as its summary says unless flags do.
 #[test]
-fn a_scene_is_drawn_as_its_summary_says_unless_flags_do() {
+fn flags_win_over_the_summary() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, clip) = (scene(folder.path()), clip(folder.path()));
     let picture = |name: &str, more: &[&str]| {

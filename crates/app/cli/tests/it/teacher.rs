@@ -28,8 +28,9 @@ fn checksum(run: &Path) -> String {
     serde_json::from_str::<serde_json::Value>(&text).unwrap()["checksum"].as_str().unwrap().into()
 }
 
+/// Photos without cameras are trained on with a teacher whose words are kept.
 #[test]
-fn photos_without_cameras_are_trained_on_with_a_teacher_whose_words_are_kept() {
+fn a_teacher_replaces_cameras() {
     let (scene, folder) = (Scene::shared(), tempfile::tempdir().unwrap());
     let (capture, weights) = (photos(folder.path()), folder.path().join("teacher-weights.safetensors"));
     std::fs::copy(scene.weights(), &weights).unwrap();

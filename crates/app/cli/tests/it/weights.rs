@@ -97,7 +97,7 @@ fn training_starts_from_a_run_as_far_as_it_fits() {
 
 /// Backbones have the same names in every model, as in published files.
 #[test]
-fn training_starts_from_published_weights_and_from_another_model() {
+fn training_starts_from_other_weights() {
     let run = Run::shared();
     let folder = tempfile::tempdir().unwrap();
     let data = run.data();

@@ -292,7 +292,7 @@ fn what_does_not_fit_is_named_with_both_numbers() {
 
 /// A checkpoint alone is enough to open the model.
 #[test]
-fn weights_alone_are_opened_by_the_model_that_they_are_of() {
+fn weights_are_opened_by_their_model() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
     let mut session = Session::new(config(5, &[])).unwrap();

@@ -139,8 +139,9 @@ fn records_are_means_over_steps_or_single_steps() {
     assert_eq!(logged(&path), [(1, 1.0, 1.0), (4, 4.0, 4.0), (8, 8.0, 8.0)]);
 }
 
+/// A page has a curve for each number and for the loss of each stage.
 #[test]
-fn a_page_has_a_curve_for_each_number_and_for_the_loss_of_each_stage() {
+fn pages_have_curves_for_all_numbers() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("run");
     let mut run = begin(&path, Count::new(10, Log::Every(1)));

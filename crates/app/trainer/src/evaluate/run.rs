@@ -27,6 +27,17 @@ pub fn evaluate(
     lpips: Option<&Lpips<f32>>,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Evaluation, Error> {
+    // The rest knows one type of scenes, so that it is compiled here and not in each crate that calls it.
+    run(predictor, &scenes.iter().map(Borrow::borrow).collect::<Vec<_>>(), options, lpips, progress)
+}
+
+fn run(
+    predictor: &mut dyn Predictor,
+    plain: &[&Scene],
+    options: &Options,
+    lpips: Option<&Lpips<f32>>,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Evaluation, Error> {
     let Options { context_views: context, cameras, targets, seed, step, .. } = *options;
     let density = predictor.density(options.density)?;
     let measure = Measure { experts: predictor.max_per_pixel() + 1, lpips };
@@ -55,12 +66,11 @@ pub fn evaluate(
     }
 
     let mut all = Vec::new();
-    let plain: Vec<&Scene> = scenes.iter().map(Borrow::borrow).collect();
     let varied: Option<Vec<Scene>> = options
         .planted
         .as_ref()
         .map(|looks| plain.iter().enumerate().map(|(number, scene)| looks.of_scene(scene, number)).collect());
-    let scenes: Vec<&Scene> = varied.as_ref().map_or_else(|| plain.clone(), |varied| varied.iter().collect());
+    let scenes: Vec<&Scene> = varied.as_ref().map_or_else(|| plain.to_vec(), |varied| varied.iter().collect());
     for (index, scene) in scenes.iter().enumerate() {
         scene.check_evaluation(context)?;
         let tuples = evaluation_tuples(scene, index, context);

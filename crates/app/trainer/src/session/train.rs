@@ -44,7 +44,7 @@ impl<R: Recipe> Session<R> {
             evaluation,
         };
         folder.summarize(&summary)?;
-        folder.report(page::<R>(folder.path(), &summary)?.curves(&folder.records()?, &CURVES))?;
+        folder.report(page(R::ARCHITECTURE, folder.path(), &summary)?.curves(&folder.records()?, &CURVES))?;
         Ok(summary)
     }
 

@@ -41,7 +41,7 @@ fn a_resumed_run_equals_an_uninterrupted_one() {
 
 /// Which scenes are kept at a step does not depend on where the run went on.
 #[test]
-fn a_resumed_run_on_endless_scenes_equals_an_uninterrupted_one() {
+fn resumed_runs_on_endless_scenes_are_equal() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
     let endless = |every| Config { data: DataConfig { endless: Some(every), ..config(7).data }, ..config(7) };
@@ -61,7 +61,7 @@ fn a_resumed_run_on_endless_scenes_equals_an_uninterrupted_one() {
 
 /// A decay is not 0 where there is no average: there is none, and the weights themselves are evaluated.
 #[test]
-fn without_an_average_the_weights_themselves_are_stored_for_evaluation() {
+fn without_an_average_weights_are_stored() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
     let stored = |ema| {
@@ -199,7 +199,7 @@ fn times_and_numbers_reach_the_examples() {
 
 /// A predictor that needs cameras says so, and which photos it takes.
 #[test]
-fn predictors_of_one_gaussian_for_every_pixel_say_what_they_need() {
+fn pixel_predictors_say_what_they_need() {
     use weaver_inference::{CameraSource, Density, Photos, PixelAlignedPredictor, Predictor};
     let config = config(1);
     let mut params = weaver_autograd::Params::new();

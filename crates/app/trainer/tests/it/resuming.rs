@@ -8,8 +8,9 @@ use weaver_trainer::{Config, ConfigSource, Registry, Session, create_run};
 
 type Pixel = Config<PixelCnnRecipe>;
 
+/// Another configuration than the checkpoints is refused with its key.
 #[test]
-fn another_configuration_than_the_checkpoints_is_refused_with_its_key() {
+fn another_configuration_is_refused_by_key() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
     let mut first = Session::new(config(6)).unwrap();
@@ -41,8 +42,9 @@ fn another_configuration_than_the_checkpoints_is_refused_with_its_key() {
     assert_eq!(resumed(|c| c.stages[0].steps = 9), Ok((3, 9)));
 }
 
+/// Captures may have been moved and renamed but not changed.
 #[test]
-fn captures_may_have_been_moved_and_renamed_but_not_changed() {
+fn captures_may_move_but_not_change() {
     let parent = tempfile::tempdir().unwrap();
     let [here, there] = ["here/fox", "there/fern"].map(|name| parent.path().join(name));
     let path = parent.path().join("checkpoint.safetensors");

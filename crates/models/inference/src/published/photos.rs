@@ -65,8 +65,9 @@ fn cover(photo: &PhotoFile, [height, width]: [usize; 2]) -> Result<Image, Error>
 mod tests {
     use super::*;
 
+    /// The long side leads and the short one keeps whole patches.
     #[test]
-    fn the_long_side_leads_and_the_short_one_keeps_whole_patches() {
+    fn the_long_side_leads() {
         assert_eq!(whole_patches((1600, 900), [448, 448], 14), [252, 448]);
         assert_eq!(whole_patches((900, 1600), [448, 448], 14), [448, 252]);
         assert_eq!(whole_patches((10_000, 10), [448, 448], 14), [14, 448]);

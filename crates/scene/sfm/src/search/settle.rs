@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_another_explanation_is_settled_and_what_is_the_same_is_not() {
+    fn only_other_explanations_are_settled() {
         with_search(|mut search| {
             search.run();
             let right = search.found[search.different()[0]].clone();

@@ -90,8 +90,9 @@ fn a_wrong_focal_length_comes_back() {
     assert!((focal - 1.0).abs() < 0.03, "focal length off by a factor of {focal}");
 }
 
+/// Photos that do not tell their focal length have that of the others.
 #[test]
-fn photos_that_do_not_tell_their_focal_length_have_that_of_the_others() {
+fn unknown_focal_lengths_follow_the_others() {
     let scene = built_in(3, 8);
     let mut photos = photos(&scene, true);
     photos.iter_mut().step_by(2).for_each(|p| p.focal = None);
@@ -212,8 +213,9 @@ fn crops_have_focal_lengths_of_their_own() {
     assert!(centers(&found, &scene) < 0.035, "centers off by {}", centers(&found, &scene));
 }
 
+/// A lens that tells nothing begins as others and is found.
 #[test]
-fn a_lens_that_tells_nothing_begins_as_others_and_is_found() {
+fn an_unknown_lens_is_found() {
     let scene = built_in(3, 16);
     let mut photos = photos(&scene, true);
     // Much less than the largest crop.
@@ -264,8 +266,9 @@ fn what_is_located_has_the_lens_of_the_others() {
     assert!(found.focal_factor < 1.0 && !found.focal_guessed, "{}", found.focal_factor);
 }
 
+/// Two photos beside located ones only guess their focal length.
 #[test]
-fn two_photos_beside_located_ones_only_guess_their_focal_length() {
+fn two_photos_only_guess_their_focal_length() {
     let scene = built_in(3, 8);
     let mut photos = photos(&scene, false);
     photos.iter_mut().skip(2).for_each(|p| p.located = true);

@@ -82,8 +82,9 @@ proptest! {
         prop_assert_eq!(pool.install(|| hdbscan(&points, 2, &options)), labels);
     }
 
+    /// Axes are orthonormal and variances those along them.
     #[test]
-    fn axes_are_orthonormal_and_variances_those_along_them(seed: u64, channels in 1_usize..9) {
+    fn axes_are_orthonormal_with_their_variances(seed: u64, channels in 1_usize..9) {
         let stream = Stream::new(seed, 0, "pca");
         let points: Vec<f64> = (0..40 * channels as u64).map(|i| stream.normal::<f64>(i) * (1 + i % 3) as f64).collect();
         let pca = Pca::of(&points, channels, 50);

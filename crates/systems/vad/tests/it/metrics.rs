@@ -30,8 +30,9 @@ fn metrics_with_ties_equal_the_reference() {
     }
 }
 
+/// The AUC of two normal distributions is that of their difference.
 #[test]
-fn the_auc_of_two_normal_distributions_is_that_of_their_difference() {
+fn the_auc_of_two_normal_distributions() {
     let stream = Stream::new(5, 0, "test.auc");
     let n = 20_000;
     let video = |shift: f32, start: u64, label| ScoredVideo {

@@ -57,8 +57,9 @@ fn urdmu_equals_the_reference() {
     file.assert_close("out.test.scores", &tested.scores.value());
 }
 
+/// The published sizes have the published number of parameters.
 #[test]
-fn the_published_sizes_have_the_published_number_of_parameters() {
+fn published_numbers_of_parameters() {
     let mut params = Params::<f32>::new();
     UrDmu::new(Builder::declaring(&mut params), &UrDmuSizes::published(1024));
     assert_eq!(params.count(), 6_492_929);

@@ -36,8 +36,9 @@ fn the_worked_example() {
     assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
 }
 
+/// Plateaus count once flat curves never and labels end at one.
 #[test]
-fn plateaus_count_once_flat_curves_never_and_labels_end_at_one() {
+fn plateaus_count_once_and_flat_curves_never() {
     let plateau = [0.1, 0.1, 0.8, 0.8, 0.1, 0.1];
     assert_eq!(topographic_peaks(&plateau, 0.2, 0.5).len(), 1);
     assert_eq!(window_peaks(&plateau, 0.2).len(), 1);

@@ -183,8 +183,9 @@ fn depth_is_no_part_of_it_unless_it_is_asked_for() {
     assert!(Tensors::read(&out).unwrap().tensors.contains_key("out.depth"), "a dump has the depth in any case");
 }
 
+/// Made up scenes are the same at any number of threads.
 #[test]
-fn made_up_scenes_are_the_same_at_any_number_of_threads() {
+fn made_up_scenes_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();
     let dump = |threads: &str| {
         let out = folder.path().join(format!("{threads}.safetensors"));

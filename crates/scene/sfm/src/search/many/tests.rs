@@ -110,8 +110,9 @@ fn the_same_bits_at_any_number_of_threads() {
     assert_eq!(with(1), with(3));
 }
 
+/// Pairs that have less in common than neighbors come later.
 #[test]
-fn pairs_that_have_less_in_common_than_neighbors_come_later() {
+fn pairs_with_little_in_common_come_later() {
     let pair = |photos, count: usize, share| {
         let matches = vec![Match { first: 0, second: 0, ratio: 0.5 }; count];
         let (pose, inverse_depths) = (Pose::IDENTITY, vec![1.0; count]);
