@@ -1,6 +1,6 @@
 //! Help texts and shell completions.
 
-use crate::command::splatweaver;
+use crate::in_process::splatweaver;
 
 #[test]
 fn every_command_explains_itself_with_an_example() {

@@ -16,7 +16,7 @@ const EXAMPLES: &[(&str, &[Argument])] = &[
     ("custom_op", &[]),
     ("formats", &[Argument::Out]),
     ("raster", &[]),
-    ("reconstruct", &[Argument::Run, Argument::Out]),
+    ("predict_to_folder", &[Argument::Run, Argument::Out]),
 ];
 
 #[derive(Clone, Copy)]

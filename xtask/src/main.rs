@@ -64,6 +64,8 @@ fn check() -> Result<(), String> {
     cargo(&["fmt", "--all", "--check"], &[])?;
     let lints = ["--locked", "--", "-D", "warnings"];
     cargo(&[&["clippy", "--workspace", "--all-targets", "--features", "weaver-cli/gpu"], &lints[..]].concat(), &[])?;
+    // A fit is embedded without files, too.
+    cargo(&[&["clippy", "-p", "weaver-fit", "--no-default-features"], &lints[..]].concat(), &[])?;
     // As it is built by default, too.
     cargo(&[&["clippy", "--package", "weaver-cli"], &lints[..]].concat(), &[])?;
     cargo(&["doc", "--workspace", "--no-deps", "--locked"], &[("RUSTDOCFLAGS", "-D warnings")])?;

@@ -65,7 +65,8 @@ fn check_versions(workspace: &Workspace, faults: &mut Vec<String>) {
             faults.push(format!("{}: version {own}, the others have {version}", package.name));
         }
     }
-    for line in manifest.lines().filter(|line| line.starts_with("weaver-")) {
+    // What only tests use is not published.
+    for line in manifest.lines().filter(|line| line.starts_with("weaver-") && !line.contains("\"tests/")) {
         if !line.contains(&format!("version = \"{version}\"")) {
             faults.push(format!("Cargo.toml: expected version {version}: {line}"));
         }

@@ -91,7 +91,7 @@ const RULES: &[Rule] = &[
     },
     Rule {
         patterns: &["std::fs", "File::open", "File::create", "fs::read", "fs::write"],
-        free: &["weaver-io", "weaver-bench", "weaver-cli", "xtask", "weaver-parity", "weaver-tests"],
+        free: &["weaver-io", "weaver-bench", "weaver-cli", "xtask", "weaver-parity", "weaver-tests", "weaver-fixtures"],
         what: "opening files",
         except: &[],
     },
@@ -131,8 +131,28 @@ pub fn check(source: &Source, package: &str, faults: &mut Vec<String>) {
     }
 }
 
-/// Property tests draw a part of the cases that proptest is told to, so that `cargo xtask stress` can ask for more.
+/// Letters that the name of a test may have; a sentence is its doc comment.
+const LONGEST_NAME: usize = 50;
+
+/// Names of tests are short.
+fn check_names(source: &Source, faults: &mut Vec<String>) {
+    let mut test = false;
+    for (number, line) in source.text.lines().enumerate() {
+        let line = line.trim_start();
+        if let Some((name, _)) = line.strip_prefix("fn ").and_then(|line| line.split_once('(')) {
+            if test && name.len() > LONGEST_NAME {
+                let found = format!("a name of {} letters, more than {LONGEST_NAME}", name.len());
+                faults.push(format!("{}:{}: {found}", source.place, number + 1));
+            }
+            test = false;
+        }
+        test |= line == "#[test]";
+    }
+}
+
+/// Tests have short names, and property tests draw a part of the cases that proptest is told to, so that `cargo xtask stress` can ask for more.
 pub fn check_test(source: &Source, faults: &mut Vec<String>) {
+    check_names(source, faults);
     for (number, line) in source.text.lines().enumerate() {
         let fixed = ["with_cases(", "ProptestConfig { cases: "].iter().any(|start| {
             let count = line.split_once(start).map(|(_, count)| count);
@@ -177,6 +197,15 @@ mod tests {
         let mut faults = Vec::new();
         check_comments(&Source { place: "t.rs".into(), inside: String::new(), text: text.into() }, &mut faults);
         assert_eq!(faults, ["t.rs:4: a doc comment begins with a noun or a verb, not Whether"]);
+    }
+
+    #[test]
+    fn names_of_tests_are_short() {
+        let long = "x".repeat(LONGEST_NAME + 1);
+        let text = format!("fn {long}() {{}}\n#[test]\n#[cfg(unix)]\nfn {long}() {{}}\n#[test]\nfn short() {{}}\n");
+        let mut faults = Vec::new();
+        check_names(&Source { place: "t.rs".into(), inside: String::new(), text }, &mut faults);
+        assert_eq!(faults, ["t.rs:4: a name of 51 letters, more than 50"]);
     }
 
     #[test]

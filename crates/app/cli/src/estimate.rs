@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_command::{Console, Failure, duration};
 use weaver_data::capture::HoldOut;
-use weaver_data::{CamerasSummary, Doubt, EstimateOptions, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos};
+use weaver_data::{
+    CamerasSummary, Doubt, EstimatePhotosOptions, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos,
+};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Pose, Similarity};
 
@@ -47,7 +49,7 @@ pub fn estimated(
     EstimatedPhotos::check(out, photos)?;
     out.check([CamerasSummary::NAME])?;
     console.note(&format!("cameras: matching {} photos", photos.len()));
-    let options = EstimateOptions { sequence: *sequence, ..flags.into() };
+    let options = EstimatePhotosOptions { sequence: *sequence, ..flags.into() };
     let found = estimate_photos(photos, located, &options)?;
     found.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     let placed = found.placed().len();

@@ -2,7 +2,6 @@
 //!
 //! [`run`] is the whole program except for signals and panics, so that tests can call it.
 
-mod advice;
 mod clip;
 mod command_line;
 mod commands;
@@ -41,12 +40,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
         Err(error) => console.print(&error.render().to_string()),
     };
     let Err(failure) = result else { return 0 };
-    let explained = advice::explained(&failure);
-    let code = explained.as_ref().map_or(failure.exit_code(), |(code, _)| *code);
-    if let Some(line) = explained.map(|(_, line)| line).or_else(|| failure.line()) {
+    if let Some(line) = failure.line() {
         console.note(&format!("error: {line}"));
     }
-    code
+    failure.exit_code()
 }
 
 /// Checks the words of one command line, whose first is the program's name, without running it.

@@ -2,6 +2,7 @@
 
 use std::error::Error;
 use std::io;
+use weaver_io::Advice;
 
 /// Why a command stopped.
 #[derive(Debug)]
@@ -38,18 +39,50 @@ impl Failure {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::OutputClosed => 0,
-            Self::Error(_) => 1,
+            Self::Error(error) => match Advice::of(error.as_ref()) {
+                None | Some(Advice::LessMemory { .. }) => 1,
+                Some(_) => 2,
+            },
             Self::Usage(_) => 2,
         }
     }
 
-    /// The message, in one line, causes included.
+    /// The message, in one line, causes or else the remedy included.
     pub fn line(&self) -> Option<String> {
         match self {
             Self::OutputClosed => None,
             Self::Usage(message) => Some(message.clone()),
-            Self::Error(error) => Some(joined(error.as_ref())),
+            Self::Error(error) => Some(match Advice::of(error.as_ref()) {
+                None => joined(error.as_ref()),
+                Some(advice) => advised(&error.to_string(), advice),
+            }),
         }
+    }
+}
+
+/// The message with its remedy in terms of flags.
+fn advised(message: &str, advice: Advice) -> String {
+    match advice {
+        Advice::OtherOutput => format!("{message}; give another --out"),
+        Advice::Resume => format!("{message}; give another --out, or go on with it by --resume"),
+        Advice::Setting(name) => match message.strip_prefix(name) {
+            Some(rest) => format!("--{}{rest}", flag(name)),
+            None => message.into(),
+        },
+        Advice::LessMemory { gaussians } => {
+            let third =
+                if gaussians { "--geometry (cameras, depth and points only)" } else { "closing other programs" };
+            format!("{message}; fewer photos, a smaller --size or {third} reduces it")
+        }
+        _ => message.into(),
+    }
+}
+
+/// The flag of a setting.
+fn flag(setting: &str) -> String {
+    match setting {
+        "image size" => "size".into(),
+        name => name.replace('_', "-"),
     }
 }
 
@@ -87,6 +120,31 @@ mod tests {
         let failure = Failure::from(outer);
         assert_eq!(failure.line().unwrap(), "line 1; key: a.ply: disk full");
         assert_eq!(failure.exit_code(), 1);
+    }
+
+    #[test]
+    fn remedies_are_flags() {
+        #[derive(Debug, thiserror::Error)]
+        #[error("{text}: expected more")]
+        struct Refused {
+            text: &'static str,
+            source: Advice,
+        }
+        #[derive(Debug, thiserror::Error)]
+        #[error(transparent)]
+        struct Wrapped(Refused);
+        let says = |text, source| {
+            let failure = Failure::from(Wrapped(Refused { text, source }));
+            (failure.exit_code(), failure.line().unwrap())
+        };
+        let name = "image size";
+        assert_eq!(says(name, Advice::Setting(name)), (2, "--size: expected more".into()));
+        let flag = "background_weight";
+        assert_eq!(says(flag, Advice::Setting(flag)), (2, "--background-weight: expected more".into()));
+        assert_eq!(says("a", Advice::Complete), (2, "a: expected more".into()));
+        assert_eq!(says("a", Advice::OtherOutput), (2, "a: expected more; give another --out".into()));
+        let (code, line) = says("a", Advice::LessMemory { gaussians: true });
+        assert!(code == 1 && line.contains("--geometry"), "{line}");
     }
 
     #[test]

@@ -59,7 +59,7 @@ fn of_seed(folder: &Path, seed: u64) -> Outcome<()> {
         background_weight: 1.0,
         seed,
         save_every: 30.0,
-        made: None,
+        derived_from: None,
     };
     println!("\nSeed {seed}, PSNR in dB\n\n| | held-out cameras | held-out times | trained on |\n|---|---|---|---|");
     let run = trained(&folder.join("mixture"), settings.clone(), None)?;

@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         background_weight: 1.0,
         seed: 0,
         save_every: 60.0,
-        made: None,
+        derived_from: None,
     };
     let mut run = Run::create(&out, settings, None)?;
     run.advance(&AtomicBool::new(false), |step| {

@@ -1,6 +1,7 @@
 //! What can go wrong with a run.
 
 use std::path::PathBuf;
+use weaver_io::Advice;
 
 /// Why a run cannot begin, go on, or be shown.
 #[derive(Debug, thiserror::Error)]
@@ -24,6 +25,8 @@ pub enum RunError {
         expected: String,
         /// The value found.
         found: String,
+        /// The remedy, [`Advice::Setting`].
+        source: Advice,
     },
     /// The folder holds a run already, the run is complete, or a file of it could not be read or written.
     #[error(transparent)]
@@ -62,6 +65,7 @@ pub enum RunError {
 
 impl RunError {
     pub(crate) fn setting(key: &'static str, expected: impl Into<String>, found: impl ToString) -> Self {
-        Self::Setting { key, expected: expected.into(), found: found.to_string() }
+        let (expected, found) = (expected.into(), found.to_string());
+        Self::Setting { key, expected, found, source: Advice::Setting(key) }
     }
 }

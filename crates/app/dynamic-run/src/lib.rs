@@ -30,7 +30,7 @@ pub use evaluate::{Evaluation, MotionScores, Quality, Scores};
 pub use mixture::{Mixture, Pictures};
 pub use prune::KeepBy;
 pub use run::{Place, Run};
-pub use settings::{ExpertKind, FilmSource, Made, Preset, RunSettings, Stage};
+pub use settings::{DerivedFrom, ExpertKind, FilmSource, Preset, RunSettings, Stage};
 pub use show::{COLOR_NAMES, COLORS, Strip};
 pub use weaver_run::StepReport;
 

@@ -23,8 +23,8 @@ impl Run {
             self.film.times().len(),
             self.mixture.counts().iter().sum::<usize>(),
         ));
-        if let Some(made) = &self.settings.made {
-            page.paragraph(&format!("Made from {} by {}.", made.from.display(), made.by));
+        if let Some(origin) = &self.settings.derived_from {
+            page.paragraph(&format!("Made from {} by {}.", origin.from.display(), origin.by));
         }
         self.film.remarks.iter().for_each(|remark| {
             page.paragraph(remark);

@@ -73,7 +73,8 @@ impl Run {
         if let FilmSource::Folder { path, .. } = &mut settings.film {
             *path = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
         }
-        let inputs = settings.film.path().into_iter().chain(settings.made.as_ref().map(|made| made.from.as_path()));
+        let inputs =
+            settings.film.path().into_iter().chain(settings.derived_from.as_ref().map(|origin| origin.from.as_path()));
         inputs.clone().try_for_each(|path| weaver_io::path_in_utf8(path).map(drop))?;
         let claimed = Folder::claim(folder, KIND, inputs)?;
         let film = settings.film.open()?;
@@ -92,7 +93,7 @@ impl Run {
     pub fn resume(folder: &Path) -> Result<Self, RunError> {
         let settings = Self::read_settings(folder)?;
         if folder.join(MODEL).exists() {
-            return Err(weaver_run::Error::Complete { folder: folder.into() }.into());
+            return Err(weaver_run::Error::complete(folder).into());
         }
         let claimed = Folder::reopen(folder, KIND)?;
         let film = settings.film.open()?;
@@ -249,7 +250,7 @@ impl Run {
     /// When the rasterizer refuses, a loss is no number, or a file cannot be written; the last checkpoint then stays as it was.
     pub fn advance(&mut self, stop: &AtomicBool, mut observe: impl FnMut(&StepReport)) -> Result<bool, RunError> {
         let Some(folder) = self.claimed.take() else {
-            return Err(weaver_run::Error::Complete { folder: self.folder.clone() }.into());
+            return Err(weaver_run::Error::complete(&self.folder).into());
         };
         let complete = advance(self, &folder, stop, |report| {
             observe(report);

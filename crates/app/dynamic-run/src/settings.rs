@@ -33,7 +33,8 @@ pub struct RunSettings {
     /// Seconds between checkpoints, at least.
     pub save_every: f64,
     /// Origin of the run in another.
-    pub made: Option<Made>,
+    #[serde(rename = "made")]
+    pub derived_from: Option<DerivedFrom>,
 }
 
 /// Where a film comes from.
@@ -112,7 +113,7 @@ pub enum Stage {
 
 /// Origin of a run in another.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-pub struct Made {
+pub struct DerivedFrom {
     /// The folder of the other run.
     pub from: PathBuf,
     /// The command and its arguments.

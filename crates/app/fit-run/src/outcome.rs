@@ -38,7 +38,8 @@ pub struct Outcome {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub exposures: BTreeMap<String, [f32; 12]>,
     /// Training photos that are met far worse than the others: they may not belong to the scene.
-    pub strangers: Vec<String>,
+    #[serde(rename = "strangers")]
+    pub outliers: Vec<String>,
 }
 
 impl Outcome {

@@ -37,10 +37,10 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
     if let Some(cameras) = &cameras {
         cameras::warning(cameras, &mut page);
     }
-    if !outcome.strangers.is_empty() {
+    if !outcome.outliers.is_empty() {
         page.warning(&format!(
             "These photos are met far worse than the others; they may show something else, or their cameras may be wrong: {}.",
-            outcome.strangers.join(", ")
+            outcome.outliers.join(", ")
         ));
     }
     if run.fit().photos() < FEW {

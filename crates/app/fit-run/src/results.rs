@@ -17,8 +17,8 @@ use weaver_io::{Drawing, OutputFolder, Transforms, write_scene, write_text};
 use weaver_scene::{Frame, Photo};
 use weaver_sfm::carried;
 
-/// Decibels below the median from which a photo is called a stranger.
-const STRANGE: f64 = 8.0;
+/// Decibels below the median from which a photo is an outlier.
+const OUTLIER: f64 = 8.0;
 /// Steps that locate a held-out photo.
 const LOCATE: usize = 30;
 
@@ -76,7 +76,7 @@ impl Fitting {
             alpha_max: raster.alpha_max,
             background: self.settings.fit.background,
             exposures: self.exposures(test),
-            strangers: strangers(train),
+            outliers: outliers(train),
         }
     }
 
@@ -220,9 +220,9 @@ fn quality(judge: &Judge, image: &[f32], photo: &Photo, camera: &Camera) -> Qual
 }
 
 /// Photos whose PSNR is far below the median.
-fn strangers(judged: &[Judged]) -> Vec<String> {
+fn outliers(judged: &[Judged]) -> Vec<String> {
     let mut all: Vec<f64> = judged.iter().map(|j| j.quality.psnr).collect();
     all.sort_unstable_by(f64::total_cmp);
     let Some(median) = all.get(all.len() / 2) else { return Vec::new() };
-    judged.iter().filter(|j| j.quality.psnr < median - STRANGE).map(|j| j.name.clone()).collect()
+    judged.iter().filter(|j| j.quality.psnr < median - OUTLIER).map(|j| j.name.clone()).collect()
 }

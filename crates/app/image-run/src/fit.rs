@@ -16,7 +16,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
         let settings: Settings = Folder::settings(path, KIND, "fits of pictures")?;
         let names = settings.names();
         if path.join(Folder::SUMMARY).exists() && !path.join(Folder::CHECKPOINT).exists() {
-            return Err(weaver_run::Error::Complete { folder: path.clone() }.into());
+            return Err(weaver_run::Error::complete(path).into());
         }
         let folder = Folder::reopen_with(path, KIND, names)?;
         return go_on(Run::resume(folder, PicturesJob::new(settings)?)?, console, interrupt);

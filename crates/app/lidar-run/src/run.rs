@@ -64,7 +64,7 @@ fn opened(arguments: &Lidar) -> Result<Run<LidarJob>, Failure> {
     let plan = Folder::settings(path, KIND, "odometry and mapping of lidar scans")?;
     let folder = Folder::reopen(path, KIND)?;
     if path.join(Folder::SUMMARY).exists() && !folder.checkpoint_path().exists() {
-        return Err(weaver_run::Error::Complete { folder: path.clone() }.into());
+        return Err(weaver_run::Error::complete(path).into());
     }
     Ok(Run::resume(folder, LidarJob::new(plan)?)?)
 }

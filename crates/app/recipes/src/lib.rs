@@ -11,10 +11,10 @@ pub use two_experts::{TwoExpertsEvaluation, TwoExpertsLosses, TwoExpertsRecipe, 
 pub use wild::{WildEvaluation, WildLosses, WildRecipe, WildStage};
 
 use std::path::Path;
-use weaver_inference::{Checkpoint, Predictor, SplatWeaverPredictor};
+use weaver_inference::{Checkpoint, Network, Predictor, SplatWeaverPredictor};
 use weaver_trainer::{CameraMode, DataConfig, Error, OpenRun, Registry};
-use weaver_two_experts::TwoExpertsPredictor;
-use weaver_wild::WildPredictor;
+use weaver_two_experts::{TwoExperts, TwoExpertsPredictor};
+use weaver_wild::{Wild, WildPredictor};
 
 /// The models that the command line knows.
 pub fn registry() -> Registry {
@@ -61,8 +61,8 @@ pub fn open_weights(path: &Path) -> Result<OpenRun, Error> {
     }
     let checkpoint = Checkpoint::read(path)?;
     let predictor: Box<dyn Predictor> = match checkpoint.architecture() {
-        TwoExpertsPredictor::ARCHITECTURE => Box::new(TwoExpertsPredictor::from_checkpoint(&checkpoint)?),
-        WildPredictor::ARCHITECTURE => Box::new(WildPredictor::from_checkpoint(&checkpoint)?),
+        TwoExperts::NAME => Box::new(TwoExpertsPredictor::from_checkpoint(&checkpoint)?),
+        Wild::NAME => Box::new(WildPredictor::from_checkpoint(&checkpoint)?),
         // Another model's name is an error of its own there.
         _ => Box::new(SplatWeaverPredictor::from_checkpoint(&checkpoint)?),
     };

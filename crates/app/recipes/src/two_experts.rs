@@ -10,7 +10,7 @@ pub use sections::{TwoExpertsEvaluation, TwoExpertsLosses, TwoExpertsStage};
 use sections::Runs;
 use std::sync::Arc;
 use weaver_autograd::{ParamId, Params};
-use weaver_inference::Predictor;
+use weaver_inference::{Network, Predictor};
 use weaver_nn::Context;
 use weaver_trainer::{CameraMode, Config, Error, Example, Recipe, StageConfig, Step, Terms};
 use weaver_two_experts::{TwoExperts, TwoExpertsConfig, TwoExpertsPredictor};
@@ -27,7 +27,7 @@ const GEOMETRY: [&str; 2] = ["aggregator.", "camera_head."];
 const APPEARANCE: &str = "appearance.";
 
 impl Recipe for TwoExpertsRecipe {
-    const ARCHITECTURE: &'static str = TwoExpertsPredictor::ARCHITECTURE;
+    const ARCHITECTURE: &'static str = TwoExperts::NAME;
     const PRESETS: &'static [&'static str] = &TwoExpertsConfig::PRESETS;
     type Network = TwoExperts;
     type Model = TwoExpertsConfig;

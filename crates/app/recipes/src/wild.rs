@@ -10,7 +10,7 @@ pub use sections::{WildEvaluation, WildLosses, WildStage};
 use sections::Runs;
 use std::sync::Arc;
 use weaver_autograd::Params;
-use weaver_inference::Predictor;
+use weaver_inference::{Network, Predictor};
 use weaver_nn::Context;
 use weaver_trainer::{CameraMode, Config, Error, Example, Recipe, StageConfig, Step, Terms};
 use weaver_wild::{Wild, WildConfig, WildPredictor};
@@ -20,7 +20,7 @@ use weaver_wild::{Wild, WildConfig, WildPredictor};
 pub struct WildRecipe;
 
 impl Recipe for WildRecipe {
-    const ARCHITECTURE: &'static str = WildPredictor::ARCHITECTURE;
+    const ARCHITECTURE: &'static str = Wild::NAME;
     const PRESETS: &'static [&'static str] = &WildConfig::PRESETS;
     type Network = Wild;
     type Model = WildConfig;

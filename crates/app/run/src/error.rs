@@ -1,6 +1,7 @@
 //! What can go wrong with a run.
 
 use std::path::PathBuf;
+use weaver_io::Advice;
 
 /// Why a run cannot begin or go on, whatever it does.
 #[derive(Debug, thiserror::Error)]
@@ -14,11 +15,27 @@ pub enum Error {
     RunExists {
         /// The folder.
         folder: PathBuf,
+        /// The remedy, [`Advice::Resume`].
+        source: Advice,
     },
     /// The run has nothing left to do.
     #[error("{}: the run is complete", folder.display())]
     Complete {
         /// The folder.
         folder: PathBuf,
+        /// That there is none, [`Advice::Complete`].
+        source: Advice,
     },
+}
+
+impl Error {
+    /// Refusal to begin a run in a folder that has one.
+    pub fn run_exists(folder: impl Into<PathBuf>) -> Self {
+        Self::RunExists { folder: folder.into(), source: Advice::Resume }
+    }
+
+    /// Refusal to go on with a run that is complete.
+    pub fn complete(folder: impl Into<PathBuf>) -> Self {
+        Self::Complete { folder: folder.into(), source: Advice::Complete }
+    }
 }

@@ -57,7 +57,7 @@ impl Folder {
     /// When the folder holds a run, or as [`OutputFolder::claim`] and [`OutputFolder::check`].
     pub fn claim<P: AsRef<Path>>(path: &Path, kind: Kind, inputs: impl IntoIterator<Item = P>) -> Result<Self, Error> {
         if path.join(kind.settings).exists() || path.join(Self::CHECKPOINT).exists() {
-            return Err(Error::RunExists { folder: path.into() });
+            return Err(Error::run_exists(path));
         }
         let out = OutputFolder::claim(path, kind.command, inputs)?;
         out.check(kind.files())?;

@@ -15,8 +15,8 @@ use weaver_pose::CameraVars;
 use weaver_splat::GaussianVars;
 use weaver_trainer::losses::{ImageLosses, camera_constants, photo_constant};
 use weaver_trainer::{
-    Config, Error, Example, NoSettings, Overrides, Recipe, Registry, Setup, Source, StageConfig, Step, StepReport,
-    Terms, create_run,
+    Config, ConfigSource, Error, EvalOptions, Example, NoSettings, Recipe, Registry, Source, StageConfig, Step,
+    StepReport, Terms, create_run,
 };
 
 /// The section `model`.
@@ -139,7 +139,7 @@ fn main() -> Result<(), Error> {
     let registry = Registry::new().with::<PixelCnnRecipe>();
     let recipe = registry.find(Some("pixel-cnn"))?;
     let steps = std::env::args().nth(1).and_then(|n| n.parse().ok());
-    let config = recipe.resolve(&Setup { steps, ..Setup::default() })?;
+    let config = recipe.resolve(&ConfigSource { steps, ..ConfigSource::default() })?;
     let folder = create_run(&std::env::temp_dir().join(format!("pixel-cnn-{}", std::process::id())), &config)?;
     let written = RunFolder::at(folder.path());
     let (mut session, stop) = (recipe.start(&config)?, AtomicBool::new(false));
@@ -156,7 +156,7 @@ fn main() -> Result<(), Error> {
     println!("resumed at step {} of {}", session.steps().0, session.steps().1);
     session.train(&folder, &mut stop_halfway, &stop)?;
     let mut run = registry.of_run(&written)?.open(&written)?;
-    let evaluation = run.evaluate(&Source::Unseen, &Overrides::default(), &mut |_, _| {})?;
+    let evaluation = run.evaluate(&Source::Unseen, &EvalOptions::default(), &mut |_, _| {})?;
     println!("{}report: {}", evaluation.table(), written.report_path().display());
     Ok(())
 }

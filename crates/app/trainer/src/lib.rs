@@ -10,8 +10,8 @@ mod config;
 mod dry_run;
 mod error;
 pub mod evaluate;
-mod evaluation;
 pub mod example;
+mod figures;
 mod initial;
 mod looks;
 pub mod losses;
@@ -31,15 +31,15 @@ pub use config::{CameraMode, Config, DataConfig, OptimizerConfig, OutputConfig, 
 pub use dry_run::{DryRun, StageMemory};
 pub use error::Error;
 pub use evaluate::{AlignLoss, Alignment, LookOf, Targets};
-pub use evaluation::{AlignedFigures, CameraFigures, Evaluation, LookFigures, SceneFigures, Summary, comparison};
 pub use example::Example;
+pub use figures::{AlignedFigures, CameraFigures, Evaluation, LookFigures, SceneFigures, Summary, comparison};
 pub use looks::LooksConfig;
 pub use losses::Terms;
 pub use observe::Observer;
 pub use recipe::{LossSection, NoSettings, Recipe, Section, Step};
 pub use registry::{
-    Architecture, MatchingOverride, OpenRun, Overrides, Registry, Resolved, Setup, Source, Training, claim_run,
-    create_run, reclaim_run,
+    ConfigSource, EvalOptions, MatchingOverride, ModelEntry, OpenRun, Registry, ResolvedConfig, Source, Training,
+    claim_run, create_run, reclaim_run,
 };
 pub use rows::TrainedRows;
 pub use session::{PendingStep, Session};

@@ -19,7 +19,7 @@ use weaver_splat::AnyRasterizer;
 
 /// Where a configuration comes from; later fields win over earlier ones.
 #[derive(Clone, Debug, Default)]
-pub struct Setup {
+pub struct ConfigSource {
     /// The preset to start from.
     pub preset: Option<String>,
     /// A TOML file.
@@ -42,7 +42,7 @@ pub struct Setup {
 
 /// A configuration, resolved and checked.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Resolved {
+pub struct ResolvedConfig {
     /// The model, by name.
     pub architecture: String,
     /// The preset.
@@ -58,7 +58,7 @@ pub struct Resolved {
 }
 
 /// A recipe behind a name.
-pub trait Architecture: Debug + Send + Sync {
+pub trait ModelEntry: Debug + Send + Sync {
     /// The model's name.
     fn name(&self) -> &'static str;
 
@@ -69,13 +69,13 @@ pub trait Architecture: Debug + Send + Sync {
     ///
     /// # Errors
     /// When a file cannot be read, or a key or value is wrong.
-    fn resolve(&self, setup: &Setup) -> Result<Resolved, Error>;
+    fn resolve(&self, source: &ConfigSource) -> Result<ResolvedConfig, Error>;
 
     /// Reads the configuration of a run's folder.
     ///
     /// # Errors
     /// When the file cannot be read, or a key or value is wrong.
-    fn read(&self, folder: &RunFolder) -> Result<Resolved, Error>;
+    fn read(&self, folder: &RunFolder) -> Result<ResolvedConfig, Error>;
 
     /// The configuration of a preset as TOML, each key with its documentation.
     ///
@@ -87,7 +87,7 @@ pub trait Architecture: Debug + Send + Sync {
     ///
     /// # Errors
     /// When the data cannot be read or has too few views.
-    fn start(&self, config: &Resolved) -> Result<Box<dyn Training>, Error>;
+    fn start(&self, config: &ResolvedConfig) -> Result<Box<dyn Training>, Error>;
 
     /// Continues the run of a folder, to so many steps in all if its last stage is to be longer, which is then recorded in the
     /// folder's configuration.
@@ -193,7 +193,7 @@ pub enum Source {
 
 /// Options of an evaluation that differ from the run's configuration.
 #[derive(Clone, Debug, Default)]
-pub struct Overrides {
+pub struct EvalOptions {
     /// Context views for each held-out view.
     pub context_views: Option<usize>,
     /// Source of the cameras.
@@ -235,22 +235,22 @@ impl OpenRun {
     pub fn evaluate(
         &mut self,
         source: &Source,
-        overrides: &Overrides,
+        choices: &EvalOptions,
         progress: &mut dyn FnMut(usize, usize),
     ) -> Result<Evaluation, Error> {
         let size = self.predictor.image_size();
         let procedural = *source == Source::Unseen || *source == Source::Run && self.data.folders.is_empty();
-        if overrides.masks && procedural {
+        if choices.masks && procedural {
             return Err(Error::Input("masks: expected captures, found procedural scenes, which have none".into()));
         }
-        let data = DataConfig { masks: overrides.masks || self.data.masks, ..self.data.clone() };
+        let data = DataConfig { masks: choices.masks || self.data.masks, ..self.data.clone() };
         let load = |size: [usize; 2]| match source {
             Source::Run => scenes::load(&data, size),
             Source::Folders(folders) => scenes::load_captures(folders, &data, size),
             Source::Unseen => Ok(procedural::default_unseen_set(size[1], size[0])),
         };
         let scenes = load(size)?;
-        let matching = match overrides.matching {
+        let matching = match choices.matching {
             Some(MatchingOverride { long_side, focal_known }) => {
                 let scale = (long_side as f64 / size[0].max(size[1]) as f64).max(1.0);
                 let larger = size.map(|side| (side as f64 * scale).round() as usize);
@@ -260,17 +260,17 @@ impl OpenRun {
             }
             None => None,
         };
-        let lpips = evaluate::lpips_for(overrides.lpips.as_deref(), size)?;
+        let lpips = evaluate::lpips_for(choices.lpips.as_deref(), size)?;
         let options = Options {
-            context_views: overrides.context_views.unwrap_or(self.data.context_views),
-            cameras: overrides.cameras.unwrap_or(self.cameras),
-            targets: overrides.targets,
-            points: overrides.points,
+            context_views: choices.context_views.unwrap_or(self.data.context_views),
+            cameras: choices.cameras.unwrap_or(self.cameras),
+            targets: choices.targets,
+            points: choices.points,
             matching,
-            density: overrides.density,
-            align: overrides.align,
-            planted: self.data.looks.clone().filter(|_| !overrides.plain),
-            look: overrides.look,
+            density: choices.density,
+            align: choices.align,
+            planted: self.data.looks.clone().filter(|_| !choices.plain),
+            look: choices.look,
             seed: self.seed,
             step: self.step,
         };
@@ -294,7 +294,7 @@ fn same_views(small: &[Scene], large: &[Scene]) -> Result<(), Error> {
 #[derive(Clone, Copy, Debug, Default)]
 struct Named<R>(PhantomData<R>);
 
-impl<R: Recipe> Architecture for Named<R> {
+impl<R: Recipe> ModelEntry for Named<R> {
     fn name(&self) -> &'static str {
         R::ARCHITECTURE
     }
@@ -303,16 +303,16 @@ impl<R: Recipe> Architecture for Named<R> {
         R::PRESETS
     }
 
-    fn resolve(&self, setup: &Setup) -> Result<Resolved, Error> {
-        let mut config = Config::<R>::resolve(setup.preset.as_deref(), setup.file.as_deref(), &setup.settings)?;
-        if !setup.data.is_empty() {
-            config.data.folders.clone_from(&setup.data);
+    fn resolve(&self, source: &ConfigSource) -> Result<ResolvedConfig, Error> {
+        let mut config = Config::<R>::resolve(source.preset.as_deref(), source.file.as_deref(), &source.settings)?;
+        if !source.data.is_empty() {
+            config.data.folders.clone_from(&source.data);
         }
-        if let Some(path) = &setup.init {
+        if let Some(path) = &source.init {
             let folder = RunFolder::at(path);
             config.init = Some(if path.is_dir() { folder.checkpoint_path() } else { path.clone() });
         }
-        if let Some(path) = &setup.teacher {
+        if let Some(path) = &source.teacher {
             config.data.teacher = Some(path.clone());
         }
         // The run may be resumed or evaluated from elsewhere.
@@ -323,16 +323,16 @@ impl<R: Recipe> Architecture for Named<R> {
             *folder = absolute.map_err(|e| Error::Input(format!("{}: {e}", folder.display())))?;
             weaver_io::path_in_utf8(folder)?;
         }
-        config.seed = setup.seed.unwrap_or(config.seed);
-        config.threads = setup.threads.or(config.threads);
-        if let Some(steps) = setup.steps {
+        config.seed = source.seed.unwrap_or(config.seed);
+        config.threads = source.threads.or(config.threads);
+        if let Some(steps) = source.steps {
             config.rescale(steps);
         }
         config.check()?;
         Ok(resolved(&config))
     }
 
-    fn read(&self, folder: &RunFolder) -> Result<Resolved, Error> {
+    fn read(&self, folder: &RunFolder) -> Result<ResolvedConfig, Error> {
         Ok(resolved(&Config::<R>::read(&folder.config_path())?))
     }
 
@@ -340,7 +340,7 @@ impl<R: Recipe> Architecture for Named<R> {
         Ok(Config::<R>::preset(preset)?.to_annotated_toml())
     }
 
-    fn start(&self, config: &Resolved) -> Result<Box<dyn Training>, Error> {
+    fn start(&self, config: &ResolvedConfig) -> Result<Box<dyn Training>, Error> {
         Ok(Box::new(Session::<R>::new(Config::from_toml(&config.toml, "configuration")?)?))
     }
 
@@ -375,8 +375,8 @@ impl<R: Recipe> Architecture for Named<R> {
     }
 }
 
-fn resolved<R: Recipe>(config: &Config<R>) -> Resolved {
-    Resolved {
+fn resolved<R: Recipe>(config: &Config<R>) -> ResolvedConfig {
+    ResolvedConfig {
         architecture: R::ARCHITECTURE.into(),
         preset: config.preset.clone(),
         threads: config.threads,
@@ -389,7 +389,7 @@ fn resolved<R: Recipe>(config: &Config<R>) -> Resolved {
 /// Recipes by name: the one place where a name selects a model, be it for training, evaluation or inference.
 #[derive(Debug, Default)]
 pub struct Registry {
-    entries: Vec<Box<dyn Architecture>>,
+    entries: Vec<Box<dyn ModelEntry>>,
 }
 
 impl Registry {
@@ -406,7 +406,7 @@ impl Registry {
     }
 
     /// The recipes, in the order in which they were added.
-    pub fn iter(&self) -> impl Iterator<Item = &dyn Architecture> {
+    pub fn iter(&self) -> impl Iterator<Item = &dyn ModelEntry> {
         self.entries.iter().map(|entry| &**entry)
     }
 
@@ -414,7 +414,7 @@ impl Registry {
     ///
     /// # Errors
     /// When no recipe has that name; the message lists those there are.
-    pub fn find(&self, name: Option<&str>) -> Result<&dyn Architecture, Error> {
+    pub fn find(&self, name: Option<&str>) -> Result<&dyn ModelEntry, Error> {
         let found = self.iter().find(|entry| name.is_none_or(|name| entry.name() == name));
         found.ok_or_else(|| {
             let known: Vec<&str> = self.iter().map(|entry| entry.name()).collect();
@@ -426,7 +426,7 @@ impl Registry {
     ///
     /// # Errors
     /// When the folder holds no run, or one of an unknown model.
-    pub fn of_run(&self, folder: &RunFolder) -> Result<&dyn Architecture, Error> {
+    pub fn of_run(&self, folder: &RunFolder) -> Result<&dyn ModelEntry, Error> {
         let path = folder.config_path();
         let table = weaver_run::settings::read_table(&path)?;
         let source = path.display().to_string();
@@ -444,7 +444,7 @@ const KIND: Kind = Kind { command: "train", settings: "config.toml", results: &[
 ///
 /// # Errors
 /// When there is a run in it already; as [`Folder::claim`].
-pub fn claim_run(path: &Path, config: &Resolved) -> Result<Folder, Error> {
+pub fn claim_run(path: &Path, config: &ResolvedConfig) -> Result<Folder, Error> {
     Ok(Folder::claim(path, KIND, &config.inputs)?)
 }
 
@@ -452,7 +452,7 @@ pub fn claim_run(path: &Path, config: &Resolved) -> Result<Folder, Error> {
 ///
 /// # Errors
 /// As [`claim_run`], and when the configuration cannot be written.
-pub fn create_run(path: &Path, config: &Resolved) -> Result<Folder, Error> {
+pub fn create_run(path: &Path, config: &ResolvedConfig) -> Result<Folder, Error> {
     let folder = claim_run(path, config)?;
     folder.store_text(&config.toml)?;
     Ok(folder)

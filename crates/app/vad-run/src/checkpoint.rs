@@ -12,7 +12,7 @@ const STEP: &str = "vad.step";
 
 /// Contents of a checkpoint beside the weights.
 #[derive(Serialize, Deserialize)]
-pub struct Kept {
+pub struct RunState {
     pub plan: VadPlan,
     /// Normal and abnormal videos.
     pub videos: [usize; 2],
@@ -24,9 +24,9 @@ pub struct Kept {
 }
 
 /// Everything needed to go on.
-pub fn write(snapshot: &Snapshot<'_>, kept: &Kept) -> Tensors {
+pub fn write(snapshot: &Snapshot<'_>, run: &RunState) -> Tensors {
     let Snapshot { detector, optimizer, stage, step } = *snapshot;
-    let mut tensors = detector.tensors(&serde_json::to_string(kept).expect("a plan is plain data"));
+    let mut tensors = detector.tensors(&serde_json::to_string(run).expect("a plan is plain data"));
     put_optimizer(&mut tensors, detector.params(), optimizer);
     tensors.metadata.insert(STAGE.into(), stage.into());
     tensors.metadata.insert(STEP.into(), step.to_string());
@@ -34,17 +34,17 @@ pub fn write(snapshot: &Snapshot<'_>, kept: &Kept) -> Tensors {
 }
 
 /// Reads a checkpoint.
-pub fn read(mut tensors: Tensors) -> Result<(Detector, Checkpoint, Kept), Failure> {
+pub fn read(mut tensors: Tensors) -> Result<(Detector, Checkpoint, RunState), Failure> {
     let path = tensors.origin().display().to_string();
-    let state = optimizer_state(&tensors)?;
+    let optimizer = optimizer_state(&tensors)?;
     tensors.tensors.retain(|key, _| !is_of_optimizer(key));
-    let (detector, kept) = Detector::of_tensors(&tensors)?;
-    let kept: Kept = serde_json::from_str(&kept)
+    let (detector, metadata) = Detector::of_tensors(&tensors)?;
+    let run: RunState = serde_json::from_str(&metadata)
         .map_err(|error| Failure::message(format!("{path}: expected what was trained, found {error}")))?;
-    let told = |key: &str| tensors.metadata.get(key);
-    let step = told(STEP).and_then(|step| step.parse().ok());
-    let (Some(stage), Some(step)) = (told(STAGE).cloned(), step) else {
+    let value = |key: &str| tensors.metadata.get(key);
+    let step = value(STEP).and_then(|step| step.parse().ok());
+    let (Some(stage), Some(step)) = (value(STAGE).cloned(), step) else {
         return Err(Failure::message(format!("{path}: metadata: expected `{STAGE}` and `{STEP}`, found none")));
     };
-    Ok((detector, Checkpoint { stage, step, state }, kept))
+    Ok((detector, Checkpoint { stage, step, state: optimizer }, run))
 }

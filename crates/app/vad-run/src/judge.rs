@@ -11,7 +11,7 @@ use weaver_vad::{Annotation, Planted, read_list};
 pub fn run(arguments: &VadEval, console: &mut Console) -> Result<(), Failure> {
     let read = [&arguments.features, &arguments.list, &arguments.annotation].into_iter().flatten();
     arguments.report.as_ref().map_or(Ok(()), |path| weaver_io::check_output_file(path, read))?;
-    let (detector, model, told) = open(&arguments.run)?;
+    let (detector, model, metadata) = open(&arguments.run)?;
     let judged = match (&arguments.features, &arguments.list, &arguments.annotation) {
         (Some(features), Some(list), Some(annotation)) => {
             let annotation = Annotation::read(annotation)?;
@@ -31,7 +31,7 @@ pub fn run(arguments: &VadEval, console: &mut Console) -> Result<(), Failure> {
             Judged { names, curves, scored }
         }
         _ => {
-            let seed = told.parse().map_err(|_| {
+            let seed = metadata.parse().map_err(|_| {
                 let model = model.display();
                 Failure::Usage(format!(
                     "{model}: not trained on planted videos; give --features, --list and --annotation"

@@ -38,8 +38,8 @@ const MODEL: &str = "model.safetensors";
 /// The detector of a run folder or a file of weights, the file, and what was kept with it.
 fn open(run: &Path) -> Result<(Detector, PathBuf, String), Failure> {
     let path = if run.is_dir() { run.join(MODEL) } else { run.to_path_buf() };
-    let (detector, told) = Detector::read(&path)?;
-    Ok((detector, path, told))
+    let (detector, metadata) = Detector::read(&path)?;
+    Ok((detector, path, metadata))
 }
 
 /// Fails unless features have the width that a detector takes.

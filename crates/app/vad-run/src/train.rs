@@ -1,7 +1,7 @@
 //! `splatweaver vad train`.
 
 use crate::arguments::{EncoderName, VadPlan, VadTrain};
-use crate::checkpoint::{self, Kept};
+use crate::checkpoint::{self, RunState};
 use crate::{MODEL, report};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
     let Some(path) = &arguments.resume else {
         let path = &arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), "vad"));
         if path.join(MODEL).exists() {
-            return Err(weaver_run::Error::RunExists { folder: path.clone() }.into());
+            return Err(weaver_run::Error::run_exists(path).into());
         }
         let folder = Folder::claim(path, KIND, arguments.plan.features.iter().chain(&arguments.plan.list))?;
         let job = Job::new(arguments.plan.clone())?;
@@ -30,7 +30,7 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
         return job.train(&folder, None, console, interrupt);
     };
     if path.join(MODEL).exists() && !path.join(Folder::CHECKPOINT).exists() {
-        return Err(weaver_run::Error::Complete { folder: path.clone() }.into());
+        return Err(weaver_run::Error::complete(path).into());
     }
     if !path.join(Folder::CHECKPOINT).exists() {
         let plan = Folder::settings(path, KIND, "a detector of anomalies")?;
@@ -147,9 +147,9 @@ impl Job {
             trained => trained?,
         };
         // What `vad eval` is to judge it on where it is given no list.
-        let told = self.planted.map_or(String::new(), |planted| planted.seed.to_string());
+        let metadata = self.planted.map_or(String::new(), |planted| planted.seed.to_string());
         let model = folder.out().file(MODEL)?;
-        detector.write(&model, &told)?;
+        detector.write(&model, &metadata)?;
         folder.forget_checkpoint();
         console.note(&format!("{total} steps done: {}", model.display()));
         let Some(planted) = self.planted else { return Ok(()) };
@@ -181,8 +181,8 @@ impl Watch<'_, '_> {
         let stopped = self.recorder.stopped();
         if stopped || self.recorder.is_due(self.done) {
             let (plan, features) = (self.job.plan.clone(), Some(self.job.features.clone()));
-            let kept = Kept { plan, videos: self.job.videos(), features, done: self.done };
-            self.recorder.save(|| Ok::<_, weaver_run::Error>(checkpoint::write(snapshot, &kept)))?;
+            let state = RunState { plan, videos: self.job.videos(), features, done: self.done };
+            self.recorder.save(|| Ok::<_, weaver_run::Error>(checkpoint::write(snapshot, &state)))?;
         }
         Ok(stopped)
     }

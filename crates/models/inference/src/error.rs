@@ -1,6 +1,7 @@
 //! What can go wrong between photos and a scene.
 
 use std::path::PathBuf;
+use weaver_io::Advice;
 use weaver_router::AllocationKind;
 
 /// Why a prediction could not be made or written.
@@ -17,6 +18,8 @@ pub enum Error {
         allocation: AllocationKind,
         /// The budget that was given.
         budget: f64,
+        /// The remedy, [`Advice::Setting`].
+        source: Advice,
     },
     /// An image size that is not made of whole patches.
     #[error("image size: expected multiples of {patch}, found {side}")]
@@ -25,6 +28,8 @@ pub enum Error {
         patch: usize,
         /// The side that does not fit, pixels.
         side: usize,
+        /// The remedy, [`Advice::Setting`].
+        source: Advice,
     },
     /// A file could not be read or written.
     #[error(transparent)]
@@ -56,8 +61,8 @@ pub enum Error {
         needed: u64,
         /// Bytes free.
         available: u64,
-        /// True if leaving the Gaussians out would reduce it.
-        gaussians: bool,
+        /// The remedy, [`Advice::LessMemory`].
+        source: Advice,
     },
     /// The Gaussians could not be drawn.
     #[error(transparent)]

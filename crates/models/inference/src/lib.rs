@@ -2,7 +2,7 @@
 //!
 //! [`Predictor`] is what every model can do; [`SplatWeaverPredictor`] is SplatWeaver with its weights, opened from the
 //! folder of a training run. Other models are crates of their own, built on [`Pretrained`]. [`Refined`] optimizes what a
-//! predictor predicts; [`reconstruct`](mod@reconstruct) runs a predictor on photo files and writes a scene;
+//! predictor predicts; [`predict_to_folder`] runs a predictor on photo files and writes a scene;
 //! [`published`] runs the published checkpoints of SplatWeaver and VGGT-1B. Nothing here needs a training run's
 //! configuration file, and nothing here trains.
 
@@ -14,12 +14,13 @@ mod given_cameras;
 mod looks;
 pub mod pictures;
 mod pixel_aligned;
+mod predict_to_folder;
 mod predictor;
 mod pretrained;
 pub mod published;
-pub mod reconstruct;
 mod refined;
 mod run_folder;
+mod scene_network;
 mod splatweaver;
 mod view_opacity;
 mod weights;
@@ -31,12 +32,14 @@ pub use error::Error;
 pub use given_cameras::GivenCameras;
 pub use looks::Looks;
 pub use pixel_aligned::{PixelAligned, PixelAlignedNetwork, PixelAlignedPredictor, of_pixels, one_for_each};
+pub use predict_to_folder::{PredictOptions, PredictReport, check_prediction_folder, predict_to_folder};
 pub use predictor::{
     CameraSource, Density, Joint, JointPrediction, Lights, Look, LookPrediction, Photos, Prediction, Predictor, planar,
 };
 pub use pretrained::{Network, Pretrained, cameras_of};
 pub use refined::{Effort, Refined};
 pub use run_folder::RunFolder;
+pub use scene_network::{LitNetwork, SceneNetwork};
 pub use splatweaver::SplatWeaverPredictor;
 pub use view_opacity::{ViewOpacity, ViewOpacityRasterizer};
 pub use weaver_io::OutputFolder;

@@ -21,7 +21,7 @@ pub struct Looks {
     pub to: Option<(PathBuf, usize)>,
 }
 
-/// A prediction under looks, and the photos that told them.
+/// A prediction under looks, and the photos that give them.
 pub(crate) struct Shown {
     pub prediction: LookPrediction,
     photos: Vec<Image>,
@@ -38,8 +38,8 @@ impl Looks {
     ) -> Result<Shown, Error> {
         let Photos { width, height, .. } = photos;
         let ends: Vec<PathBuf> = std::iter::once(&self.from).chain(self.to.iter().map(|(to, _)| to)).cloned().collect();
-        let told = capture::load_images(&ends, width, height)?;
-        let planes: Vec<Vec<f32>> = told.iter().map(|image| planar([image])).collect();
+        let of_ends = capture::load_images(&ends, width, height)?;
+        let planes: Vec<Vec<f32>> = of_ends.iter().map(|image| planar([image])).collect();
         let one = |planes| Photos { planes, inside: None, height, width };
         let looks: Vec<Look<'_>> = match (&planes[..], &self.to) {
             ([from, to], Some((_, frames))) if *frames >= 2 => {
@@ -54,12 +54,12 @@ impl Looks {
             (all, None) => vec![Look::Of(one(&all[0]))],
         };
         let prediction = predictor.as_lights()?.predict_looks(photos, cameras, &looks, stream)?;
-        Ok(Shown { prediction, photos: told })
+        Ok(Shown { prediction, photos: of_ends })
     }
 }
 
 impl Shown {
-    /// Writes looks.png, a row for each of the first photos from the first look to the last, with the photos that told them at its ends,
+    /// Writes looks.png, a row for each of the first photos from the first look to the last, with the photos that give them at its ends,
     /// and, where there are several, looks/00.ply and so on: the same Gaussians in other colors.
     pub(crate) fn write(self, predictor: &mut dyn Predictor, out: &OutputFolder) -> Result<(), Error> {
         let LookPrediction { mut prediction, colors } = self.prediction;
@@ -79,7 +79,7 @@ impl Shown {
     }
 }
 
-/// Columns of renders between the photos that told their looks.
+/// Columns of renders between the photos that give their looks.
 fn strip(photos: &[Image], columns: &[Vec<Image>]) -> Image {
     let Image { width, height, .. } = photos[0];
     let nothing = Image::filled(width, height, [1.0; 3]);

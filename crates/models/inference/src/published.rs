@@ -6,10 +6,10 @@ mod photos;
 mod teacher;
 
 pub use load::{CONFIG, Network, Opened};
-pub use photos::Fit;
+pub use photos::Framing;
 pub use teacher::{Geometry, Teacher};
 
-use crate::reconstruct::{self, ONE_PHOTO, Report};
+use crate::predict_to_folder::{self as folder, ONE_PHOTO, PredictReport};
 use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, SplatWeaverPredictor, planar};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -18,7 +18,7 @@ use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::glam::DVec2;
 use weaver_io::safetensors::Mapped;
 use weaver_io::safetensors::Tensors;
-use weaver_io::{Image, OutputFolder};
+use weaver_io::{Advice, Image, OutputFolder};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_router::AllocationKind;
@@ -31,12 +31,12 @@ use weaver_vggt::Vggt;
 pub struct Options {
     /// Height and width of the network's images; those of its configuration otherwise.
     pub size: Option<[usize; 2]>,
-    /// Fit of photos to that size.
-    pub fit: Fit,
+    /// Framing of photos at that size.
+    pub framing: Framing,
     /// Cameras, depth and points only, though there may be a Gaussian head.
     pub geometry: bool,
-    /// Cameras of the photos, as in [`reconstruct::Options::cameras`]; for networks that make Gaussians. Photos are then cut as these
-    /// cameras are, whatever `fit` says beyond the size.
+    /// Cameras of the photos, as in [`PredictOptions::cameras`](crate::PredictOptions::cameras); for networks that make Gaussians. Photos are then cut as these
+    /// cameras are, whatever `framing` says beyond the size.
     pub cameras: Option<PathBuf>,
     /// Which pixels get Gaussians, and how many: sampled from the router, as published, unless told otherwise.
     pub density: Density,
@@ -104,16 +104,16 @@ pub fn run(
     out: &OutputFolder,
     observer: impl Fn(Progress) + Send + 'static,
     writing: impl FnOnce(),
-) -> Result<Report, Error> {
-    reconstruct::check(out, images)?;
+) -> Result<PredictReport, Error> {
+    folder::check_prediction_folder(out, images)?;
     out.check(["points.ply", "depth.safetensors"])?;
     let opened = Opened::new(weights, !options.geometry)?;
     let config = opened.config.clone();
     let size = options.size.unwrap_or([config.height, config.width]);
     if let Some(side) = size.iter().find(|side| **side == 0 || !side.is_multiple_of(config.patch)) {
-        return Err(Error::ImageSize { patch: config.patch, side: *side });
+        return Err(Error::ImageSize { patch: config.patch, side: *side, source: Advice::Setting("image size") });
     }
-    let size = photos::size_of(images, size, config.patch, options.fit)?;
+    let size = photos::size_of(images, size, config.patch, options.framing)?;
     let gaussians = opened.has_gaussians;
     let needed = estimate::bytes(&opened, images.len(), size);
     estimate::check(needed, weaver_io::available_memory(), gaussians)?;
@@ -128,7 +128,7 @@ pub fn run(
     };
     let photos = match &mut given {
         Some(given) => std::mem::take(&mut given.images),
-        None => photos::read(images, size, config.patch, options.fit)?,
+        None => photos::read(images, size, config.patch, options.framing)?,
     };
     let (network, params) = opened.load(options.bf16_products)?;
     let planes = planar(&photos);
@@ -143,7 +143,7 @@ pub fn run(
         Network::Vggt(vggt) => scene.geometry(&vggt, &params, watcher, writing)?,
     };
     remarks.append(&mut report.remarks);
-    Ok(Report { remarks, ..report })
+    Ok(PredictReport { remarks, ..report })
 }
 
 /// The inputs of a run, and where its results go.
@@ -167,7 +167,7 @@ impl Scene<'_> {
         options: &Options,
         watcher: impl Fn(&str) + Send + 'static,
         writing: impl FnOnce(),
-    ) -> Result<Report, Error> {
+    ) -> Result<PredictReport, Error> {
         let mut predictor = SplatWeaverPredictor::new(*model, params, AllocationKind::Sampled, PUBLISHED_BUDGET);
         *predictor.renderer() = Renderer::new(options.rasterizer.clone());
         let density = predictor.density(options.density)?;
@@ -183,13 +183,13 @@ impl Scene<'_> {
         predictor.release();
         let renders = predictor.render(&prediction, &prediction.cameras)?;
         writing();
-        reconstruct::write(self.out, self.paths, self.photos, &renders, &prediction)?;
-        reconstruct::write_summary(self.out, &predictor)?;
+        folder::write(self.out, self.paths, self.photos, &renders, &prediction)?;
+        folder::write_summary(self.out, &predictor)?;
         let allocation = density.allocation.unwrap_or(AllocationKind::Sampled);
         let cameras = if self.given.is_some() { "given" } else { "predicted" };
-        let mut remarks = reconstruct::how_scaled(&prediction);
+        let mut remarks = folder::how_scaled(&prediction);
         remarks.push(format!("cameras {cameras}, allocation {allocation}"));
-        Ok(reconstruct::report([self.photos, &renders], None, &prediction, remarks, self.out.path()))
+        Ok(folder::report([self.photos, &renders], None, &prediction, remarks, self.out.path()))
     }
 
     /// Cameras, depth and points.
@@ -199,20 +199,20 @@ impl Scene<'_> {
         params: &Params<f32>,
         watcher: impl Fn(&str) + Send + 'static,
         writing: impl FnOnce(),
-    ) -> Result<Report, Error> {
+    ) -> Result<PredictReport, Error> {
         let ([height, width], views) = (self.size, self.photos.len());
         let Geometry { cameras, depth, confidence } = Geometry::of(vggt, params, self.planes, self.size, watcher)?;
         let prediction = Prediction { cameras: cameras.clone(), predicted: cameras, depth, ..Prediction::default() };
         writing();
         let points = self.write_points(&prediction, &confidence)?;
-        reconstruct::write_geometry(self.out, self.paths, self.photos, &prediction)?;
+        folder::write_geometry(self.out, self.paths, self.photos, &prediction)?;
         let mut tensors = Tensors::default();
         tensors.insert("confidence", &[views, height, width], confidence);
         tensors.insert("depth", &[views, height, width], prediction.depth);
         tensors.write(self.out.file("depth.safetensors")?)?;
         let remarks = vec![format!("cameras, depth and {points} points; no Gaussians")];
         let overview = self.out.path().join("overview.png");
-        Ok(Report { gaussians: 0, gaussians_per_pixel: 0.0, psnr: None, remarks, overview })
+        Ok(PredictReport { gaussians: 0, gaussians_per_pixel: 0.0, psnr: None, remarks, overview })
     }
 
     /// Writes points.ply and returns the number of points.

@@ -7,6 +7,7 @@ use crate::{
 use std::path::Path;
 use std::sync::Arc;
 use weaver_autograd::{Params, Var};
+use weaver_io::Advice;
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_pose::CameraVars;
@@ -203,7 +204,9 @@ impl Predictor for SplatWeaverPredictor {
     fn density(&self, asked: Density) -> Result<Density, Error> {
         let allocation = asked.allocation.unwrap_or(self.allocation);
         match asked.budget {
-            Some(budget) if !allocation.has_budget() => Err(Error::NoBudget { allocation, budget }),
+            Some(budget) if !allocation.has_budget() => {
+                Err(Error::NoBudget { allocation, budget, source: Advice::Setting("budget") })
+            }
             budget => {
                 let budget = budget.or_else(|| allocation.has_budget().then_some(self.budget));
                 allocation.allocation::<f32>(budget.unwrap_or(0.0), self.max_per_pixel() + 1)?;

@@ -2,12 +2,12 @@
 
 mod context;
 mod doubt;
+mod focal_lengths;
 mod loading;
 mod model;
 mod order;
 mod picture;
 mod summary;
-mod told;
 
 use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, remarks};
@@ -22,7 +22,7 @@ use weaver_geometry::glam::DVec2;
 use weaver_io::colmap::Model;
 use weaver_io::{OutputFolder, PhotoFile, Transforms};
 use weaver_scene::Frame;
-use weaver_sfm::{Confidence, Estimate, EstimateSettings, Find, LeftOut, Observation, Photo};
+use weaver_sfm::{Confidence, Estimate, EstimateOptions, Find, LeftOut, Observation, Photo};
 
 /// The folder of COLMAP's model.
 const SPARSE: &str = "sparse/0";
@@ -33,7 +33,7 @@ const TOLD: f64 = 0.05;
 
 /// Options of estimating the cameras of photo files.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EstimateOptions {
+pub struct EstimatePhotosOptions {
     /// Photos are shrunk to this longest side for matching, pixels.
     pub long_side: usize,
     /// The focal length of all photos, in pixels of a photo whose longer side is 1; `None` asks the files, and estimates it where
@@ -51,7 +51,7 @@ pub struct EstimateOptions {
     pub sequence: bool,
 }
 
-impl Default for EstimateOptions {
+impl Default for EstimatePhotosOptions {
     fn default() -> Self {
         Self { long_side: 640, focal: None, exif: true, shared: true, distortion: Find::Told, sequence: false }
     }
@@ -83,10 +83,10 @@ pub struct EstimatedPhotos {
 /// Estimates the cameras of photo files by matching them.
 ///
 /// ```no_run
-/// use weaver_data::{EstimateOptions, OutputFolder, estimate_photos};
+/// use weaver_data::{EstimatePhotosOptions, OutputFolder, estimate_photos};
 ///
 /// let photos = ["a.jpg", "b.jpg", "c.jpg"].map(Into::into);
-/// let found = estimate_photos(&photos, &[false; 3], &EstimateOptions::default())?;
+/// let found = estimate_photos(&photos, &[false; 3], &EstimatePhotosOptions::default())?;
 /// println!("{} of 3 photos have a camera: {:?}", found.placed().len(), found.confidence());
 /// found.write(&OutputFolder::claim("capture", "example", &photos)?)?;
 /// # Ok::<(), weaver_data::Error>(())
@@ -104,7 +104,7 @@ pub struct EstimatedPhotos {
 pub fn estimate_photos(
     paths: &[PathBuf],
     located: &[bool],
-    options: &EstimateOptions,
+    options: &EstimatePhotosOptions,
 ) -> Result<EstimatedPhotos, Error> {
     assert_eq!(paths.len(), located.len(), "as many photos as flags");
     let holds_out = located.contains(&true);
@@ -116,24 +116,24 @@ pub fn estimate_photos(
     let paths: Vec<PathBuf> = (0..paths.len()).filter(|i| of_readable(*i)).map(|i| paths[i].clone()).collect();
     let loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
     let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
-    let told: Vec<Option<f64>> = loaded.iter().map(|loaded| loaded.told).collect();
-    let (told, outliers) = told::without_outliers(&names, &told);
+    let focals: Vec<Option<f64>> = loaded.iter().map(|loaded| loaded.exif_focal).collect();
+    let (focals, outliers) = focal_lengths::without_outliers(&names, &focals);
     let transparent = loaded.iter().zip(&names).filter(|(loaded, _)| loaded.transparent);
     let transparent = remarks::transparent(&transparent.map(|(_, name)| name.clone()).collect::<Vec<_>>());
-    let lens_of = lenses_of(&loaded, &told, options.shared);
-    let photos: Vec<Photo<'_>> = (loaded.iter().zip(&told).zip(located.iter().zip(&lens_of)))
-        .map(|((Loaded { image, .. }, told), (located, lens))| {
+    let lens_of = lenses_of(&loaded, &focals, options.shared);
+    let photos: Vec<Photo<'_>> = (loaded.iter().zip(&focals).zip(located.iter().zip(&lens_of)))
+        .map(|((Loaded { image, .. }, focal), (located, lens))| {
             let photo = Photo::new(&image.bytes[..], [image.height, image.width]);
             let (w, h) = (image.width as f64, image.height as f64);
-            let focal = options.focal.map(|f| f * w.max(h)).or(told.map(|mm| mm / FILM * w.hypot(h)));
+            let focal = options.focal.map(|f| f * w.max(h)).or(focal.map(|mm| mm / FILM * w.hypot(h)));
             Photo { focal, located: *located, lens: *lens, ..photo }
         })
         .collect();
     let focal_deviation = if options.focal.is_some() { 0.0 } else { TOLD };
     let sequence = options.sequence || is_sequence(&paths);
     let settings =
-        EstimateSettings { focal_deviation, sequence, distortion: options.distortion, ..EstimateSettings::default() };
-    let (estimate, contradicted) = told::estimate(&photos, &settings);
+        EstimateOptions { focal_deviation, sequence, distortion: options.distortion, ..EstimateOptions::default() };
+    let (estimate, contradicted) = focal_lengths::estimate(&photos, &settings);
     let remarks = [unreadable, outliers, transparent, contradicted].into_iter().flatten().collect();
     let sizes = loaded.iter().map(|loaded| loaded.size).collect();
     let ambiguous = loaded.iter().map(|loaded| loaded.ambiguous).collect();

@@ -25,7 +25,7 @@ mod unreadable;
 pub use capture::posed;
 pub use error::Error;
 pub use estimated::{
-    CameraSummary, CamerasSummary, Doubt, EstimateOptions, EstimatedContext, EstimatedPhotos, estimate_photos,
+    CameraSummary, CamerasSummary, Doubt, EstimatePhotosOptions, EstimatedContext, EstimatedPhotos, estimate_photos,
 };
 pub use layout::Layout;
 pub use sampler::{Sampler, bounded_gap, evaluation_tuples, training_tuple, uniform};

@@ -1,5 +1,6 @@
 //! The error type of this crate.
 
+use crate::Advice;
 use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -48,6 +49,8 @@ pub enum Error {
         expected: String,
         /// The value found.
         found: String,
+        /// The remedy, [`Advice::OtherOutput`].
+        source: Advice,
     },
 }
 

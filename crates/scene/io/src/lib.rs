@@ -6,6 +6,7 @@
 //! Every failure is an [`Error`] that names the file and the place in it; malformed files never cause a panic. Files are
 //! written atomically ([`atomic_write`]).
 
+mod advice;
 mod cameras;
 mod error;
 mod files;
@@ -15,6 +16,7 @@ mod lidar;
 mod pictures;
 mod tensors;
 
+pub use advice::Advice;
 pub use cameras::read_cameras;
 pub use cameras::transforms::Transforms;
 pub use cameras::{colmap, llff, nerfies, realestate};

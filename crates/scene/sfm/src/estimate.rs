@@ -5,7 +5,7 @@ use crate::features::Features;
 use crate::lenses::Taken;
 use crate::locate::locate;
 use crate::pairs::{Pair, Pairs};
-use crate::photo::{EstimateSettings, Photo};
+use crate::photo::{EstimateOptions, Photo};
 use crate::search::{Scene, Search};
 use crate::uncertainty::Uncertainty;
 use std::borrow::Cow;
@@ -69,38 +69,38 @@ pub struct Estimate {
 /// [`two_view`](crate::two_view()).
 ///
 /// ```
-/// use weaver_sfm::{EstimateSettings, LeftOut, Photo, estimate};
+/// use weaver_sfm::{EstimateOptions, LeftOut, Photo, estimate};
 /// let blank = Photo::new(vec![128; 64 * 48 * 3], [48, 64]);
-/// let found = estimate(&[blank.clone(), blank], &EstimateSettings::default());
+/// let found = estimate(&[blank.clone(), blank], &EstimateOptions::default());
 /// assert_eq!(found.cameras, [Err(LeftOut::Textureless), Err(LeftOut::Textureless)]);
 /// ```
-pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
+pub fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> Estimate {
     let features: Vec<Features> = photos.iter().map(|photo| photo.features(settings.keypoints)).collect();
     estimate_from(photos, &features, settings)
 }
 
 /// Estimates cameras as [`estimate`] does, from features that are there already: of each photo, at most as many as
-/// [`EstimateSettings::keypoints`] says.
+/// [`EstimateOptions::keypoints`] says.
 ///
 /// # Panics
 /// If there are not as many as photos.
 ///
 /// ```
 /// use weaver_data::procedural::{ProceduralOptions, scene};
-/// use weaver_sfm::{EstimateSettings, Features, Photo, estimate_from};
+/// use weaver_sfm::{EstimateOptions, Features, Photo, estimate_from};
 ///
 /// let scene = scene(3, &ProceduralOptions { width: 96, height: 72, views: 4 });
 /// let photos: Vec<Photo<'_>> = scene.views.iter().map(|view| Photo::new(view.image.to_bytes(), [72, 96])).collect();
-/// let settings = EstimateSettings::default();
+/// let settings = EstimateOptions::default();
 /// // Features are found once; settings may then be tried one after the other.
 /// let features: Vec<Features> = photos.iter().map(|photo| photo.features(settings.keypoints)).collect();
 /// let free = estimate_from(&photos, &features, &settings);
 /// let told: Vec<Photo<'_>> = photos.into_iter().map(|photo| Photo { focal: Some(80.0), ..photo }).collect();
-/// let held = estimate_from(&told, &features, &EstimateSettings { focal_deviation: 0.0, ..settings });
+/// let held = estimate_from(&told, &features, &EstimateOptions { focal_deviation: 0.0, ..settings });
 /// assert_eq!(free.cameras.len(), held.cameras.len());
 /// assert!(held.cameras.iter().flatten().all(|camera| camera.intrinsics.fx == 80.0));
 /// ```
-pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &EstimateSettings) -> Estimate {
+pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &EstimateOptions) -> Estimate {
     assert_eq!(photos.len(), features.len(), "features of each photo");
     let taken: Vec<Taken> = photos.iter().map(Taken::of).collect();
     // Those that are only located are not there at all while the others are found.

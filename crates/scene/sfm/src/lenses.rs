@@ -1,7 +1,7 @@
 //! The lenses that photos were taken with, and how long their focal lengths are before anything is seen.
 
 use crate::bundle::{Bundle, Lens};
-use crate::photo::{EstimateSettings, Photo};
+use crate::photo::{EstimateOptions, Photo};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 
 /// Facts about how a photo was taken.
@@ -86,7 +86,7 @@ fn median(mut of: Vec<f64>) -> Option<f64> {
     of.get(of.len() / 2).copied()
 }
 
-impl EstimateSettings {
+impl EstimateOptions {
     /// Cameras without poses. A photo that does not tell its focal length has that of the others of its lens. Where these do
     /// not either, it has that of all others or, where none does, this factor of the longer side; what of the sensor it shows
     /// is taken into account.

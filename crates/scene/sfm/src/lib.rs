@@ -45,7 +45,7 @@ pub use epipolar::Epipolar;
 pub use estimate::{Estimate, LeftOut, estimate, estimate_from};
 pub use features::{Features, Keypoint};
 pub use matching::{Match, matches, matches_along};
-pub use photo::{EstimateSettings, Find, Photo};
+pub use photo::{EstimateOptions, Find, Photo};
 pub use refine::{RefineSettings, Refined, View, carried, refine};
 pub use retrieval::{candidates, expansion};
 pub use tracks::{Track, tracks};

@@ -7,7 +7,7 @@ use crate::grow::Grown;
 use crate::lenses::{Taken, tau};
 use crate::pairs::{self, Pairs, linked};
 use crate::passes::{Pass, near};
-use crate::photo::EstimateSettings;
+use crate::photo::EstimateOptions;
 use crate::retrieval::candidates;
 
 /// Largest error of a photo that pairs put in its place, in deviations of keypoints.
@@ -18,7 +18,7 @@ const ASTRAY: f64 = 32.0;
 pub(crate) fn locate(
     taken: &[Taken],
     features: &[Features],
-    settings: &EstimateSettings,
+    settings: &EstimateOptions,
     (numbers, scene, in_scene): (&[usize], Bundle, &[bool]),
     mut pairs: Pairs,
 ) -> (Bundle, Vec<bool>, Pairs) {

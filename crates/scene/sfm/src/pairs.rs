@@ -195,8 +195,9 @@ mod tests {
         posed(&[first, second], &[camera; 2], &[([0, 1], found)], 0.5).pop()
     }
 
+    /// Photos that only chance ties to the others are told.
     #[test]
-    fn photos_that_only_chance_ties_to_the_others_are_told() {
+    fn photos_tied_by_chance_are_named() {
         let tie = |photos: [usize; 2], count: usize, share: f64| Pair {
             photos,
             pose: Pose::IDENTITY,

@@ -51,7 +51,7 @@ pub enum Find {
 
 /// Settings of an estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EstimateSettings {
+pub struct EstimateOptions {
     /// Keypoints of a photo, at most.
     pub keypoints: usize,
     /// Photos that each is compared with, at most: those that look most alike.
@@ -64,7 +64,7 @@ pub struct EstimateSettings {
     pub distortion: Find,
 }
 
-impl Default for EstimateSettings {
+impl Default for EstimateOptions {
     fn default() -> Self {
         Self { keypoints: 3000, candidates: 20, sequence: false, focal_deviation: 0.05, distortion: Find::Told }
     }

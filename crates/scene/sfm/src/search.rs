@@ -10,7 +10,7 @@ use crate::focal;
 use crate::grow::{Grown, MANY, beginnings};
 use crate::lenses::{Taken, USUAL, tau};
 use crate::pairs::{self, Pair, Pairs, linked};
-use crate::photo::{EstimateSettings, Photo};
+use crate::photo::{EstimateOptions, Photo};
 use crate::retrieval::candidates;
 
 /// Points that a photo with a camera must see at least.
@@ -52,7 +52,7 @@ pub(crate) struct Search<'a> {
     taken: &'a [Taken],
     features: &'a [Features],
     photos: &'a [&'a Photo<'a>],
-    settings: &'a EstimateSettings,
+    settings: &'a EstimateOptions,
     pairs: Pairs,
     /// The scenes that were grown.
     found: Vec<Grown>,
@@ -65,7 +65,7 @@ impl<'a> Search<'a> {
         taken: &'a [Taken],
         photos: &'a [&'a Photo<'a>],
         features: &'a [Features],
-        settings: &'a EstimateSettings,
+        settings: &'a EstimateOptions,
     ) -> Self {
         let candidates = candidates(features, &vec![true; taken.len()], settings.candidates, settings.sequence);
         let matched = pairs::matched(features, &candidates);
@@ -116,7 +116,7 @@ impl<'a> Search<'a> {
             }
             began.resize(self.found.len(), factor);
             // Poses of pairs are as wrong as the focal length that they were found by: the one that came of it does better.
-            let again = !self.told() && waiting.is_empty() && tried.len() < TRIED && self.taken.len() <= SEVERAL;
+            let again = !self.focal_known() && waiting.is_empty() && tried.len() < TRIED && self.taken.len() <= SEVERAL;
             let found = best.filter(|_| again).map(|best| began[best] * self.found[best].focal_factor());
             waiting.extend(found.filter(|found| tried.iter().all(|tried| (found / tried).ln().abs() > ANOTHER)));
         }
@@ -160,13 +160,13 @@ impl<'a> Search<'a> {
     }
 
     /// True if a focal length is told.
-    fn told(&self) -> bool {
+    fn focal_known(&self) -> bool {
         self.taken.iter().any(|t| t.focal.is_some())
     }
 
     /// Focal lengths to begin with, over the longer side: what is told, or those that pairs vote for.
     fn focal_lengths(&self, tau: f64) -> Vec<f64> {
-        if self.told() {
+        if self.focal_known() {
             return vec![USUAL];
         }
         let usual = self.settings.bundle(self.taken, USUAL).cameras;
@@ -236,8 +236,9 @@ mod tests {
         Grown { bundle, placed: vec![true; 16], support: 1.0 }
     }
 
+    /// Explanations differ by photos and not by their world.
     #[test]
-    fn explanations_differ_by_photos_and_not_by_their_world() {
+    fn explanations_differ_by_photos() {
         let first = grown(&[], 0.0);
         assert!(!first.differs(&grown(&[], 0.7), DIFFERENT));
         assert!(!first.differs(&grown(&[0], 0.7), DIFFERENT), "one of many");

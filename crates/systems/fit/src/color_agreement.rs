@@ -175,8 +175,9 @@ mod tests {
         (photos, points, visible)
     }
 
+    /// Gains of photos are found and noise is not taken for them.
     #[test]
-    fn gains_of_photos_are_found_and_noise_is_not_taken_for_them() {
+    fn gains_are_found_and_noise_is_not() {
         let gains = [[1.25, 1.2, 1.2], [1.0, 1.0, 0.95], [0.8, 0.8, 0.8], [1.0, 1.0, 1.1]];
         let (photos, points, visible) = wall(&gains);
         let found = ColorAgreement::of(&photos, &points, &visible);

@@ -26,6 +26,7 @@ mod photos;
 mod population;
 mod resident;
 mod settings;
+#[cfg(feature = "state")]
 mod state;
 pub mod strategy;
 mod timing;
@@ -44,6 +45,7 @@ pub use objective::{L1Ssim, Objective};
 pub use population::{Field, Population};
 pub use photos::mean_color;
 pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
+#[cfg(feature = "state")]
 pub use state::gaussians_of;
 pub use strategy::{Moment, Regularizer, Strategy};
 pub use timing::steps_in;

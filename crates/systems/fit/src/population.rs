@@ -145,6 +145,7 @@ impl Population {
         }
     }
 
+    #[cfg(feature = "state")]
     pub(crate) fn from_fields([means, log_scales, quats, logits, sh]: [Field; 5], degree: usize) -> Self {
         Self { means, log_scales, quats, logits, sh, degree }
     }

@@ -312,8 +312,9 @@ impl FitSettings {
 mod tests {
     use super::*;
 
+    /// Short runs go in longer steps and long ones in the same.
     #[test]
-    fn short_runs_go_in_longer_steps_and_long_ones_in_the_same() {
+    fn short_runs_go_in_longer_steps() {
         let rates = Rates::default();
         let means = |steps| rates.in_run_of(steps).means / rates.means;
         assert!((means(1500) - 2.0).abs() < 1e-12);

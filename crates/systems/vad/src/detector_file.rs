@@ -15,19 +15,19 @@ const ENCODER: &str = "vad.encoder";
 const HEADS: &str = "vad.heads";
 const EXPERTS: &str = "vad.experts";
 const PUBLISHED: &str = "vad.experts.published";
-const TOLD: &str = "vad.told";
+const METADATA: &str = "vad.told";
 
 impl Detector {
-    /// Writes the detector, atomically; `told` is kept with it.
+    /// Writes the detector, atomically; `metadata` is kept with it.
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn write(&self, path: &Path, told: &str) -> Result<()> {
-        Ok(self.tensors(told).write(path)?)
+    pub fn write(&self, path: &Path, metadata: &str) -> Result<()> {
+        Ok(self.tensors(metadata).write(path)?)
     }
 
-    /// The weights as tensors of a file; `told` is kept with them.
-    pub fn tensors(&self, told: &str) -> Tensors {
+    /// The weights as tensors of a file; `metadata` is kept with them.
+    pub fn tensors(&self, metadata: &str) -> Tensors {
         let mut tensors = Tensors::default();
         for (_, param) in self.params.iter() {
             tensors.insert(param.name(), param.shape().dims(), param.value().to_vec());
@@ -41,7 +41,7 @@ impl Detector {
         let names = self.names.join(",");
         let (heads, published) = (heads.to_string(), self.published.to_string());
         for (key, value) in
-            [(ENCODER, encoder), (HEADS, &heads), (EXPERTS, &names), (PUBLISHED, &published), (TOLD, told)]
+            [(ENCODER, encoder), (HEADS, &heads), (EXPERTS, &names), (PUBLISHED, &published), (METADATA, metadata)]
         {
             tensors.metadata.insert(key.into(), value.into());
         }
@@ -63,9 +63,10 @@ impl Detector {
     pub fn of_tensors(tensors: &Tensors) -> Result<(Self, String)> {
         let path = tensors.origin();
         let mut detector = Self::new(kind(tensors, path)?, 0);
-        let told = |key: &str| tensors.metadata.get(key).map_or("", String::as_str);
-        let names: Vec<String> = told(EXPERTS).split(',').filter(|name| !name.is_empty()).map(str::to_string).collect();
-        detector.published = told(PUBLISHED) == "true";
+        let value = |key: &str| tensors.metadata.get(key).map_or("", String::as_str);
+        let names: Vec<String> =
+            value(EXPERTS).split(',').filter(|name| !name.is_empty()).map(str::to_string).collect();
+        detector.published = value(PUBLISHED) == "true";
         if !names.is_empty() {
             detector.add_experts(names, 0);
         }
@@ -84,7 +85,7 @@ impl Detector {
             let kinds = format!("weights of an encoder, of `{EXPERT}` and of `{GATE}`");
             return Err(Error::invalid(path, "tensors", kinds, format!("also {name}")));
         }
-        Ok((detector, told(TOLD).to_string()))
+        Ok((detector, value(METADATA).to_string()))
     }
 }
 
@@ -106,8 +107,8 @@ fn kind(tensors: &Tensors, path: &Path) -> Result<EncoderKind> {
         "urdmu" => {
             let count = |i: &usize| tensors.tensors.contains_key(&format!("selfatt.layers.{i}.0.norm.weight"));
             let inner = side("selfatt.layers.0.0.fn.to_qkv.weight", 2, 0)? / 4;
-            let told = tensors.metadata.get(HEADS).and_then(|heads| heads.parse().ok());
-            let heads: usize = told.unwrap_or(inner / PUBLISHED_HEAD);
+            let stored = tensors.metadata.get(HEADS).and_then(|heads| heads.parse().ok());
+            let heads: usize = stored.unwrap_or(inner / PUBLISHED_HEAD);
             if heads == 0 || !inner.is_multiple_of(heads) {
                 return Err(Error::invalid(path, HEADS, format!("a divisor of {inner}"), heads));
             }

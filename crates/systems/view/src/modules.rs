@@ -74,8 +74,9 @@ mod tests {
         assert!(script.contains("const { one, Two } = a_module;"), "{script}");
     }
 
+    /// Every import is of an earlier module that exports it.
     #[test]
-    fn every_import_is_of_an_earlier_module_that_exports_it() {
+    fn imports_are_of_earlier_modules() {
         for modules in [PAGE, WORKER] {
             for (i, (name, source)) in modules.iter().enumerate() {
                 for line in source.lines().filter(|line| line.starts_with("import ")) {

@@ -87,8 +87,9 @@ mod tests {
         assert_eq!(choose(&measured, 1, 0.04).len(), 1);
     }
 
+    /// The sharpest nearby is taken and what a view shows does not matter.
     #[test]
-    fn the_sharpest_nearby_is_taken_and_what_a_view_shows_does_not_matter() {
+    fn the_sharpest_frame_nearby_is_taken() {
         let mut measured = frames((0..=200).map(|i| i as f32 * 0.005));
         // The second half shows a wall: everything is less sharp there, and nothing is left out.
         measured[100..].iter_mut().for_each(|frame| frame.sharpness = 0.01);
@@ -107,8 +108,9 @@ mod tests {
         assert_eq!(choose(&measured, 3, 0.04), [0, 20, 40]);
     }
 
+    /// Standing still is one frame and jumps are stepped over.
     #[test]
-    fn standing_still_is_one_frame_and_jumps_are_stepped_over() {
+    fn standing_still_is_one_frame() {
         let mut still = frames([0.0; 300]);
         still[77].sharpness = 2.0;
         assert_eq!(choose(&still, 120, 0.04), [77]);

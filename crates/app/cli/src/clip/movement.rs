@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_is_followed_far_beyond_its_first_picture() {
+    fn movement_is_followed_far() {
         let mut follower = Follower::default();
         let mut place = 0.0;
         for i in 0..=40 {

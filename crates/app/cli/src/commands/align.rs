@@ -133,14 +133,14 @@ fn align_photos(arguments: &Align, console: &mut Console) -> Result<(), Failure>
     let mut progress = Progress::new("align", 0, photos.len(), console);
     for (done, photo) in photos.iter().enumerate() {
         let pixels: Vec<f32> = photo.photo.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
-        let asked = [Photo { pixels: &pixels, mask: photo.photo.mask.as_deref(), camera: photo.photo.camera }];
+        let one = [Photo { pixels: &pixels, mask: photo.photo.mask.as_deref(), camera: photo.photo.camera }];
         let named = |error: AlignError| Failure::message(format!("{}: {error}", photo.frame.path.display()));
-        let aligned = align(&*rasterizer, &scene, &asked, &options, &mut compare).map_err(named)?;
+        let aligned = align(&*rasterizer, &scene, &one, &options, &mut compare).map_err(named)?;
         // Whatever was compared: decibels of all that masks leave, which users know.
         let decibels = |camera: Camera| -> Result<f64, Failure> {
             let still = Options { steps: 0, ..Options::of(Method::NoPoSplat) };
-            let there = [Photo { camera, ..asked[0] }];
-            let drawn = align(&*rasterizer, &scene, &there, &still, mean_square).map_err(named)?;
+            let moved = [Photo { camera, ..one[0] }];
+            let drawn = align(&*rasterizer, &scene, &moved, &still, mean_square).map_err(named)?;
             Ok(-10.0 * drawn[0].loss[0].max(1e-10).log10())
         };
         for aligned in aligned {

@@ -26,7 +26,7 @@ pub fn run(arguments: &Config, console: &mut Console) -> Result<(), Failure> {
         return console.print(&weaver_run::settings::annotate(&weaver_fit::FitSettings::default())?);
     }
     let registry = weaver_recipes::registry();
-    let architecture = registry.find(arguments.model.as_deref())?;
-    let preset = arguments.preset.as_deref().unwrap_or(architecture.presets()[0]);
-    console.print(&architecture.annotated(preset)?)
+    let entry = registry.find(arguments.model.as_deref())?;
+    let preset = arguments.preset.as_deref().unwrap_or(entry.presets()[0]);
+    console.print(&entry.annotated(preset)?)
 }

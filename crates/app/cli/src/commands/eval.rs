@@ -11,7 +11,7 @@ use weaver_command::{Console, DeviceFlag, Failure, Progress, Threads, choice, de
 use weaver_inference::RunFolder;
 use weaver_splat::Renderer;
 use weaver_trainer::{
-    AlignLoss, Alignment, CameraMode, LookOf, MatchingOverride, OpenRun, Overrides, Source, Targets, comparison,
+    AlignLoss, Alignment, CameraMode, EvalOptions, LookOf, MatchingOverride, OpenRun, Source, Targets, comparison,
 };
 
 /// Heading of the flags that choose views and figures.
@@ -169,7 +169,7 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     if !alike && !arguments.as_taken {
         console.note("photos as they were taken: these runs do not know the same light");
     }
-    let overrides = Overrides {
+    let options = EvalOptions {
         context_views: arguments.views.map(|views| views as usize),
         cameras,
         targets: arguments.targets,
@@ -204,12 +204,12 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
                 TARGETS.iter().find(|(_, targets, _)| *targets == arguments.targets).map_or("", |(name, ..)| name);
             return Err(Failure::Usage(format!("--targets {named}: expected --cameras predicted, found other ones")));
         }
-        if let Some(remark) = run.predictor.remark(overrides.density) {
+        if let Some(remark) = run.predictor.remark(options.density) {
             console.note(&format!("warning: {remark}"));
         }
         let mut progress = Progress::new("eval", 0, 0, console);
         let mut show = |done, total| progress.at(done, total, String::new, console);
-        let evaluation = run.evaluate(&source, &overrides, &mut show);
+        let evaluation = run.evaluate(&source, &options, &mut show);
         progress.finish();
         found.push((name, evaluation?));
     }

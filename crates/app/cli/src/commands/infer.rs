@@ -13,9 +13,9 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
 use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Progress, Threads, device, in_pool};
 use weaver_fit::FitRasterizer;
-use weaver_inference::published::{self, Fit};
-use weaver_inference::reconstruct::{self, Options, Report, reconstruct};
+use weaver_inference::published::{self, Framing};
 use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
+use weaver_inference::{PredictOptions, PredictReport, check_prediction_folder, predict_to_folder};
 use weaver_io::write_text;
 use weaver_splat::Renderer;
 use weaver_view::HtmlOptions;
@@ -126,7 +126,7 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     let rasterizer = device::rasterizer(&arguments.device)?;
     let photos = clip::photos(&arguments.images, ClipFlags::default(), &out, console)?;
     let mut images = photos.paths.clone();
-    reconstruct::check(&out, &images)?;
+    check_prediction_folder(&out, &images)?;
     out.check([VIEW])?;
     let built_in = arguments.run.is_none() && arguments.weights.is_none();
     let estimating = asked || built_in && arguments.cameras.is_none();
@@ -182,7 +182,7 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
         write_text(out.file(VIEW)?, &view::exhibit(&Seen::of(out.path()))?.html(HtmlOptions::default())?)?;
     }
     if arguments.json {
-        let Report { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
+        let PredictReport { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
         let result = json!({"gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks});
         return console.print(&serde_json::to_string_pretty(&result)?);
     }
@@ -207,7 +207,7 @@ fn own(
     (cameras, rasterizer): (Option<PathBuf>, Arc<dyn FitRasterizer>),
     (arguments, out): (&Infer, &OutputFolder),
     console: &mut Console,
-) -> Result<Report, Failure> {
+) -> Result<PredictReport, Failure> {
     let published = arguments.size.is_some() || arguments.keep_aspect || arguments.geometry || arguments.bf16_products;
     if published {
         let message = "--size, --keep-aspect, --geometry, --bf16-products: expected a published checkpoint, found weights of a run";
@@ -239,8 +239,8 @@ fn own(
         from,
         to: arguments.light.to.clone().map(|to| (to, arguments.light.light_steps as usize)),
     });
-    let options = Options { cameras, masks: arguments.masks, density, looks, seed };
-    Ok(reconstruct(&mut *predictor, images, &options, out)?)
+    let options = PredictOptions { cameras, masks: arguments.masks, density, looks, seed };
+    Ok(predict_to_folder(&mut *predictor, images, &options, out)?)
 }
 
 /// Runs a published checkpoint while another thread shows the progress.
@@ -251,11 +251,11 @@ fn published(
     (arguments, out): (&Infer, &OutputFolder),
     console: &mut Console,
     interrupt: &Interrupt,
-) -> Result<Report, Failure> {
+) -> Result<PredictReport, Failure> {
     let options = published::Options {
         cameras,
         size: arguments.size,
-        fit: if arguments.keep_aspect { Fit::KeepAspect } else { Fit::Crop },
+        framing: if arguments.keep_aspect { Framing::KeepAspect } else { Framing::Crop },
         geometry: arguments.geometry,
         density: arguments.density.into(),
         seed: arguments.seed.unwrap_or(0),

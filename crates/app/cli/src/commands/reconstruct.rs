@@ -104,7 +104,7 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
 fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let start = Instant::now();
     let out = match Run::claim(&arguments.out, &arguments.photos) {
-        Err(RunError::Run(weaver_run::Error::RunExists { folder })) => return Err(exists(&folder)),
+        Err(RunError::Run(weaver_run::Error::RunExists { folder, .. })) => return Err(exists(&folder)),
         claimed => claimed?,
     };
     let (capture, hold_out) = match arguments.photos.as_slice() {

@@ -6,7 +6,9 @@ use weaver_command::{
     Console, DeviceFlag, Failure, Interrupt, MOST_SEED, MOST_THREADS, Progress, device, duration, in_pool,
 };
 use weaver_inference::RunFolder;
-use weaver_trainer::{Error, Folder, Observer, Resolved, Setup, StepReport, Summary, Training, claim_run, reclaim_run};
+use weaver_trainer::{
+    ConfigSource, Error, Folder, Observer, ResolvedConfig, StepReport, Summary, Training, claim_run, reclaim_run,
+};
 
 /// Headings of groups of flags.
 const CONFIGURATION: &str = "Configuration";
@@ -88,12 +90,12 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
     let rasterizer = device::rasterizer(&arguments.device)?;
     if let Some(path) = &arguments.resume {
         let folder = RunFolder::at(path);
-        let architecture = registry.of_run(&folder)?;
-        let config = architecture.read(&folder)?;
+        let entry = registry.of_run(&folder)?;
+        let config = entry.read(&folder)?;
         check_trace(arguments, &config)?;
         let claimed = if arguments.dry_run { None } else { Some(reclaim_run(path)?) };
         return in_pool(arguments.threads.map(usize::from).or(config.threads), || {
-            let mut session = architecture.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
+            let mut session = entry.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
             session.draw_by(rasterizer);
             let Some(claimed) = &claimed else {
                 return dry_run(session, &config, console);
@@ -101,8 +103,8 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
             train(session, claimed, arguments, console, interrupt)
         });
     }
-    let architecture = registry.find(arguments.model.as_deref())?;
-    let config = architecture.resolve(&Setup {
+    let entry = registry.find(arguments.model.as_deref())?;
+    let config = entry.resolve(&ConfigSource {
         preset: arguments.preset.clone(),
         file: arguments.config.clone(),
         settings: arguments.settings.clone(),
@@ -118,7 +120,7 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
     // Claimed before anything is read; nothing is left behind when the data cannot be.
     let claimed = if arguments.dry_run { None } else { Some(claim_run(&path, &config)?) };
     in_pool(config.threads, || {
-        let mut session = architecture.start(&config)?;
+        let mut session = entry.start(&config)?;
         session.draw_by(rasterizer);
         let Some(claimed) = &claimed else {
             return dry_run(session, &config, console);
@@ -129,12 +131,12 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
 }
 
 /// Checks that the file of a trace can be written.
-fn check_trace(arguments: &Train, config: &Resolved) -> Result<(), Failure> {
+fn check_trace(arguments: &Train, config: &ResolvedConfig) -> Result<(), Failure> {
     Ok(arguments.trace.as_ref().map_or(Ok(()), |path| weaver_io::check_output_file(path, &config.inputs))?)
 }
 
 /// Measures what the run would take. Nothing is left behind.
-fn dry_run(session: Box<dyn Training>, config: &Resolved, console: &mut Console) -> Result<(), Failure> {
+fn dry_run(session: Box<dyn Training>, config: &ResolvedConfig, console: &mut Console) -> Result<(), Failure> {
     console.print(session.plan().trim_end())?;
     let path = std::env::temp_dir().join(format!("splatweaver-dry-run-{}", std::process::id()));
     let folder = claim_run(&path, config)?;

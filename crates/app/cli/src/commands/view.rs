@@ -176,8 +176,9 @@ pub fn open(address: &str, console: &mut Console) {
 mod tests {
     use super::*;
 
+    /// Large pages are warned of and larger ones need a word.
     #[test]
-    fn large_pages_are_warned_of_and_larger_ones_need_a_word() {
+    fn large_pages_are_warned_of() {
         let weights = [(59.0, false), (61.0, false), (199.0, false), (201.0, false), (201.0, true)]
             .map(|(mb, yes)| weighed(mb, yes));
         assert_eq!(weights, [Weight::Small, Weight::Large, Weight::Large, Weight::TooLarge, Weight::Large]);

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use weaver_command::{Failure, choice};
-use weaver_data::{EstimateOptions, Find};
+use weaver_data::{EstimatePhotosOptions, Find};
 
 /// Heading of these flags.
 const MATCHING: &str = "Estimated cameras";
@@ -57,12 +57,12 @@ pub struct MatchingFlags {
 
 impl Default for MatchingFlags {
     fn default() -> Self {
-        let EstimateOptions { long_side, focal, exif, shared, .. } = EstimateOptions::default();
+        let EstimatePhotosOptions { long_side, focal, exif, shared, .. } = EstimatePhotosOptions::default();
         Self { focal, no_exif: !exif, own_focal: !shared, distortion: None, match_size: long_side as u32 }
     }
 }
 
-impl From<MatchingFlags> for EstimateOptions {
+impl From<MatchingFlags> for EstimatePhotosOptions {
     fn from(flags: MatchingFlags) -> Self {
         Self {
             long_side: flags.match_size as usize,

@@ -120,8 +120,9 @@ fn the_scenes_own_cameras_are_guesses() {
     );
 }
 
+/// Photos of another size take their cameras along or are refused.
 #[test]
-fn photos_of_another_size_take_their_cameras_along_or_are_refused() {
+fn photos_of_another_size() {
     let folder = folder();
     let twice = |i| {
         let camera: Camera = camera(i);

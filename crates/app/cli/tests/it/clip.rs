@@ -106,9 +106,10 @@ fn a_clip_becomes_a_capture() {
     assert!(foreign.iter().all(|path| fs::read(path).unwrap() == b"mine"));
 }
 
+/// Earlier cameras keep their frames until there are new ones.
 #[test]
-fn earlier_cameras_keep_their_frames_until_there_are_new_ones() {
-    if !has_ffmpeg("earlier_cameras_keep_their_frames_until_there_are_new_ones") {
+fn earlier_cameras_keep_their_frames() {
+    if !has_ffmpeg("earlier_cameras_keep_their_frames") {
         return;
     }
     let temporary = tempfile::tempdir().unwrap();
@@ -146,9 +147,10 @@ fn earlier_cameras_keep_their_frames_until_there_are_new_ones() {
     assert!(frames().iter().all(|(name, _)| name.starts_with("frames/")));
 }
 
+/// Every command whose cameras are estimated takes a clip.
 #[test]
-fn every_command_whose_cameras_are_estimated_takes_a_clip() {
-    if !has_ffmpeg("every_command_whose_cameras_are_estimated_takes_a_clip") {
+fn every_estimating_command_takes_a_clip() {
+    if !has_ffmpeg("every_estimating_command_takes_a_clip") {
         return;
     }
     let temporary = tempfile::tempdir().unwrap();

@@ -170,8 +170,9 @@ mod with {
         assert!(bytes("again") == bytes("gpu"), "another fit, other bits");
     }
 
+    /// Devices that are not there are named with those that are.
     #[test]
-    fn devices_that_are_not_there_are_named_with_those_that_are() {
+    fn missing_devices_are_named() {
         let folder = tempfile::tempdir().unwrap();
         for device in ["gpu:99", "no-such-device"] {
             let line = format!("bench raster --synthetic 10,8,8 --device {device}");

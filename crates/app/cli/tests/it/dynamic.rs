@@ -12,8 +12,9 @@ fn json(folder: &Path, line: &str) -> serde_json::Value {
     serde_json::from_str(&printed(folder, line)).unwrap()
 }
 
+/// A film is learned judged drawn pruned and distilled.
 #[test]
-fn a_film_is_learned_judged_drawn_pruned_and_distilled() {
+fn a_film_from_training_to_distillation() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let out = printed(folder, &format!("{TRAIN} --experts keys,poly --out run"));

@@ -102,8 +102,9 @@ fn features_are_lifted_and_asked_for() {
     assert!(folder.path().join("maps/2-1.png").is_file());
 }
 
+/// Every solver runs and neither threads nor blocks count.
 #[test]
-fn every_solver_runs_and_neither_threads_nor_blocks_count() {
+fn every_solver_runs_at_any_threads_and_blocks() {
     let folder = folder();
     let bytes = |flags: &str| {
         printed(folder.path(), &format!("{LIFT} {flags}"));

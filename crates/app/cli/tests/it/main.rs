@@ -1,24 +1,43 @@
-//! The binary as a process: exit codes, signals, pipes, and what it starts itself.
+//! Commands, in this process and as processes of their own.
 
 mod align;
+mod bench;
+mod capture;
+mod checkpoints;
 #[cfg(unix)]
 mod clip;
 mod command;
 mod compare;
+mod configuration;
 mod convert;
 mod device;
+mod divergence;
 mod dynamic;
+mod few_photos;
 mod figures;
-#[cfg(unix)]
 mod fit;
+mod given_cameras;
 #[cfg(unix)]
 mod image;
+mod in_process;
+mod info;
+mod inputs;
 mod killed;
+mod left_behind;
 mod lift;
+mod lpips;
+mod masks;
 mod outputs;
-mod photos;
 mod plan;
 mod process;
+mod published;
+mod reconstruct;
+mod render;
+mod run;
+mod teacher;
+mod two_experts;
 mod vad;
 mod video;
 mod view;
+mod weights;
+mod wild;

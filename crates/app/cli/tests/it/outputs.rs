@@ -78,8 +78,9 @@ const OVER: [&str; 30] = [
     "vad score --run capture/scene.ply capture/features/00.npy -o capture/images",
 ];
 
+/// No command writes over what it reads or in among it.
 #[test]
-fn no_command_writes_over_what_it_reads_or_in_among_it() {
+fn no_command_writes_over_what_it_reads() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     inputs(folder);
@@ -96,8 +97,9 @@ fn no_command_writes_over_what_it_reads_or_in_among_it() {
     }
 }
 
+/// Results are made anew in their place and other files stay.
 #[test]
-fn results_are_made_anew_in_their_place_and_other_files_stay() {
+fn results_are_replaced_and_other_files_stay() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     inputs(folder);
@@ -225,8 +227,9 @@ fn an_empty_scene_has_no_quality() {
     assert!(message.contains("empty.ply: expected Gaussians to judge, found none"), "{message}");
 }
 
+/// A camera of one pixel is not taken for another format.
 #[test]
-fn a_camera_of_one_pixel_is_not_taken_for_another_format() {
+fn a_camera_of_one_pixel_keeps_its_format() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     inputs(folder);

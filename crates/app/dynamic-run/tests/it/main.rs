@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_dynamic_run::{
-    Evaluation, ExpertKind, FilmSource, KeepBy, Made, Preset, Run, RunError, RunSettings, Scores, Stage,
+    DerivedFrom, Evaluation, ExpertKind, FilmSource, KeepBy, Preset, Run, RunError, RunSettings, Scores, Stage,
 };
 
 fn settings(experts: &[ExpertKind], steps: usize) -> RunSettings {
@@ -19,7 +19,7 @@ fn settings(experts: &[ExpertKind], steps: usize) -> RunSettings {
         background_weight: 1.0,
         seed: 5,
         save_every: 1e9,
-        made: None,
+        derived_from: None,
     }
 }
 
@@ -140,8 +140,8 @@ fn pruning_keeps_what_is_worth_most() {
     let run = trained(&folder.path().join("run"), settings(&[ExpertKind::Code, ExpertKind::Poly], 40));
     let before = evaluation(&run).trained.unwrap().mixture.psnr;
     let smaller = |keep: f64, by: KeepBy| {
-        let made = Some(Made { from: "run".into(), by: by.to_string() });
-        let settings = RunSettings { stages: vec![Stage::Router { steps: 2 }], made, ..run.settings().clone() };
+        let derived_from = Some(DerivedFrom { from: "run".into(), by: by.to_string() });
+        let settings = RunSettings { stages: vec![Stage::Router { steps: 2 }], derived_from, ..run.settings().clone() };
         let tensors = run.pruned(keep, by, |_, _| {}).unwrap();
         let folder = folder.path().join(format!("{by}-{keep}"));
         let mut smaller = Run::create(&folder, settings, Some(tensors)).unwrap();

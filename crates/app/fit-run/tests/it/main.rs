@@ -41,8 +41,9 @@ fn report(settings: RunSettings, out: &Path) -> String {
     std::fs::read_to_string(out.join("report.html")).unwrap()
 }
 
+/// A report begins with what is doubtful about its cameras.
 #[test]
-fn a_report_begins_with_what_is_doubtful_about_its_cameras() {
+fn reports_begin_with_doubts_about_cameras() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), |name: &str| folder.path().join(name));
     capture(&data, 4);
@@ -170,8 +171,9 @@ fn a_time_that_is_too_short_is_spoken_of() {
     assert!(calm.settings().fit.steps > 8 && spoken(&calm).is_empty(), "{}", spoken(&calm));
 }
 
+/// Runs from before there was a least number of steps go on.
 #[test]
-fn runs_from_before_there_was_a_least_number_of_steps_go_on() {
+fn runs_without_least_steps_go_on() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));
     capture(&data, 10);
@@ -254,7 +256,7 @@ fn cameras_are_refined_and_written() {
 
 /// The result of a fit to distorted photos is a capture of the same photos, masks and cameras, those that it refined.
 #[test]
-fn a_fit_of_distorted_photos_is_a_capture_of_them_again() {
+fn a_fit_of_distorted_photos_is_a_capture() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     let scene = scene(3, &ProceduralOptions { width: 96, height: 72, views: 9 });
@@ -319,8 +321,9 @@ fn a_fit_of_distorted_photos_is_a_capture_of_them_again() {
     }
 }
 
+/// A fit is a capture that holds out the same photos wherever it is moved.
 #[test]
-fn a_fit_is_a_capture_that_holds_out_the_same_photos_wherever_it_is_moved() {
+fn a_fit_is_a_capture_with_the_same_split() {
     let folder = tempfile::tempdir().unwrap();
     for all in [false, true] {
         let before = folder.path().join(format!("before-{all}"));

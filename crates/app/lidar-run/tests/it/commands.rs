@@ -107,8 +107,9 @@ fn a_stopped_run_goes_on_to_the_same_bits() {
     assert!(command(&["--resume", &stopped]).0.unwrap_err().contains("the run is complete"));
 }
 
+/// Scans that cannot be used are said and the rest is saved.
 #[test]
-fn scans_that_cannot_be_used_are_said_and_the_rest_is_saved() {
+fn unusable_scans_are_named_and_the_rest_saved() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| text(folder.path().join(name));
     scans(folder.path(), 4);

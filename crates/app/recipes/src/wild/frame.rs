@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn what_disagrees_weighs_little_and_what_fits_nowhere_does_not_count() {
+    fn outliers_of_frames_weigh_little() {
         let (depth, cameras) = known();
         let known = KnownDepth { depth: &depth, cameras: &cameras };
         let weights: Vec<f64> = (0..depth.len() / 2)

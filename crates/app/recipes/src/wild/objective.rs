@@ -66,7 +66,7 @@ pub(super) fn terms<'t>(
         }
         let targets = photo_constant(cx, example.photos()).slice(0, views, example.targets().len());
         let looks = if stage.model.embed {
-            network.embed(cx, told(cx, step, targets, b))
+            network.embed(cx, light_photos(cx, step, targets, b))
         } else {
             network.no_look(cx).expand([example.targets().len(), network.config().looks.embedding])
         };
@@ -83,8 +83,13 @@ pub(super) fn terms<'t>(
     terms
 }
 
-/// The photos `[T, 3, H, W]` of tuple `b` as they tell their light: some with one half in place of the whole.
-fn told<'t>(cx: Context<'t, '_, f32>, step: &Step<'_, WildRecipe>, photos: Var<'t, f32>, b: usize) -> Var<'t, f32> {
+/// The photos `[T, 3, H, W]` of tuple `b` that light is taken from: some with one half in place of the whole.
+fn light_photos<'t>(
+    cx: Context<'t, '_, f32>,
+    step: &Step<'_, WildRecipe>,
+    photos: Var<'t, f32>,
+    b: usize,
+) -> Var<'t, f32> {
     let fraction = step.stage.model.halves;
     if fraction == 0.0 {
         return photos;

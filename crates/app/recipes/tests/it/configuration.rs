@@ -21,8 +21,9 @@ fn settings_reach_their_place() {
     assert_eq!(config.data.folders.len(), 2);
 }
 
+/// Settings are switched off and on and tables change their kind.
 #[test]
-fn settings_are_switched_off_and_on_and_tables_change_their_kind() {
+fn settings_switch_and_tables_change_kind() {
     let published = "{ kind = \"published\", offset_reach = 0.035, scale_multiplier = 0.007, scale_max = 0.4 }";
     let settings = [
         "model.dense.log_depth_limit=none".to_string(),
@@ -71,8 +72,9 @@ fn endless_scenes_have_no_frame_of_their_own() {
     assert!(config.stages.iter().all(|s| s.losses.pose.absolute == 0.0 && s.losses.pose.l1 > 0.0));
 }
 
+/// The endless preset trains the tiny network with given cameras and views compared.
 #[test]
-fn the_endless_preset_trains_the_tiny_network_with_given_cameras_and_views_compared() {
+fn the_endless_preset() {
     let [endless, tiny] = ["tiny-endless", "tiny"].map(|name| Config::<SplatWeaverRecipe>::preset(name).unwrap());
     let mut without_stereo = endless.model.clone();
     assert!(without_stereo.dense.stereo.take().is_some(), "it compares views");

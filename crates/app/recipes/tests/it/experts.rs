@@ -53,8 +53,9 @@ fn untrained_experts_are_named_and_trained_ones_pass() {
     assert_eq!(of_run.remark(Density::default()), None);
 }
 
+/// A run that is evaluated by what it does not train says so before it begins.
 #[test]
-fn a_run_that_is_evaluated_by_what_it_does_not_train_says_so_before_it_begins() {
+fn evaluation_by_untrained_experts_is_warned_of() {
     let plan = |settings: &[&str]| Session::new(resolve(settings)).unwrap().plan();
     let without = "stages.1.model.dense=0";
     assert!(plan(&["evaluation.allocation=sampled", without]).contains("warning: allocation sampled"));

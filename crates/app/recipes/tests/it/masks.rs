@@ -68,8 +68,9 @@ fn trained(config: Config) -> String {
     session.checksum()
 }
 
+/// Garbage that is masked changes no bit of training nor of evaluation.
 #[test]
-fn garbage_that_is_masked_changes_no_bit_of_training_nor_of_evaluation() {
+fn masked_garbage_changes_no_bit() {
     let folders = [0.37, 0.91].map(|garbage| {
         let folder = tempfile::tempdir().unwrap();
         captured(folder.path(), garbage);
@@ -134,8 +135,9 @@ fn no_gaussian_comes_from_a_pixel_outside() {
     assert!((count - 2.0 * share).abs() < 0.1, "{count} {share}");
 }
 
+/// Image losses have no gradient outside and are per pixel inside.
 #[test]
-fn image_losses_have_no_gradient_outside_and_are_per_pixel_inside() {
+fn image_losses_stay_inside_masks() {
     let weights = ImageLosses { mse: 1.0, ssim: 0.5, ..ImageLosses::default() };
     let shape = [2, 3, 16, 16];
     let inside: Vec<bool> = (0..512).map(|i| i % 16 < 4).collect();

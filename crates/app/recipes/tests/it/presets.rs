@@ -104,8 +104,9 @@ fn endless_scenes_are_fresh_ones() {
     assert_eq!((first.len(), changed), (16, 1), "one of sixteen at every second step");
 }
 
+/// Given cameras leave nothing to what the network says of them.
 #[test]
-fn given_cameras_leave_nothing_to_what_the_network_says_of_them() {
+fn given_cameras_replace_predicted_ones() {
     // With a camera head that moves, renders of predicted cameras change; those of given ones do not.
     let mse = |cameras: &str, gain: &str| -> f32 {
         let config = everything(

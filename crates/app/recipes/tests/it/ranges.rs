@@ -50,8 +50,9 @@ fn all_of(value: &str, number: &str) -> String {
     if value.starts_with('[') { format!("[{}]", vec![number; count].join(", ")) } else { number.into() }
 }
 
+/// Every number has a range that is named with its key.
 #[test]
-fn every_number_has_a_range_that_is_named_with_its_key() {
+fn every_number_has_a_named_range() {
     for preset in ["micro", "tiny-published", "tiny-endless"] {
         let keys = numbers(&Config::preset(preset).unwrap());
         assert!(keys.len() > 60, "{keys:?}");
@@ -132,7 +133,7 @@ fn ranges_end_where_they_should() {
 }
 
 #[test]
-fn what_does_not_fit_together_is_refused_before_anything_begins() {
+fn contradictions_are_refused_before_the_start() {
     for (settings, parts) in [
         (&["stages.1.model.allocation=fixed:9"][..], ["stages.1.model.allocation", "at most 3", "fixed:9"]),
         (&["evaluation.allocation=fixed:4"], ["evaluation.allocation", "at most 3", "fixed:4"]),
@@ -215,7 +216,7 @@ fn a_preset_is_chosen_by_name_or_refused() {
 
 /// Weights from a file come without a configuration that was checked.
 #[test]
-fn an_evaluation_refuses_a_network_for_images_smaller_than_its_windows() {
+fn images_below_the_window_are_refused() {
     let mut config = ModelConfig::preset("micro").unwrap();
     (config.patch, config.width) = (2, 10);
     let mut params = Params::new();

@@ -79,8 +79,9 @@ fn what_is_frozen_must_be_there_and_leave_something() {
     assert!(unreached.contains("stages.0.frozen: expected a part to learn"), "{unreached}");
 }
 
+/// Recomputing takes less memory and gives the same bits.
 #[test]
-fn recomputing_takes_less_memory_and_gives_the_same_bits() {
+fn recomputing_takes_less_memory() {
     let trained = |recompute: bool| {
         let [a, b] = [0, 1].map(|stage| format!("stages.{stage}.recompute={recompute}"));
         // Where transformer blocks are most of the network.
@@ -95,8 +96,9 @@ fn recomputing_takes_less_memory_and_gives_the_same_bits() {
     assert!(10 * few < 8 * all, "{few} of {all} bytes");
 }
 
+/// Samplers and numbers of views change what is trained.
 #[test]
-fn samplers_and_numbers_of_views_change_what_is_trained() {
+fn samplers_and_views_change_the_run() {
     let losses = |settings: &[&str]| -> Vec<f64> {
         let found: Vec<f64> = reports(config(8, settings)).iter().map(|report| report.loss).collect();
         assert!(found.len() == 8 && found.iter().all(|loss| loss.is_finite()), "{settings:?}: {found:?}");

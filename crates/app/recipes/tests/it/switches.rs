@@ -103,8 +103,9 @@ fn trains(settings: &[&str]) -> (f32, f32) {
     (found[2].loss as f32, found[2].scalar("gaussians_per_pixel").unwrap() as f32)
 }
 
+/// The frequency prior is what the router sees of wavelets.
 #[test]
-fn the_frequency_prior_is_what_the_router_sees_of_wavelets() {
+fn the_frequency_prior_feeds_the_router() {
     let setting = |on: bool| format!("model.gaussians.frequency_prior={on}");
     let [off, on] = [false, true].map(|on| seen(&[&setting(on)], "argmax", 1.0));
     let has_prior = |seen: &Seen| seen.names.iter().any(|name| name.contains("wave_merger"));
@@ -115,8 +116,9 @@ fn the_frequency_prior_is_what_the_router_sees_of_wavelets() {
     assert_ne!(trains(&[&setting(false)]).0, trains(&[&setting(true)]).0);
 }
 
+/// Comparing the views starts without effect and learns.
 #[test]
-fn comparing_the_views_starts_without_effect_and_learns() {
+fn comparing_views_starts_without_effect() {
     let stereo = "model.dense.stereo={channels=2,hidden=4,depths=5,reach=1.5}";
     let [off, on] = [&[][..], &[stereo][..]].map(|settings| seen(settings, "argmax", 1.0));
     let more: Vec<&String> = on.names.iter().filter(|name| !off.names.contains(name)).collect();
@@ -131,8 +133,9 @@ fn comparing_the_views_starts_without_effect_and_learns() {
     assert_eq!(reports(config).len(), 4);
 }
 
+/// Cells get a budget in training and experts above the first.
 #[test]
-fn cells_get_a_budget_in_training_and_experts_above_the_first() {
+fn cells_get_budgets_and_later_experts() {
     let patch = "model.gaussians.parametrization={kind=\"patch\",offset_reach=2.0,scale=0.7}";
     let allocation = |name: &str| format!("stages.1.model.allocation={name}");
     let budget = "stages.1.model.budget=0.125";
@@ -165,8 +168,9 @@ fn energy_is_that_of_the_wavelet() {
     assert_ne!(trains(&["model.gaussians.wavelet=haar"]).0, trains(&["model.gaussians.wavelet=db2"]).0);
 }
 
+/// Offsets and scales are those of the parametrization.
 #[test]
-fn offsets_and_scales_are_those_of_the_parametrization() {
+fn offsets_and_scales_follow_the_parametrization() {
     // Strong experts, so that bounds are reached.
     let strong = "model.gaussians.expert_gain=50";
     let published = |reach: f64, most: f64| {
@@ -193,8 +197,9 @@ fn offsets_and_scales_are_those_of_the_parametrization() {
     trains(&["model.gaussians.parametrization.kind=footprint"]);
 }
 
+/// The pose frame is the first cameras or the networks.
 #[test]
-fn the_pose_frame_is_the_first_cameras_or_the_networks() {
+fn the_pose_frame_has_two_choices() {
     let [network, first] =
         ["network", "first-camera"].map(|kind| seen(&[&format!("model.camera.pose_frame={kind}")], "argmax", 1.0));
     let identity = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];

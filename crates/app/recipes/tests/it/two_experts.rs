@@ -3,8 +3,9 @@
 use std::sync::Arc;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Layout, Scene};
-use weaver_inference::reconstruct::{Options as ReconstructOptions, reconstruct};
-use weaver_inference::{CameraSource, Density, OutputFolder, Predictor, SplatWeaverPredictor};
+use weaver_inference::{
+    CameraSource, Density, OutputFolder, PredictOptions, Predictor, SplatWeaverPredictor, predict_to_folder,
+};
 use weaver_kernels::random::Stream;
 use weaver_recipes::{SplatWeaverRecipe, TwoExpertsRecipe, registry};
 use weaver_trainer::evaluate::{Options, evaluate};
@@ -257,7 +258,7 @@ fn opacities_may_depend_on_the_view() {
         scene.views[view].image.write_png(name).unwrap();
     }
     let out = OutputFolder::claim(folder.path().join("out"), "test", &names).unwrap();
-    let report = reconstruct(&mut predictor, &names, &ReconstructOptions::default(), &out).unwrap();
+    let report = predict_to_folder(&mut predictor, &names, &PredictOptions::default(), &out).unwrap();
     assert!(
         report.remarks.iter().any(|remark| remark.starts_with("opacities depend on the view")),
         "{:?}",
@@ -291,7 +292,7 @@ fn what_does_not_fit_is_named_with_both_numbers() {
 
 /// A checkpoint alone is enough to open the model.
 #[test]
-fn weights_alone_are_opened_by_the_model_that_they_are_of() {
+fn weights_are_opened_by_their_model() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
     let mut session = Session::new(config(5, &[])).unwrap();

@@ -125,7 +125,7 @@ fn looks_masks_and_occluders_each_change_the_run() {
 /// Published Gaussians, and predicted cameras with Gaussians laid over the data's points: other runs, each with the same bits at any number
 /// of threads.
 #[test]
-fn published_parametrization_and_frame_each_change_the_run() {
+fn published_choices_each_change_the_run() {
     let predicted = "stages.2.model.cameras=predicted";
     let all: [&[&str]; 4] = [
         &[],

@@ -13,8 +13,9 @@ fn record(step: usize) -> Record {
     Record { step, scene: "größe".into(), psnr: (step > 1).then_some(20.1 + step as f32) }
 }
 
+/// Records come back and a resumed run drops later ones.
 #[test]
-fn records_come_back_and_a_resumed_run_drops_later_ones() {
+fn a_resumed_run_drops_later_records() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("metrics.jsonl");
     let mut log = MetricsLog::open(&path, 0).unwrap();

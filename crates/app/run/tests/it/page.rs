@@ -84,8 +84,9 @@ fn curve(points: &[(usize, f64)]) -> (Vec<[f64; 2]>, String) {
     (corners.collect(), between("<figcaption>", "</figcaption>"))
 }
 
+/// A curve of powers is a line on its logarithmic axis.
 #[test]
-fn a_curve_of_powers_is_a_line_on_its_logarithmic_axis() {
+fn powers_are_a_line_on_a_logarithmic_axis() {
     let (corners, caption) = curve(&[(10, 1.0), (20, 0.1), (30, f64::NAN), (30, 0.01)]);
     assert_eq!(corners, [[0.0, 0.0], [200.0, 70.0], [400.0, 140.0]]);
     assert_eq!(caption, "c (last 0.0100, log axis)");

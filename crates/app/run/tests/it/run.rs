@@ -32,7 +32,7 @@ impl Job for Count {
 
     fn step(&mut self) -> Result<StepReport, Error> {
         if self.fails_at == Some(self.done + 1) {
-            return Err(Error::Complete { folder: "failed".into() });
+            return Err(Error::complete("failed"));
         }
         self.done += 1;
         let x = self.done as f64;
@@ -88,7 +88,7 @@ fn a_run_that_is_stopped_goes_on_from_its_checkpoint() {
     assert_eq!(run.job.saved, [4, 6], "every fourth step, and where it was stopped");
     let inputs: [&str; 0] = [];
     let refused = Folder::claim(&path, KIND, inputs).unwrap_err();
-    assert!(matches!(&refused, Error::RunExists { folder } if *folder == path), "{refused}");
+    assert!(matches!(&refused, Error::RunExists { folder, .. } if *folder == path), "{refused}");
     drop(run);
 
     let of = Folder::settings(&path, KIND, "a count").unwrap();
@@ -139,8 +139,9 @@ fn records_are_means_over_steps_or_single_steps() {
     assert_eq!(logged(&path), [(1, 1.0, 1.0), (4, 4.0, 4.0), (8, 8.0, 8.0)]);
 }
 
+/// A page has a curve for each number and for the loss of each stage.
 #[test]
-fn a_page_has_a_curve_for_each_number_and_for_the_loss_of_each_stage() {
+fn pages_have_curves_for_all_numbers() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("run");
     let mut run = begin(&path, Count::new(10, Log::Every(1)));

@@ -24,8 +24,9 @@ fn descend(params: &mut Params<f32>, tape: &mut Tape<f32>, both: bool) {
     loss.backward();
 }
 
+/// Parameters averages and moments come back to the bit.
 #[test]
-fn parameters_averages_and_moments_come_back_to_the_bit() {
+fn states_come_back_to_the_bit() {
     let mut ours = params();
     let (mut optimizer, mut average) = (adam(&ours), Ema::new(&ours, 0.9));
     let mut tape = Tape::new();

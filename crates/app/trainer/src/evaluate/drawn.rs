@@ -1,6 +1,6 @@
 //! A held-out view drawn from what a predictor makes of its context.
 
-use super::looks::{as_photos, photo_of};
+use super::light::{as_photos, photo_of};
 use super::{Matching, Options, Targets};
 use crate::{CameraMode, Error, Example, LooksConfig};
 use weaver_data::appearance::Appearance;

@@ -1,19 +1,19 @@
 //! report.html: the whole run in one file.
 
-use crate::{Error, Recipe, Summary};
+use crate::{Error, Summary};
 use std::path::Path;
 use weaver_run::{Page, Span};
 
 /// Better names of curves than those of the log.
 pub const CURVES: [(&str, &str); 2] = [("rate", "learning rate"), ("gaussians_per_pixel", "Gaussians per pixel")];
 
-/// The page about a run in a folder, but for its curves.
+/// The page about a run of a model in a folder, but for its curves.
 ///
 /// # Errors
 /// When the samples cannot be read.
-pub fn page<R: Recipe>(folder: &Path, summary: &Summary) -> Result<Page, Error> {
-    let mut page = Page::new(&format!("{} run", R::ARCHITECTURE));
-    page.heading(1, &format!("{}: {}", R::ARCHITECTURE, folder.display()));
+pub fn page(model: &str, folder: &Path, summary: &Summary) -> Result<Page, Error> {
+    let mut page = Page::new(&format!("{model} run"));
+    page.heading(1, &format!("{model}: {}", folder.display()));
     let course = format!(", seed {}, {} steps in {}.", summary.seed, summary.steps, duration(summary.seconds));
     page.spans(&[Span::Plain("Preset "), Span::Bold(&summary.preset), Span::Plain(&course)]);
     if let Some(evaluation) = &summary.evaluation {

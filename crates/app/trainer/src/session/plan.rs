@@ -17,8 +17,8 @@ impl<R: Recipe> Session<R> {
             if self.fresh.is_some() { ", for samples and evaluation only; fresh scenes for training" } else { "" }
         );
         for stage in &self.config.stages {
-            let there = |module: &&str| self.params.iter().any(|(_, param)| param.name().starts_with(module));
-            let untrained: Vec<&str> = R::untrained(stage).into_iter().filter(|module| there(module)).collect();
+            let has = |module: &&str| self.params.iter().any(|(_, param)| param.name().starts_with(module));
+            let untrained: Vec<&str> = R::untrained(stage).into_iter().filter(|module| has(module)).collect();
             let frozen: Vec<&str> = stage.frozen.iter().map(String::as_str).collect();
             let parts =
                 [("untrained", untrained), ("frozen", frozen)].into_iter().filter(|(_, parts)| !parts.is_empty());

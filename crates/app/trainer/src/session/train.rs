@@ -1,7 +1,7 @@
 //! A session as a run in a folder.
 
 use super::Session;
-use crate::evaluation::Summary;
+use crate::figures::Summary;
 use crate::observe::{CURVES, Observer, page};
 use crate::{Error, Recipe, TrainingState, evaluate, samples};
 use std::path::Path;
@@ -44,7 +44,7 @@ impl<R: Recipe> Session<R> {
             evaluation,
         };
         folder.summarize(&summary)?;
-        folder.report(page::<R>(folder.path(), &summary)?.curves(&folder.records()?, &CURVES))?;
+        folder.report(page(R::ARCHITECTURE, folder.path(), &summary)?.curves(&folder.records()?, &CURVES))?;
         Ok(summary)
     }
 

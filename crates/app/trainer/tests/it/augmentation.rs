@@ -154,8 +154,9 @@ fn all_photos_of_a_tuple_are_recolored_alike() {
     assert_eq!(patches.len(), 6);
 }
 
+/// The order of the context is random and nothing else.
 #[test]
-fn the_order_of_the_context_is_random_and_nothing_else() {
+fn only_the_order_of_the_context_is_random() {
     let tuple = Tuple { scene: 0, context: vec![1, 2, 3], targets: vec![8, 9] };
     let shuffled = Augmentation { order: true, ..OFF };
     let mut firsts = [0; 4];

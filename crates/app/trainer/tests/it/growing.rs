@@ -111,8 +111,9 @@ fn rows(params: &Params<f32>) -> usize {
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 64, failure_persistence: None, ..Default::default() })]
 
+    /// A resumed run has the rows and the bits of an uninterrupted one.
     #[test]
-    fn a_resumed_run_has_the_rows_and_the_bits_of_an_uninterrupted_one(seed in 0_u64..1000, stop in 1_usize..8) {
+    fn a_resumed_run_has_the_same_rows_and_bits(seed in 0_u64..1000, stop in 1_usize..8) {
         let folder = tempfile::tempdir().unwrap();
         let [middle, end, again] = ["middle", "end", "again"].map(|name| folder.path().join(name));
         let mut whole = trained(config(seed), stop, &middle);
@@ -151,8 +152,9 @@ fn a_grown_run_is_read_for_inference_and_as_a_start() {
     while next.advance().unwrap().is_some() {}
 }
 
+/// Rows that do not vary and rows of another width stay loud.
 #[test]
-fn rows_that_do_not_vary_and_rows_of_another_width_stay_loud() {
+fn other_rows_and_widths_stay_loud() {
     let folder = tempfile::tempdir().unwrap();
     let (session, path) = grown(folder.path());
     let checkpoint = Checkpoint::read(&path).unwrap();

@@ -12,8 +12,8 @@ mod scale;
 use pixel_cnn::PixelCnnRecipe;
 use std::sync::atomic::AtomicBool;
 use weaver_trainer::{
-    Config, DataConfig, Error, Example, Observer, Overrides, Registry, Session, Setup, Source, StepReport, claim_run,
-    create_run,
+    Config, ConfigSource, DataConfig, Error, EvalOptions, Example, Observer, Registry, Session, Source, StepReport,
+    claim_run, create_run,
 };
 
 /// A configuration of so many steps on photos of 16 x 16 pixels.
@@ -41,7 +41,7 @@ fn a_resumed_run_equals_an_uninterrupted_one() {
 
 /// Which scenes are kept at a step does not depend on where the run went on.
 #[test]
-fn a_resumed_run_on_endless_scenes_equals_an_uninterrupted_one() {
+fn resumed_runs_on_endless_scenes_are_equal() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
     let endless = |every| Config { data: DataConfig { endless: Some(every), ..config(7).data }, ..config(7) };
@@ -61,7 +61,7 @@ fn a_resumed_run_on_endless_scenes_equals_an_uninterrupted_one() {
 
 /// A decay is not 0 where there is no average: there is none, and the weights themselves are evaluated.
 #[test]
-fn without_an_average_the_weights_themselves_are_stored_for_evaluation() {
+fn without_an_average_weights_are_stored() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
     let stored = |ema| {
@@ -117,7 +117,7 @@ fn a_name_finds_the_model_from_training_to_evaluation() {
     let registry = Registry::new().with::<PixelCnnRecipe>();
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
     let recipe = registry.find(Some("pixel-cnn")).unwrap();
-    let config = recipe.resolve(&Setup { settings, steps: Some(3), ..Setup::default() }).unwrap();
+    let config = recipe.resolve(&ConfigSource { settings, steps: Some(3), ..ConfigSource::default() }).unwrap();
     let folder = create_run(&parent.path().join("run"), &config).unwrap();
     let written = weaver_inference::RunFolder::at(folder.path());
     let summary = recipe.start(&config).unwrap().train(&folder, &mut Silent, &AtomicBool::new(false)).unwrap();
@@ -125,8 +125,8 @@ fn a_name_finds_the_model_from_training_to_evaluation() {
     assert!(written.report_path().is_file());
 
     let mut run = registry.of_run(&written).unwrap().open(&written).unwrap();
-    let found = run.evaluate(&Source::Unseen, &Overrides::default(), &mut |_, _| {}).unwrap();
-    let masks = Overrides { masks: true, ..Overrides::default() };
+    let found = run.evaluate(&Source::Unseen, &EvalOptions::default(), &mut |_, _| {}).unwrap();
+    let masks = EvalOptions { masks: true, ..EvalOptions::default() };
     for source in [Source::Unseen, Source::Run] {
         let message = run.evaluate(&source, &masks, &mut |_, _| {}).unwrap_err().to_string();
         assert!(message.contains("masks: expected captures"), "{message}");
@@ -199,7 +199,7 @@ fn times_and_numbers_reach_the_examples() {
 
 /// A predictor that needs cameras says so, and which photos it takes.
 #[test]
-fn predictors_of_one_gaussian_for_every_pixel_say_what_they_need() {
+fn pixel_predictors_say_what_they_need() {
     use weaver_inference::{CameraSource, Density, Photos, PixelAlignedPredictor, Predictor};
     let config = config(1);
     let mut params = weaver_autograd::Params::new();

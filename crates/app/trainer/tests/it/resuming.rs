@@ -4,12 +4,13 @@ use crate::scale::captured;
 use crate::{PixelCnnRecipe, Silent, config};
 use std::sync::atomic::AtomicBool;
 use weaver_inference::RunFolder;
-use weaver_trainer::{Config, Registry, Session, Setup, create_run};
+use weaver_trainer::{Config, ConfigSource, Registry, Session, create_run};
 
 type Pixel = Config<PixelCnnRecipe>;
 
+/// Another configuration than the checkpoints is refused with its key.
 #[test]
-fn another_configuration_than_the_checkpoints_is_refused_with_its_key() {
+fn another_configuration_is_refused_by_key() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
     let mut first = Session::new(config(6)).unwrap();
@@ -41,8 +42,9 @@ fn another_configuration_than_the_checkpoints_is_refused_with_its_key() {
     assert_eq!(resumed(|c| c.stages[0].steps = 9), Ok((3, 9)));
 }
 
+/// Captures may have been moved and renamed but not changed.
 #[test]
-fn captures_may_have_been_moved_and_renamed_but_not_changed() {
+fn captures_may_move_but_not_change() {
     let parent = tempfile::tempdir().unwrap();
     let [here, there] = ["here/fox", "there/fern"].map(|name| parent.path().join(name));
     let path = parent.path().join("checkpoint.safetensors");
@@ -87,7 +89,7 @@ fn more_steps_prolong_the_last_stage_and_are_recorded() {
     let registry = Registry::new().with::<PixelCnnRecipe>();
     let recipe = registry.find(None).unwrap();
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
-    let config = recipe.resolve(&Setup { settings, steps: Some(3), ..Setup::default() }).unwrap();
+    let config = recipe.resolve(&ConfigSource { settings, steps: Some(3), ..ConfigSource::default() }).unwrap();
     let finished = || {
         let folder = create_run(&tempfile::tempdir_in(&parent).unwrap().keep(), &config).unwrap();
         recipe.start(&config).unwrap().train(&folder, &mut Silent, &AtomicBool::new(false)).unwrap();

@@ -29,8 +29,9 @@ pub fn captured(folder: &Path, blind: usize) -> Config<PixelCnnRecipe> {
     config
 }
 
+/// Tuples that see no points are left out and their photos named.
 #[test]
-fn tuples_that_see_no_points_are_left_out_and_their_photos_named() {
+fn tuples_without_points_are_left_out() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::new(captured(folder.path(), 5)).unwrap();
     let plan = session.plan();
@@ -41,8 +42,9 @@ fn tuples_that_see_no_points_are_left_out_and_their_photos_named() {
     assert_eq!(session.steps(), (4, 4));
 }
 
+/// A capture none of whose photos sees points is refused at once.
 #[test]
-fn a_capture_none_of_whose_photos_sees_points_is_refused_at_once() {
+fn captures_without_seen_points_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let message = Session::new(captured(folder.path(), 10)).expect_err("an error").to_string();
     assert!(message.contains("scene_scale"), "{message}");

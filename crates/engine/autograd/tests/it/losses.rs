@@ -57,8 +57,9 @@ fn huber_on_both_sides() {
     assert_eq!(x.grad().unwrap(), [0.5, 1.0, -1.0, 1.0]);
 }
 
+/// Straight through takes the value of one and the gradient of the other.
 #[test]
-fn straight_through_takes_the_value_of_one_and_the_gradient_of_the_other() {
+fn straight_through_has_value_and_gradient() {
     let tape = Tape::<f64>::new();
     let (soft, hard) = (tape.leaf(&[0.7, 0.3], [2]), tape.leaf(&[1.0, 0.0], [2]));
     let y = ops::straight_through(soft, hard);

@@ -124,8 +124,9 @@ fn later_larger_scores_do_not_overflow() {
     assert!((out[0] - 299.0).abs() < 1e-3 && (lse[0] - 2990.0 * LOG2_E).abs() < 1e-3);
 }
 
+/// Scores of minus infinity count nothing wherever they are.
 #[test]
-fn scores_of_minus_infinity_count_nothing_wherever_they_are() {
+fn scores_of_minus_infinity_count_nothing() {
     let shape = size([1, 1, 1, 200, 1]);
     let (v, at) = (vec![2.0_f32; 200], Strides::heads_first(200, 1, 1));
     for finite in [0, 63, 199] {

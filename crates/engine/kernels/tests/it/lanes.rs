@@ -191,8 +191,9 @@ impl<T: Real> LaneKernel<T> for Normal<'_, T> {
     }
 }
 
+/// Normal distribution is accurate in its lower tail too.
 #[test]
-fn normal_distribution_is_accurate_in_its_lower_tail_too() {
+fn the_lower_tail_is_accurate_too() {
     for level in levels() {
         for start in 0..800 {
             let x: [f32; LANES] = std::array::from_fn(|i| -4.0 + (start * LANES + i) as f32 * 1e-3);

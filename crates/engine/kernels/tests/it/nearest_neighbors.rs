@@ -67,8 +67,9 @@ fn no_points_and_broken_points() {
     assert_eq!(named.count(), 0, "no point is a neighbor of NaN");
 }
 
+/// Many points in one place are quick and threads do not matter.
 #[test]
-fn many_points_in_one_place_are_quick_and_threads_do_not_matter() {
+fn many_points_in_one_place_are_quick() {
     let same = points(3, 20_000, 0);
     threads(|| search(&same, 8).iter().map(|&i| i as f32).collect());
 }

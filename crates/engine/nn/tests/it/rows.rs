@@ -332,9 +332,10 @@ fn what_does_not_fit_is_named() {
     assert_eq!(error, StateError::RowSteps { name: "w".into(), expected: 4, found: 3 });
 }
 
+/// A dense step with the moments of other rows is loud.
 #[test]
 #[should_panic(expected = "moments of parameter `w`: expected 4 rows, found 3")]
-fn a_dense_step_with_the_moments_of_other_rows_is_loud() {
+fn a_dense_step_with_other_rows_is_loud() {
     let mut run = Run::new(3);
     run.step(&[1.0; 9], None).expect("equally many rows");
     run.params.replace(run.id, 4, vec![0.0; 12]).expect("whole rows");

@@ -154,8 +154,9 @@ fn no_gaussians_at_all() {
     }
 }
 
+/// Every parameter is reached and the router only by its own choices.
 #[test]
-fn every_parameter_is_reached_and_the_router_only_by_its_own_choices() {
+fn gradients_reach_every_parameter() {
     let model = Model::new(config(Parametrization::footprint()));
     let router = |name: &str| name.starts_with("gs_moe.gating.");
     let unused = |name: &str| name.starts_with("gs_moe.experts.2") || name.starts_with("gs_moe.experts.3");
@@ -175,8 +176,9 @@ fn every_parameter_is_reached_and_the_router_only_by_its_own_choices() {
     }
 }
 
+/// Without neighbors and with a zero head the parameters are the experts.
 #[test]
-fn without_neighbors_and_with_a_zero_head_the_parameters_are_the_experts() {
+fn a_zero_head_leaves_the_experts() {
     let loud = config(Parametrization::footprint());
     let quiet = NeighborConfig { zero_head: true, ..loud.neighbors.unwrap() };
     let models =
@@ -188,8 +190,9 @@ fn without_neighbors_and_with_a_zero_head_the_parameters_are_the_experts() {
     assert_eq!(a.scales.to_vec(), b.scales.to_vec());
 }
 
+/// A footprint start is upright and in the color of its pixel.
 #[test]
-fn a_footprint_start_is_upright_and_in_the_color_of_its_pixel() {
+fn footprints_start_upright_in_their_color() {
     let config = HeadConfig { expert_output_gain: 0.0, neighbors: None, ..config(Parametrization::footprint()) };
     let model = Model::new(config);
     let tape = Tape::new();

@@ -1,8 +1,8 @@
 //! Integration tests of weaver-experts.
 
-mod fixture;
 mod gradients;
 mod head;
+mod layouts;
 mod neighbors;
 mod parity;
 mod reference;

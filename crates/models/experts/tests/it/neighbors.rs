@@ -4,8 +4,9 @@ use weaver_autograd::Pool;
 use weaver_experts::Neighbors;
 use weaver_kernels::random::Stream;
 
+/// A part has the lists of its own and the reverse lists that belong to them.
 #[test]
-fn a_part_has_the_lists_of_its_own_and_the_reverse_lists_that_belong_to_them() {
+fn parts_have_lists_and_reverse_lists() {
     let stream = Stream::new(3, 0, "points");
     let points: Vec<f32> = (0..3 * 40).map(|i| stream.normal(i)).collect();
     let all = Neighbors::search(&points, 4, &Pool::new());

@@ -3,6 +3,7 @@
 use super::Opened;
 use crate::Error;
 use weaver_experts::{NeighborFusion, slot_width};
+use weaver_io::Advice;
 use weaver_model::ModelConfig;
 
 /// Bytes that running a checkpoint on `views` photos of `size` (H, W) takes, weights included.
@@ -56,7 +57,9 @@ pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, w
 /// [`Error::Memory`] with the figures.
 pub fn check(needed: u64, available: Option<u64>, gaussians: bool) -> Result<(), Error> {
     match available {
-        Some(available) if available < needed => Err(Error::Memory { needed, available, gaussians }),
+        Some(available) if available < needed => {
+            Err(Error::Memory { needed, available, source: Advice::LessMemory { gaussians } })
+        }
         _ => Ok(()),
     }
 }

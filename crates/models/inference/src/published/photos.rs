@@ -5,9 +5,9 @@ use rayon::prelude::*;
 use std::path::PathBuf;
 use weaver_io::{Image, PhotoFile};
 
-/// Fit of photos to the network's size.
+/// Framing of photos to the network's size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fit {
+pub enum Framing {
     /// As the official evaluation does: resized until they cover the size, and cut to it about the middle.
     Crop,
     /// Resized whole: the long side becomes the longer of the size, the other follows, rounded to whole patches. Nothing is
@@ -19,11 +19,11 @@ pub enum Fit {
 ///
 /// # Errors
 /// When there is no photo, or the first is missing or no image.
-pub fn size_of(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> Result<[usize; 2], Error> {
+pub fn size_of(paths: &[PathBuf], size: [usize; 2], patch: usize, framing: Framing) -> Result<[usize; 2], Error> {
     let Some(first) = paths.first() else { return Err(Error::Input("expected at least one photo".into())) };
-    Ok(match fit {
-        Fit::Crop => size,
-        Fit::KeepAspect => whole_patches(Image::dimensions(first)?, size, patch),
+    Ok(match framing {
+        Framing::Crop => size,
+        Framing::KeepAspect => whole_patches(Image::dimensions(first)?, size, patch),
     })
 }
 
@@ -31,10 +31,10 @@ pub fn size_of(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> R
 ///
 /// # Errors
 /// When a file is missing or no image.
-pub fn read(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> Result<Vec<Image>, Error> {
+pub fn read(paths: &[PathBuf], size: [usize; 2], patch: usize, framing: Framing) -> Result<Vec<Image>, Error> {
     let read = |path: &PathBuf| -> Result<Image, Error> {
         let photo = PhotoFile::at(path)?;
-        let whole = fit == Fit::KeepAspect && whole_patches(photo.size(), size, patch) == size;
+        let whole = framing == Framing::KeepAspect && whole_patches(photo.size(), size, patch) == size;
         if whole { Ok(photo.resize_bicubic(size[1], size[0])?.to_image()) } else { cover(&photo, size) }
     };
     let images: Vec<Result<Image, Error>> = paths.par_iter().map(read).collect();
@@ -65,8 +65,9 @@ fn cover(photo: &PhotoFile, [height, width]: [usize; 2]) -> Result<Image, Error>
 mod tests {
     use super::*;
 
+    /// The long side leads and the short one keeps whole patches.
     #[test]
-    fn the_long_side_leads_and_the_short_one_keeps_whole_patches() {
+    fn the_long_side_leads() {
         assert_eq!(whole_patches((1600, 900), [448, 448], 14), [252, 448]);
         assert_eq!(whole_patches((900, 1600), [448, 448], 14), [448, 252]);
         assert_eq!(whole_patches((10_000, 10), [448, 448], 14), [14, 448]);

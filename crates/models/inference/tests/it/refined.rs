@@ -7,8 +7,9 @@ use weaver_inference::{
 use weaver_kernels::random::Stream;
 use weaver_losses::metrics;
 
+/// Photos are met better with no more gaussians moved or in place.
 #[test]
-fn photos_are_met_better_with_no_more_gaussians_moved_or_in_place() {
+fn refinement_meets_photos_better() {
     let mut plain = SplatWeaverPredictor::built_in().unwrap();
     let [height, width] = plain.image_size();
     let scene = scene(8, &ProceduralOptions { width, height, views: 4 });

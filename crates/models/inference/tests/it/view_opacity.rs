@@ -125,8 +125,9 @@ fn a_view_is_drawn_with_the_opacities_that_it_sees() {
     assert!((case.loss(&rows, &case.means).0 - background).abs() > 1e-3);
 }
 
+/// Several views and slopes by what takes no part are refused.
 #[test]
-fn several_views_and_slopes_by_what_takes_no_part_are_refused() {
+fn several_views_are_refused() {
     let case = Case::new(2, 3);
     let [scales, quats, mut opacities] = [vec![0.3; 6], [1.0, 0.0, 0.0, 0.0].repeat(2), vec![0.0; 2]];
     let given = opacities.clone();

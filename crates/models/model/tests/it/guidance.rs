@@ -1,9 +1,9 @@
 //! The guidance mask against the official code and finite differences.
 
-use crate::fixture::Fixture;
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::{Input, gradcheck};
 use weaver_autograd::{Params, Tape};
+use weaver_fixtures::Fixture;
 use weaver_model::Guidance;
 use weaver_nn::{Builder, Context};
 use weaver_wavelet::Wavelet;

@@ -1,15 +1,8 @@
 //! The network put together: the published sizes, and the two ways to run it.
 
-// The wavelet's own tests read files with it, too; it needs these three crates.
-#[allow(dead_code)]
-#[path = "../../../../scene/wavelet/tests/it/fixture.rs"]
-mod fixture;
 mod guidance;
 mod memory;
 
-use half as _;
-use safetensors as _;
-use serde_json as _;
 use weaver_autograd::{Params, Tape};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};

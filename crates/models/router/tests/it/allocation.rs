@@ -58,8 +58,9 @@ proptest! {
         }
     }
 
+    /// Only pixels that count get gaussians and the budget is for these.
     #[test]
-    fn only_pixels_that_count_get_gaussians_and_the_budget_is_for_these(
+    fn budgets_are_for_pixels_that_count(
         size in size(), budget in 0.0..=1.0f64, part in 0.0..=1.0f64, seed in 0..1000u64
     ) {
         let pixels = size.iter().product::<usize>();

@@ -17,8 +17,9 @@ proptest! {
         gradcheck(&inputs, |x| vec![gate(x[0], x[1], &pixels, expert)]);
     }
 
+    /// The choice is one hot and its gradient that of the softmax.
     #[test]
-    fn the_choice_is_one_hot_and_its_gradient_that_of_the_softmax(
+    fn hard_choices_have_soft_gradients(
         pixels in 0..6usize, experts in 1..5usize, temperature in 0.2..2.0f64, noisy: bool, seed in 0..1000u64
     ) {
         let shape = [pixels, experts];
@@ -48,7 +49,7 @@ proptest! {
 
 /// Logits that the exponential of none would fit into a number.
 #[test]
-fn large_logits_have_the_gradient_of_their_differences() {
+fn large_logits_have_gradients() {
     let gradient = |by: f64| {
         let tape = Tape::<f64>::new();
         let logits = tape.leaf(&[by + 1.0, by, by - 0.5], [1, 3]);

@@ -75,8 +75,9 @@ fn size() -> impl Strategy<Value = [usize; 3]> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
 
+    /// Budgets are met exactly and every pixel has one cell.
     #[test]
-    fn budgets_are_met_exactly_and_every_pixel_has_one_cell(
+    fn budgets_are_met_exactly(
         size in size(), budget in 0.0..3.2f64, grid: bool, seed in 0..1000u64
     ) {
         let scene = Scene::new(size, photos(size, seed, |row, column| ((row + column) % 7) as f64 / 7.0));
@@ -123,8 +124,9 @@ proptest! {
         prop_assert_eq!(&*scene.allocate(&*allocation, seed).expert, &*assignment.expert);
     }
 
+    /// Training draws budgets and every number of gaussians.
     #[test]
-    fn training_draws_budgets_and_every_number_of_gaussians(seed in 0..1000u64) {
+    fn training_draws_budgets_and_counts(seed in 0..1000u64) {
         let size = [2, 16, 32];
         let scene = Scene::new(size, photos(size, seed, |row, _| row as f64 / 16.0));
         let counts: Vec<usize> = (0..40).map(|i| scene.allocate(&QuadtreeMix::default(), 100 * seed + i).count()).collect();

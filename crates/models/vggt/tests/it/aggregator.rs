@@ -1,12 +1,12 @@
-use crate::fixture::Fixture;
 use weaver_autograd::gradcheck::{Input, gradcheck};
 use weaver_autograd::{Params, Real, Tape, Var};
+use weaver_fixtures::Fixture;
 use weaver_nn::{Builder, Context};
 use weaver_vggt::{Aggregator, AggregatorConfig, BackboneInit, VisionTransformerConfig};
 
 #[test]
 fn parity() {
-    let file = Fixture::named("aggregator_micro.safetensors");
+    let file = Fixture::open("aggregator_micro.safetensors");
     let encoder =
         VisionTransformerConfig { patch: 14, dim: 24, depth: 1, heads: 2, mlp_ratio: 2, registers: 4, table: [5, 5] };
     let config = AggregatorConfig { encoder, rounds: 3, heads: 2, mlp_ratio: 2, registers: 4, layers: vec![0, 1, 2] };
@@ -19,15 +19,15 @@ fn parity() {
     let out = aggregator.forward(Context::new(&tape, &params), images);
     let mut loss = tape.scalar(0.0);
     for (round, tokens) in out.layers.iter().enumerate() {
-        file.check(&format!("out.round{round}"), &tokens.value());
+        file.assert_close(&format!("out.round{round}"), &tokens.value());
         loss = loss + (*tokens * file.constant(&tape, &format!("cot.round{round}"))).sum();
     }
-    let last: Vec<f32> = file.array("out.round2").data.chunks(11 * 48).flat_map(|view| view[..48].to_vec()).collect();
+    let last: Vec<f32> = file.f32("out.round2").chunks(11 * 48).flat_map(|view| view[..48].to_vec()).collect();
     let worst = out.camera.value().iter().zip(&last).fold(0.0, |m: f32, (a, b)| m.max((a - b).abs()));
     assert!(worst < 1e-4, "camera tokens differ by {worst}");
     loss.backward();
-    file.check("grad.in.images", &images.grad().unwrap());
-    file.check_gradients(&params, &tape);
+    file.assert_close("grad.in.images", &images.grad().unwrap());
+    file.assert_gradients(&params, &tape);
 }
 
 fn micro<T: Real>(layers: &[usize]) -> (Aggregator, Params<T>) {

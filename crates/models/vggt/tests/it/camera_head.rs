@@ -1,6 +1,6 @@
-use crate::fixture::Fixture;
 use weaver_autograd::gradcheck::{Input, gradcheck};
 use weaver_autograd::{Params, Real, Tape, Var};
+use weaver_fixtures::Fixture;
 use weaver_nn::{Builder, Context, Init, WeightInit};
 use weaver_pose::cameras;
 use weaver_vggt::{CameraHead, CameraHeadConfig};
@@ -20,7 +20,7 @@ const MICRO: CameraHeadConfig = CameraHeadConfig {
 
 #[test]
 fn parity() {
-    let file = Fixture::named("camera_head_micro.safetensors");
+    let file = Fixture::open("camera_head_micro.safetensors");
     let mut params = Params::<f32>::new();
     let head = CameraHead::new(Builder::new(&mut params, 0).scope("camera_head"), MICRO);
     file.load(&mut params);
@@ -29,21 +29,20 @@ fn parity() {
     let estimates = head.forward(Context::new(&tape, &params), tokens.slice(2, 0, 1).reshape([1, 3, 48]));
     let mut loss = tape.scalar(0.0);
     for (i, estimate) in estimates.iter().enumerate() {
-        file.check(&format!("out.pose{i}"), &estimate.code.value());
+        file.assert_close(&format!("out.pose{i}"), &estimate.code.value());
         loss = loss + (estimate.code * file.constant(&tape, &format!("cot.pose{i}"))).sum();
     }
     let c = cameras(estimates[3].code, 28, 42);
-    file.check("out.extrinsics", &c.viewmats.value());
+    file.assert_close("out.extrinsics", &c.viewmats.value());
     loss = loss + (c.viewmats * file.constant(&tape, "cot.extrinsics")).sum();
     let matrices: Vec<f32> =
         c.intrinsics.value().chunks(4).flat_map(|k| [k[0], 0.0, k[2], 0.0, k[1], k[3], 0.0, 0.0, 1.0]).collect();
-    file.check("out.intrinsics", &matrices);
-    let cotangent: Vec<f32> =
-        file.array("cot.intrinsics").data.chunks(9).flat_map(|k| [k[0], k[4], k[2], k[5]]).collect();
+    file.assert_close("out.intrinsics", &matrices);
+    let cotangent: Vec<f32> = file.f32("cot.intrinsics").chunks(9).flat_map(|k| [k[0], k[4], k[2], k[5]]).collect();
     loss = loss + (c.intrinsics * tape.constant(&cotangent, [1, 3, 4])).sum();
     loss.backward();
-    file.check("grad.in.tokens", &tokens.grad().unwrap());
-    file.check_gradients(&params, &tape);
+    file.assert_close("grad.in.tokens", &tokens.grad().unwrap());
+    file.assert_gradients(&params, &tape);
 }
 
 fn micro<T: Real>(base_fov: Option<f64>, relative: bool) -> (CameraHead, Params<T>) {

@@ -1,13 +1,13 @@
-use crate::fixture::Fixture;
 use weaver_autograd::gradcheck::{Input, gradcheck};
 use weaver_autograd::{Params, Tape};
+use weaver_fixtures::Fixture;
 use weaver_nn::{Builder, Context, WeightInit};
 use weaver_pose::{cameras, unproject};
 use weaver_vggt::{DenseTokens, DepthHead, DepthHeadConfig, DptConfig, DptHead, FeatureHead, FeatureHeadConfig};
 
 #[test]
 fn parity() {
-    let file = Fixture::named("dpt_depth_micro.safetensors");
+    let file = Fixture::open("dpt_depth_micro.safetensors");
     let dpt = DptConfig { dim: 48, out_channels: [12, 16, 20, 24], features: 16, width: 8 };
     let config = DepthHeadConfig { dpt, hidden: 32, log_depth_bounds: None, last: WeightInit::FanIn };
     let mut params = Params::<f32>::new();
@@ -21,25 +21,25 @@ fn parity() {
     let pose = file.leaf(&tape, "in.pose");
     let c = cameras(pose, 28, 42);
     let points = unproject(depth, c.viewmats, c.intrinsics, 0.0);
-    file.check("out.extrinsics", &c.viewmats.value());
-    file.check("out.depth", &depth.value());
-    file.check("out.conf", &maps.confidence.value());
-    file.check("out.points", &points.value());
+    file.assert_close("out.extrinsics", &c.viewmats.value());
+    file.assert_close("out.depth", &depth.value());
+    file.assert_close("out.conf", &maps.confidence.value());
+    file.assert_close("out.points", &points.value());
     let mut loss = tape.scalar(0.0);
     for (x, key) in [(depth, "cot.depth"), (maps.confidence, "cot.conf"), (points, "cot.points")] {
-        loss = loss + (x * tape.constant(&file.array(key).data, x.shape())).sum();
+        loss = loss + (x * tape.constant(&file.f32(key), x.shape())).sum();
     }
     loss.backward();
-    file.check("grad.in.pose", &pose.grad().unwrap());
+    file.assert_close("grad.in.pose", &pose.grad().unwrap());
     for (i, layer) in layers.iter().enumerate() {
-        file.check(&format!("grad.in.tokens{i}"), &layer.grad().unwrap());
+        file.assert_close(&format!("grad.in.tokens{i}"), &layer.grad().unwrap());
     }
-    file.check_gradients(&params, &tape);
+    file.assert_gradients(&params, &tape);
 }
 
 #[test]
 fn feature_parity() {
-    let file = Fixture::named("splatweaver_head_micro.safetensors");
+    let file = Fixture::open("splatweaver_head_micro.safetensors");
     let dpt = DptConfig { dim: 32, out_channels: [8, 12, 16, 16], features: 16, width: 8 };
     let mut params = Params::<f32>::new();
     let config = FeatureHeadConfig { dpt, merger: Some(8) };
@@ -49,8 +49,8 @@ fn feature_parity() {
     let layers = [0, 1, 2, 3].map(|i| file.constant(&tape, &format!("in.tokens{i}")));
     let tokens = DenseTokens { layers: &layers, special: 5, grid: [2, 1], image: [28, 14] };
     let maps = head.forward(Context::new(&tape, &params), tokens, file.constant(&tape, "in.images"));
-    file.check("out.E", &maps.embedding.value());
-    file.check("out.F", &maps.features.value());
+    file.assert_close("out.E", &maps.embedding.value());
+    file.assert_close("out.F", &maps.features.value());
 }
 
 const MICRO: DptConfig = DptConfig { dim: 4, out_channels: [4, 4, 8, 4], features: 4, width: 8 };

@@ -3,7 +3,6 @@
 mod aggregator;
 mod camera_head;
 mod dense;
-mod fixture;
 mod ops;
 mod shapes;
 mod vision_transformer;

@@ -1,20 +1,20 @@
-use crate::fixture::Fixture;
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::{Input, adjoint_check, gradcheck};
 use weaver_autograd::ops::RopeTable;
 use weaver_autograd::{Params, Tape};
+use weaver_fixtures::Fixture;
 use weaver_nn::{Builder, Context};
 use weaver_vggt::{IMAGENET_MEAN, IMAGENET_STD, ResidualConvUnit, add_position, normalize_image};
 
 #[test]
 fn position_parity() {
-    let file = Fixture::named("ops.safetensors");
+    let file = Fixture::open("ops.safetensors");
     let tape = Tape::new();
     let x = file.leaf(&tape, "dpt_pos_embed.in.x");
     let y = add_position(x, 56, 84);
-    file.check("dpt_pos_embed.out", &y.value());
-    y.backward_with(&file.array("dpt_pos_embed.cot").data);
-    file.check("dpt_pos_embed.grad.x", &x.grad().unwrap());
+    file.assert_close("dpt_pos_embed.out", &y.value());
+    y.backward_with(&file.f32("dpt_pos_embed.cot"));
+    file.assert_close("dpt_pos_embed.grad.x", &x.grad().unwrap());
 }
 
 /// The formula, one element at a time.
@@ -67,23 +67,23 @@ proptest! {
 
 #[test]
 fn residual_unit_parity() {
-    let file = Fixture::named("ops.safetensors");
+    let file = Fixture::open("ops.safetensors");
     let mut params = Params::<f32>::new();
     let unit = ResidualConvUnit::new(Builder::new(&mut params, 0), 3);
     let names = [("conv1.weight", "w1"), ("conv1.bias", "b1"), ("conv2.weight", "w2"), ("conv2.bias", "b2")];
     for (name, key) in names {
         let id = params.find(name).unwrap();
-        params.value_mut(id).copy_from_slice(&file.array(&format!("residual_conv_unit.in.{key}")).data);
+        params.value_mut(id).copy_from_slice(&file.f32(&format!("residual_conv_unit.in.{key}")));
     }
     let tape = Tape::new();
     let x = file.leaf(&tape, "residual_conv_unit.in.x");
     let y = unit.forward(Context::new(&tape, &params), x);
-    file.check("residual_conv_unit.out", &y.value());
-    y.backward_with(&file.array("residual_conv_unit.cot").data);
-    file.check("residual_conv_unit.grad.x", &x.grad().unwrap());
+    file.assert_close("residual_conv_unit.out", &y.value());
+    y.backward_with(&file.f32("residual_conv_unit.cot"));
+    file.assert_close("residual_conv_unit.grad.x", &x.grad().unwrap());
     for (name, key) in names {
         let gradient = tape.param_grad(params.find(name).unwrap()).unwrap();
-        file.check(&format!("residual_conv_unit.grad.{key}"), &gradient);
+        file.assert_close(&format!("residual_conv_unit.grad.{key}"), &gradient);
     }
 }
 

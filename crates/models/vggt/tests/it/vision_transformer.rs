@@ -1,12 +1,12 @@
-use crate::fixture::Fixture;
 use weaver_autograd::gradcheck::{Input, gradcheck};
 use weaver_autograd::{Params, Tape};
+use weaver_fixtures::Fixture;
 use weaver_nn::{Builder, Context};
 use weaver_vggt::{BackboneInit, VisionTransformer, VisionTransformerConfig};
 
 #[test]
 fn parity() {
-    let file = Fixture::named("dinov2_micro.safetensors");
+    let file = Fixture::open("dinov2_micro.safetensors");
     let config =
         VisionTransformerConfig { patch: 14, dim: 24, depth: 2, heads: 2, mlp_ratio: 2, registers: 4, table: [5, 5] };
     let mut params = Params::<f32>::new();
@@ -16,10 +16,10 @@ fn parity() {
     let tape = Tape::new();
     let image = file.leaf(&tape, "in.image");
     let tokens = vit.forward(Context::new(&tape, &params), image);
-    file.check("out.patch_tokens", &tokens.value());
-    tokens.backward_with(&file.array("cot.patch_tokens").data);
-    file.check("grad.in.image", &image.grad().unwrap());
-    file.check_gradients(&params, &tape);
+    file.assert_close("out.patch_tokens", &tokens.value());
+    tokens.backward_with(&file.f32("cot.patch_tokens"));
+    file.assert_close("grad.in.image", &image.grad().unwrap());
+    file.assert_gradients(&params, &tape);
 }
 
 fn micro(table: [usize; 2], registers: usize) -> (VisionTransformer, Params<f64>) {

@@ -161,8 +161,9 @@ fn colors_without_recoloring_are_bounded() {
     assert!(colors.iter().any(|c| c.abs() > 1.99));
 }
 
+/// Order of photos does not matter and each counts for itself.
 #[test]
-fn order_of_photos_does_not_matter_and_each_counts_for_itself() {
+fn order_of_photos_does_not_matter() {
     let mut params = Params::<f32>::new();
     let network = encoder(&mut params, 1);
     let tape = Tape::new();
@@ -176,8 +177,9 @@ fn order_of_photos_does_not_matter_and_each_counts_for_itself() {
     assert_eq!(network.forward(cx, a, GRID).to_vec(), both[..4]);
 }
 
+/// A photo of one color is zero and masks are left out.
 #[test]
-fn a_photo_of_one_color_is_zero_and_masks_are_left_out() {
+fn a_photo_of_one_color_is_zero() {
     let flat: Vec<f32> = standardized(&[0.7; 12], None, 4);
     assert!(flat.iter().all(|x| x.abs() < 1e-5), "{flat:?}");
     // The mean of 0.2 and 0.4; the third pixel is far out.

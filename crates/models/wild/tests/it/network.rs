@@ -115,8 +115,9 @@ fn surfaces_are_placed_elsewhere() {
     assert_eq!(made.quats.to_vec(), placed.quats.to_vec());
 }
 
+/// A look of nobody is zero and pictures teach all that makes colors.
 #[test]
-fn a_look_of_nobody_is_zero_and_pictures_teach_all_that_makes_colors() {
+fn no_look_is_zero_and_colors_are_taught() {
     for parametrization in [WildParametrization::Footprint, WildParametrization::Published] {
         let mut config = config(true);
         config.gaussians.parametrization = parametrization;

@@ -104,8 +104,9 @@ mod tests {
         assert_eq!(matched(&["images/1.jpg"], &["1.jpg"]), Ok(vec![0]));
     }
 
+    /// A name without extension is that of a photo with any.
     #[test]
-    fn a_name_without_extension_is_that_of_a_photo_with_any() {
+    fn names_without_extension_match_any() {
         let names = ["./train/r_1", "./test/r_1", "./train/r_10"];
         assert_eq!(matched(&names, &["train/r_10.png", "test/r_1.png", "train/r_1.png"]), Ok(vec![2, 1, 0]));
         assert!(matched(&["r_1.jpg"], &["r_1.png"]).is_err(), "an extension that is there counts");

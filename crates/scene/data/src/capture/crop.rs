@@ -57,8 +57,9 @@ mod tests {
     use super::Crop;
     use weaver_geometry::Intrinsics;
 
+    /// A wide photo loses its sides and a tall one its top and bottom.
     #[test]
-    fn a_wide_photo_loses_its_sides_and_a_tall_one_its_top_and_bottom() {
+    fn photos_are_cropped_about_the_middle() {
         let wide = Crop::centered(384, 256, 64, 48);
         let part = [wide.left, wide.top, wide.right, wide.bottom];
         let third = 256.0 * 64.0 / 48.0;

@@ -2,7 +2,7 @@
 
 use crate::{Scene, SparsePoints};
 use weaver_geometry::Camera;
-use weaver_sfm::{Confidence, EstimateSettings, Photo, estimate};
+use weaver_sfm::{Confidence, EstimateOptions, Photo, estimate};
 
 /// Views with estimated cameras, and the points that came with these.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +45,7 @@ impl Scene {
             Photo { focal: focal_known.then_some(view.camera.intrinsics.fx), ..photo }
         };
         let photos: Vec<Photo<'_>> = views.iter().map(photo).collect();
-        let settings = EstimateSettings { focal_deviation: 0.0, ..EstimateSettings::default() };
+        let settings = EstimateOptions { focal_deviation: 0.0, ..EstimateOptions::default() };
         let found = estimate(&photos, &settings);
         let resized = |camera: &Camera| {
             let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);

@@ -1,6 +1,6 @@
 //! Photos as they are matched.
 
-use super::EstimateOptions;
+use super::EstimatePhotosOptions;
 use crate::Error;
 use crate::unreadable::Fault;
 use std::path::Path;
@@ -42,10 +42,10 @@ pub(super) struct Loaded {
     /// True if some of it is transparent.
     pub transparent: bool,
     /// The focal length that the file tells, if that is asked for, in millimeters on 35 mm film.
-    pub told: Option<f64>,
+    pub exif_focal: Option<f64>,
 }
 
-pub(super) fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Fault> {
+pub(super) fn load(path: &Path, options: &EstimatePhotosOptions) -> Result<Loaded, Fault> {
     // Its folder is another matter, which leaving a photo out would not mend.
     path_in_utf8(Path::new(path.file_name().unwrap_or_default())).map_err(|_| not_utf8(path))?;
     let file = PhotoFile::at(path).map_err(Fault::unreadable)?;
@@ -56,9 +56,9 @@ pub(super) fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Fau
     let image = file.resize_whole(shrunk(size.0), shrunk(size.1)).map_err(Fault::unreadable)?.to_image();
     let image = Small::new(&image);
     let asked = options.exif && options.focal.is_none();
-    let told = if asked { weaver_io::focal_35mm(path).map_err(Fault::unreadable)? } else { None };
+    let exif_focal = if asked { weaver_io::focal_35mm(path).map_err(Fault::unreadable)? } else { None };
     let (ambiguous, transparent) = (file.has_ambiguous_orientation(), file.was_transparent());
-    Ok(Loaded { image, size, ambiguous, transparent, told })
+    Ok(Loaded { image, size, ambiguous, transparent, exif_focal })
 }
 
 fn not_utf8(path: &Path) -> Fault {
@@ -75,7 +75,7 @@ const SAME_FOCAL: f64 = 0.05;
 /// long as they are told to have the same focal length; else each has its own.
 ///
 /// Photos that tell nothing have the lens of the others of their proportions where these have one, else one of their own.
-pub(super) fn lenses_of(photos: &[Loaded], told: &[Option<f64>], shared: bool) -> Vec<usize> {
+pub(super) fn lenses_of(photos: &[Loaded], focals: &[Option<f64>], shared: bool) -> Vec<usize> {
     if !shared {
         return (0..photos.len()).collect();
     }
@@ -93,7 +93,7 @@ pub(super) fn lenses_of(photos: &[Loaded], told: &[Option<f64>], shared: bool) -
     // The shortest of each zoom.
     let mut zooms: Vec<Vec<f64>> = vec![Vec::new(); found.len()];
     let mut all: Vec<(f64, usize)> =
-        told.iter().zip(&proportions).filter_map(|(told, proportions)| Some(((*told)?, *proportions))).collect();
+        focals.iter().zip(&proportions).filter_map(|(focal, proportions)| Some(((*focal)?, *proportions))).collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     for (focal, proportions) in all {
         if zooms[proportions].last().is_none_or(|zoom| (focal / zoom).ln() > SAME_FOCAL) {
@@ -101,9 +101,9 @@ pub(super) fn lenses_of(photos: &[Loaded], told: &[Option<f64>], shared: bool) -
         }
     }
     let mut lenses: Vec<[usize; 2]> = Vec::new();
-    let lens = |(told, proportions): (&Option<f64>, &usize)| {
+    let lens = |(focal, proportions): (&Option<f64>, &usize)| {
         let zooms = &zooms[*proportions];
-        let zoom = match told {
+        let zoom = match focal {
             Some(focal) => zooms.partition_point(|zoom| zoom <= focal),
             None => usize::from(zooms.len() == 1),
         };
@@ -113,5 +113,5 @@ pub(super) fn lenses_of(photos: &[Loaded], told: &[Option<f64>], shared: bool) -
             lenses.len() - 1
         })
     };
-    told.iter().zip(&proportions).map(lens).collect()
+    focals.iter().zip(&proportions).map(lens).collect()
 }

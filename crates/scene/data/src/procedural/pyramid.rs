@@ -109,8 +109,9 @@ mod tests {
     use super::*;
     use weaver_kernels::random::Stream;
 
+    /// Every level has the mean of the image and mirroring has no seams.
     #[test]
-    fn every_level_has_the_mean_of_the_image_and_mirroring_has_no_seams() {
+    fn levels_keep_the_mean_without_seams() {
         let image = Pyramid::dead_leaves(&mut Draws::new(Stream::new(1, 0, "test")));
         assert_eq!(image.levels.len(), 8);
         let mean = |texels: &[Vec3]| texels.iter().sum::<Vec3>() / texels.len() as f32;

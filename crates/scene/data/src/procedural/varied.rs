@@ -150,8 +150,9 @@ mod tests {
     use crate::procedural::solid::tests::inside;
     use weaver_kernels::random::Stream;
 
+    /// No camera is inside a solid and none outside a room.
     #[test]
-    fn no_camera_is_inside_a_solid_and_none_outside_a_room() {
+    fn cameras_are_in_rooms_and_not_in_solids() {
         let options = ProceduralOptions { width: 64, height: 48, views: 8 };
         let mut rooms = 0;
         for seed in 0..300 {

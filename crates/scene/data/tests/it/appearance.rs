@@ -36,8 +36,9 @@ fn draws_are_within_what_is_said_of_them() {
     assert!(low > (-0.3f64).exp() && low < 0.76 && high < 0.3f64.exp() && high > 1.33, "{low} {high}");
 }
 
+/// A photo shows its look and its occluders and nothing where it does not count.
 #[test]
-fn a_photo_shows_its_look_and_its_occluders_and_nothing_where_it_does_not_count() {
+fn looks_and_occluders_show_inside_masks_alone() {
     let plain = Image { width: 4, height: 2, pixels: (0..24).map(|i| i as f32 / 24.0).collect() };
     let look = Look { gain: [0.5, 1.0, 3.0], gamma: 2.0 };
     let color = [0.1, 0.9, 0.3];

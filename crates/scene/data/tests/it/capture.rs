@@ -276,8 +276,9 @@ fn mistakes_in_sparse_models() {
     assert!(message.contains("images.bin") && message.contains("NaN"));
 }
 
+/// Times numbers and further entries reach views and photos.
 #[test]
-fn times_numbers_and_further_entries_reach_views_and_photos() {
+fn further_entries_reach_views_and_photos() {
     let truth = scene(3, &SIZE);
     let folder = tempfile::tempdir().unwrap();
     write_photos(&truth, folder.path(), |i| format!("{i:02}.png"));

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use weaver_data::capture::{CaptureOptions, load, load_cameras};
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
-use weaver_data::{EstimateOptions, EstimatedPhotos, estimate_photos};
+use weaver_data::{EstimatePhotosOptions, EstimatedPhotos, estimate_photos};
 use weaver_io::{Transforms, colmap::Model};
 
 /// Small, for matching is slow where nothing is optimized.
@@ -27,12 +27,15 @@ fn photos(folder: &Path, count: usize, [width, height]: [usize; 2]) -> Vec<PathB
 }
 
 /// With the focal length of the photos: to look for it takes most of the time.
-fn told() -> EstimateOptions {
+fn told() -> EstimatePhotosOptions {
     let camera = scene(3, &ProceduralOptions { width: 96, height: 72, views: 8 }).views[0].camera;
-    EstimateOptions { focal: Some(camera.intrinsics.fx / camera.width as f64), ..EstimateOptions::default() }
+    EstimatePhotosOptions {
+        focal: Some(camera.intrinsics.fx / camera.width as f64),
+        ..EstimatePhotosOptions::default()
+    }
 }
 
-fn estimated(paths: &[PathBuf], options: &EstimateOptions) -> EstimatedPhotos {
+fn estimated(paths: &[PathBuf], options: &EstimatePhotosOptions) -> EstimatedPhotos {
     estimate_photos(paths, &vec![false; paths.len()], options).unwrap()
 }
 
@@ -40,8 +43,9 @@ fn test_names(folder: &Path) -> Option<Vec<String>> {
     Transforms::read(folder.join("transforms.json")).unwrap().test_filenames
 }
 
+/// Nothing is held out where no photo that was to be could be placed.
 #[test]
-fn nothing_is_held_out_where_no_photo_that_was_to_be_could_be_placed() {
+fn unplaced_held_out_photos_leave_none() {
     let temporary = tempfile::tempdir().unwrap();
     let found = temporary.path().join("found");
     let mut paths = photos(&temporary.path().join("photos"), 4, SIZE);
@@ -72,13 +76,14 @@ fn nothing_is_held_out_where_no_photo_that_was_to_be_could_be_placed() {
     }
 }
 
+/// An absurd focal length changes no camera and is named.
 #[test]
-fn an_absurd_focal_length_changes_no_camera_and_is_named() {
+fn an_absurd_focal_length_is_named() {
     let temporary = tempfile::tempdir().unwrap();
     let paths = photos(temporary.path(), 3, SIZE);
     let tell = |told: [u16; 3]| {
         paths.iter().zip(told).for_each(|(path, told)| store(path, NoTransforms, Some(told)));
-        estimated(&paths, &EstimateOptions::default())
+        estimated(&paths, &EstimatePhotosOptions::default())
     };
     let expected = tell([30, 30, 0]);
     assert_eq!(expected.remarks, [""; 0]);
@@ -110,7 +115,7 @@ fn a_focal_length_that_photos_contradict_is_not_used() {
     }
     let with = |told: u16| {
         paths.iter().for_each(|path| store(path, NoTransforms, Some(told)));
-        let found = estimated(&paths, &EstimateOptions::default());
+        let found = estimated(&paths, &EstimatePhotosOptions::default());
         (found.focal() / (truth.views[0].camera.intrinsics.fx / 160.0), found.remarks)
     };
     let (right, remarks) = with(TRUE_FOCAL);
@@ -121,8 +126,9 @@ fn a_focal_length_that_photos_contradict_is_not_used() {
     assert!(remarks.len() == 1 && remarks[0].contains("photos show one that is -2"), "{remarks:?}");
 }
 
+/// Photos of two zooms upright and across have two lenses.
 #[test]
-fn photos_of_two_zooms_upright_and_across_have_two_lenses() {
+fn photos_of_two_zooms_have_two_lenses() {
     let temporary = tempfile::tempdir().unwrap();
     let truth = scene(3, &ProceduralOptions { width: 200, height: 150, views: 20 });
     let (focal, mut paths) = (truth.views[0].camera.intrinsics.fx, Vec::new());
@@ -140,7 +146,7 @@ fn photos_of_two_zooms_upright_and_across_have_two_lenses() {
         paths.push((path, zoom * focal));
     }
     let files: Vec<PathBuf> = paths.iter().map(|(path, _)| path.clone()).collect();
-    let found = estimated(&files, &EstimateOptions::default());
+    let found = estimated(&files, &EstimatePhotosOptions::default());
     assert!(found.remarks.is_empty() && found.placed().len() == 10, "{:?} {:?}", found.remarks, found.left_out());
     assert_eq!(found.lenses(), 2);
     for ((path, focal), camera) in paths.iter().zip(&found.estimate.cameras) {
@@ -150,7 +156,7 @@ fn photos_of_two_zooms_upright_and_across_have_two_lenses() {
 }
 
 /// Estimates photos as they are and stored by these orientations, and checks that both give the same cameras, and what is written.
-fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options: &EstimateOptions) {
+fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options: &EstimatePhotosOptions) {
     let temporary = tempfile::tempdir().unwrap();
     let [clean, stored] = ["clean", "stored"].map(|name| temporary.path().join(name));
     let upright = estimated(&photos(&clean, 4, size), options);
@@ -187,14 +193,16 @@ fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options
     assert!(capture.join("upright").exists());
 }
 
+/// Mirrored photos and those upside down are matched and written upright.
 #[test]
-fn mirrored_photos_and_those_upside_down_are_matched_and_written_upright() {
+fn turned_photos_are_written_upright() {
     let orientations = [FlipHorizontal, Rotate180, FlipVertical, NoTransforms];
     stored_like_upright(SIZE, orientations, &told());
 }
 
+/// Square photos on their side are matched and written upright.
 #[test]
-fn square_photos_on_their_side_are_matched_and_written_upright() {
+fn square_photos_are_written_upright() {
     let orientations = [Rotate90, NoTransforms, Rotate270, FlipHorizontal];
     stored_like_upright([80, 80], orientations, &told());
 }
@@ -265,8 +273,9 @@ fn a_capture_and_its_photos_can_be_moved_together() {
     assert_eq!(visible.iter().map(Vec::len).collect::<Vec<_>>(), expected.1.iter().map(Vec::len).collect::<Vec<_>>());
 }
 
+/// Photos that cannot be matched for their files are named at once and left out.
 #[test]
-fn photos_that_cannot_be_matched_for_their_files_are_named_at_once_and_left_out() {
+fn unusable_photos_are_named_and_left_out() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path().join("photos");
     let good = photos(&folder, 6, SIZE);
@@ -300,9 +309,10 @@ fn photos_that_cannot_be_matched_for_their_files_are_named_at_once_and_left_out(
     assert!(message.contains("1 of 2") && message.contains("gone.jpg"), "{message}");
 }
 
+/// A photo whose name is not UTF-8 is left out and named.
 #[cfg(unix)]
 #[test]
-fn a_photo_whose_name_is_not_utf8_is_left_out_and_named() {
+fn names_that_are_not_utf8_are_left_out() {
     use std::os::unix::ffi::OsStrExt;
     let temporary = tempfile::tempdir().unwrap();
     let mut paths = photos(temporary.path(), 4, SIZE);

@@ -16,8 +16,9 @@ fn a_film_has_the_same_bits_at_any_thread_count() {
     assert_ne!(one.shots[0].pixels, procedural(6, &SMALL).shots[0].pixels);
 }
 
+/// The middle camera and every fourth frame are held out.
 #[test]
-fn the_middle_camera_and_every_fourth_frame_are_held_out() {
+fn the_held_out_split_of_films() {
     let film = procedural(1, &FilmOptions { cameras: 5, frames: 8, ..SMALL });
     assert_eq!((film.size, film.shots.len(), film.training().len()), ([30, 40], 40, 4 * 6));
     assert_eq!(film.training().len() + film.held_out().len(), 40);

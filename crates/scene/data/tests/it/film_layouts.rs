@@ -320,8 +320,9 @@ fn a_hypernerf_film_is_read() {
     assert!(full.remarks[0].contains("rgb/1x"), "{:?}", full.remarks);
 }
 
+/// A validation photo at the time of another is held out for its camera alone.
 #[test]
-fn a_validation_photo_at_the_time_of_another_is_held_out_for_its_camera_alone() {
+fn validation_photos_hold_out_their_cameras() {
     let folder = tempfile::tempdir().unwrap();
     hypernerf(folder.path());
     edit(folder.path().join("metadata.json"), r#""p1": {"warp_id": 2}"#, r#""p1": {"warp_id": 4}"#);

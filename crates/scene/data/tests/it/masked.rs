@@ -104,8 +104,9 @@ fn what_counts_has_its_own_colors_up_to_the_border() {
     }
 }
 
+/// Photos that are masked altogether are left out and named.
 #[test]
-fn photos_that_are_masked_altogether_are_left_out_and_named() {
+fn photos_without_pixels_are_left_out() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     captured(folder, Some(9), None);
@@ -118,8 +119,9 @@ fn photos_that_are_masked_altogether_are_left_out_and_named() {
     assert!(scene.remarks[0].contains("images/1.png") && !scene.remarks[0].contains("2.png"), "{:?}", scene.remarks);
 }
 
+/// Masks that are missing or of another size are errors.
 #[test]
-fn masks_that_are_missing_or_of_another_size_are_errors() {
+fn missing_and_misfit_masks_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     captured(folder, None, None);

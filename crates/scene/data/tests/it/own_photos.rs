@@ -9,7 +9,7 @@ use std::path::Path;
 use weaver_data::capture::{CaptureOptions, HoldOut, load, load_cameras, load_images};
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
-use weaver_data::{EstimateOptions, estimate_photos};
+use weaver_data::{EstimatePhotosOptions, estimate_photos};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 use weaver_io::colmap::Model;
@@ -73,8 +73,9 @@ fn distorted_capture(folder: &Path) -> Vec<Frame> {
     frames
 }
 
+/// Distorted photos are loaded as those of a lens without distortion.
 #[test]
-fn distorted_photos_are_loaded_as_those_of_a_lens_without_distortion() {
+fn distorted_photos_are_undistorted() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let frames = distorted_capture(folder);
@@ -143,8 +144,9 @@ fn undoing_a_distortion_costs_no_detail() {
     assert!(mean < 1.0, "{mean} of 255 apart");
 }
 
+/// A distortion that leaves nothing is refused by name.
 #[test]
-fn a_distortion_that_leaves_nothing_is_refused_by_name() {
+fn a_distortion_that_leaves_nothing_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     distorted_capture(folder.path());
     let path = folder.path().join("transforms.json");
@@ -236,8 +238,9 @@ fn photos_turned_by_exif_are_loaded_like_upright_ones() {
     assert_eq!(images(clean.path()), images(turned.path()));
 }
 
+/// Cameras are estimated of turned photos as of upright ones.
 #[test]
-fn cameras_are_estimated_of_turned_photos_as_of_upright_ones() {
+fn turned_photos_have_the_same_cameras() {
     let folder = tempfile::tempdir().unwrap();
     let truth = scene(3, &ProceduralOptions { width: 128, height: 96, views: 8 });
     let found = [false, true].map(|turned| {
@@ -247,7 +250,7 @@ fn cameras_are_estimated_of_turned_photos_as_of_upright_ones() {
             let orientation = if turned && i % 2 == 0 { Orientation::Rotate90 } else { Orientation::NoTransforms };
             turn(path, orientation);
         }
-        estimate_photos(&paths, &[false; 5], &EstimateOptions::default()).unwrap()
+        estimate_photos(&paths, &[false; 5], &EstimatePhotosOptions::default()).unwrap()
     });
     let [upright, turned] = &found;
     assert!(upright.placed().len() >= 3, "{:?}", upright.left_out());
@@ -332,8 +335,9 @@ fn a_masked_capture_is_the_clean_one_with_masks() {
     assert!(none.contains("mask: expected") && none.contains("masks/0.png or ") && none.contains("alpha"), "{none}");
 }
 
+/// Masks of photos of one name in two folders are told apart.
 #[test]
-fn masks_of_photos_of_one_name_in_two_folders_are_told_apart() {
+fn masks_of_photos_of_one_name() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let mut transforms = Transforms { frames: clean_capture(folder), ..Transforms::default() };
@@ -437,7 +441,7 @@ fn photos_of_the_same_proportions_share_a_lens() {
         path
     });
     let lenses = |shared: bool| {
-        let options = EstimateOptions { shared, ..EstimateOptions::default() };
+        let options = EstimatePhotosOptions { shared, ..EstimatePhotosOptions::default() };
         estimate_photos(&paths, &[false; 5], &options).unwrap().lenses()
     };
     assert_eq!([lenses(true), lenses(false)], [3, 5]);

@@ -58,8 +58,9 @@ fn photos_keep_their_size_or_shrink_to_a_longest_side() {
     assert_eq!(planned, loaded, "what is said beforehand is what is loaded");
 }
 
+/// Masks are found by name or by the frame and their lack is named.
 #[test]
-fn masks_are_found_by_name_or_by_the_frame_and_their_lack_is_named() {
+fn masks_are_found_by_name_or_frame() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     write(folder);
@@ -95,8 +96,9 @@ fn masks_are_found_by_name_or_by_the_frame_and_their_lack_is_named() {
     assert!(capture.photos[0].photo.is_masked());
 }
 
+/// A capture that lists no photos for testing holds none out.
 #[test]
-fn a_capture_that_lists_no_photos_for_testing_holds_none_out() {
+fn captures_without_a_list_hold_none_out() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path());
     let path = folder.path().join("transforms.json");
@@ -120,8 +122,9 @@ fn with_alpha(path: &Path, corner: u8) {
     rgba.save(path).unwrap();
 }
 
+/// Transparent parts are spoken of where masks are not read.
 #[test]
-fn transparent_parts_are_spoken_of_where_masks_are_not_read() {
+fn transparent_parts_are_remarked_on() {
     let folder = tempfile::tempdir().unwrap();
     let scene = scene(1, &ProceduralOptions { width: 40, height: 30, views: 12 });
     let mut frames = Vec::new();

@@ -100,8 +100,9 @@ fn tuples_and_frame_are_those_of_the_slow_definition() {
     }
 }
 
+/// With five views the target stands in for the second.
 #[test]
-fn with_five_views_the_target_stands_in_for_the_second() {
+fn the_target_stands_in_for_the_second_of_five() {
     let scenes = [Layout::of(&line(7))];
     let tuple = training_tuple(&scenes, Stream::new(1, 0, "test.tuples"), 0, 6, 4, 2);
     assert_eq!(tuple.targets[0], tuple.targets[1]);

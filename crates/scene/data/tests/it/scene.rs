@@ -69,14 +69,16 @@ fn the_nearest_come_in_order_with_ties_by_index() {
     assert_eq!(scene.held_out_views(), [0, 4, 8]);
 }
 
+/// The central view is nearest to the other training views.
 #[test]
-fn the_central_view_is_nearest_to_the_other_training_views() {
+fn the_central_view_is_nearest_to_others() {
     // Training views 1, 2, 3, 5: 2 and 3 tie, the held-out ones do not count.
     assert_eq!(line(6).central_view(), 2);
 }
 
+/// The training frame starts at camera 0 with seen points at mean distance 1.
 #[test]
-fn the_training_frame_starts_at_camera_0_with_seen_points_at_mean_distance_1() {
+fn the_training_frame_is_normalized() {
     let mut scene = line(6);
     scene.views[2] = view("2", DVec3::new(0.3, -0.2, 0.5), 0.7, false);
     scene.points = vec![DVec3::new(0.3, -0.2, 2.5), DVec3::new(0.3, -0.2, 8.5), DVec3::new(9.0, 9.0, 9.0)];

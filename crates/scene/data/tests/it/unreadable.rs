@@ -43,8 +43,9 @@ fn loaded(folder: &Path) -> Result<(Vec<usize>, Vec<String>), String> {
     photos
 }
 
+/// A few unreadable photos are named at once and left out.
 #[test]
-fn a_few_unreadable_photos_are_named_at_once_and_left_out() {
+fn a_few_unreadable_photos_are_left_out() {
     for colmap in [false, true] {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join("images").join(name);
@@ -68,8 +69,9 @@ fn a_few_unreadable_photos_are_named_at_once_and_left_out() {
     }
 }
 
+/// One unreadable photo in four is left out and two are an error.
 #[test]
-fn one_unreadable_photo_in_four_is_left_out_and_two_are_an_error() {
+fn one_unreadable_photo_in_four_is_left_out() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), 4, true);
     let at = |name: &str| folder.path().join("images").join(name);
@@ -89,8 +91,9 @@ fn one_unreadable_photo_in_four_is_left_out_and_two_are_an_error() {
     assert!(message.contains("0.png"), "{message}");
 }
 
+/// Held out photos stay the same where others are unreadable.
 #[test]
-fn held_out_photos_stay_the_same_where_others_are_unreadable() {
+fn unreadable_photos_leave_the_split() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), 9, false);
     cut_short(&folder.path().join("images/1.png"));
@@ -100,7 +103,7 @@ fn held_out_photos_stay_the_same_where_others_are_unreadable() {
 }
 
 #[test]
-fn what_a_capture_says_wrongly_about_one_photo_is_an_error() {
+fn wrong_entries_of_one_photo_are_an_error() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), 8, true);
     let photo = folder.path().join("images/3.png");
@@ -145,8 +148,9 @@ fn a_frame_of_realestate_that_is_no_photo_is_left_out() {
     assert!(numbers == [0, 1, 3] && remarks.len() == 1 && remarks[0].contains("2.png"), "{numbers:?}: {remarks:?}");
 }
 
+/// Photos without cameras are loaded without those that cannot be read.
 #[test]
-fn photos_without_cameras_are_loaded_without_those_that_cannot_be_read() {
+fn unreadable_photos_are_left_out() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), 8, false);
     let paths: Vec<_> = (0..8).map(|i| folder.path().join(format!("images/{i}.png"))).collect();

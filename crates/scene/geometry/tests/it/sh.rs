@@ -81,8 +81,9 @@ proptest! {
         prop_assert!(some[k..].iter().all(|x: &f64| *x == 0.0));
     }
 
+    /// Rotated coefficients give the color along the rotated direction.
     #[test]
-    fn rotated_coefficients_give_the_color_along_the_rotated_direction(
+    fn coefficients_rotate_with_directions(
         turn in rotation(),
         direction in unit(),
         c in prop::collection::vec(-1.0..1.0f64, MAX_COEFFICIENTS),

@@ -1,7 +1,7 @@
 //! Folders of results, in which nothing is replaced but what the same command wrote.
 
 use crate::files::folder::followed;
-use crate::{Error, Result, check_writable, list_photos};
+use crate::{Advice, Error, Result, check_writable, list_photos};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions, TryLockError};
@@ -302,5 +302,6 @@ fn refuse_inputs(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     Err(refused(path, "a place apart from what is read", found))
 }
 fn refused(path: &Path, expected: impl Into<String>, found: impl Into<String>) -> Error {
-    Error::Output { path: path.into(), expected: expected.into(), found: found.into() }
+    let (expected, found) = (expected.into(), found.into());
+    Error::Output { path: path.into(), expected, found, source: Advice::OtherOutput }
 }

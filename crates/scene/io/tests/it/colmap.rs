@@ -175,8 +175,9 @@ fn a_point_cloud_takes_the_place_of_missing_points() {
     assert!(Model::read(folder).unwrap_err().to_string().contains("points3D.bin"));
 }
 
+/// A count too large is an error before any allocation.
 #[test]
-fn a_count_too_large_is_an_error_before_any_allocation() {
+fn a_count_too_large_is_an_error_at_once() {
     let folder = tempfile::tempdir().unwrap();
     model().write_binary(folder.path()).unwrap();
     let path = folder.path().join("points3D.bin");

@@ -80,9 +80,10 @@ fn a_relative_path_leads_from_a_folder_to_a_file() {
     assert_eq!(relative_path("", "src/lib.rs").unwrap(), "src/lib.rs");
 }
 
+/// A relative path follows links but keeps the name of the file.
 #[cfg(unix)]
 #[test]
-fn a_relative_path_follows_links_but_keeps_the_name_of_the_file() {
+fn relative_paths_keep_the_name_of_the_file() {
     use std::os::unix::{ffi::OsStrExt, fs::symlink};
     let root = tempfile::tempdir().unwrap();
     let at = |name: &str| root.path().join(name);

@@ -112,8 +112,9 @@ proptest! {
         assert_near(&gaussians, &back, &SPLAT);
     }
 
+    /// Compressed PLY rounds between bounds and orders anew.
     #[test]
-    fn compressed_ply_rounds_between_bounds_and_orders_anew(gaussians in gaussians()) {
+    fn compressed_ply_rounds_and_reorders(gaussians in gaussians()) {
         let back = round_trip("a.compressed.ply", &gaussians);
         prop_assert_eq!((back.len(), back.degree), (gaussians.len(), gaussians.degree));
         assert_near(&ordered("a.compressed.ply", &gaussians), &back, &COMPRESSED);

@@ -212,8 +212,9 @@ fn a_jpeg_that_was_cut_short_is_refused() {
     }
 }
 
+/// A header that promises more than the file can hold is refused.
 #[test]
-fn a_header_that_promises_more_than_the_file_can_hold_is_refused() {
+fn headers_that_promise_too_much_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.jpg");
     image::RgbImage::from_raw(21, 18, ramp(21, 18).to_bytes()).unwrap().save(&path).unwrap();

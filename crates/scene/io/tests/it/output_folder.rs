@@ -16,8 +16,9 @@ fn claim(folder: &Path, command: &str) -> OutputFolder {
     OutputFolder::claim(folder, command, NOTHING).unwrap()
 }
 
+/// Files are replaced only by the command that wrote them.
 #[test]
-fn files_are_replaced_only_by_the_command_that_wrote_them() {
+fn only_the_writer_replaces_files() {
     let parent = tempfile::tempdir().unwrap();
     let folder = parent.path().join("capture");
     fs::create_dir_all(folder.join("sparse/0")).unwrap();
@@ -98,8 +99,9 @@ fn a_folder_is_written_by_one_run_at_a_time() {
     OutputFolder::reopen(&folder, "fit", NOTHING).unwrap();
 }
 
+/// A folder that nothing was written into leaves no trace.
 #[test]
-fn a_folder_that_nothing_was_written_into_leaves_no_trace() {
+fn unused_folders_leave_no_trace() {
     let parent = tempfile::tempdir().unwrap();
     drop(claim(&parent.path().join("a/b/c"), "fit"));
     assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0);

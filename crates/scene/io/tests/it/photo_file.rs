@@ -40,8 +40,9 @@ const TURNS: [Orientation; 8] = [
     Orientation::Rotate270,
 ];
 
+/// Photos are read upright unless a camera says otherwise.
 #[test]
-fn photos_are_read_upright_unless_a_camera_says_otherwise() {
+fn photos_are_read_upright() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     let stored = ramp();
@@ -69,8 +70,9 @@ fn photos_are_read_upright_unless_a_camera_says_otherwise() {
     }
 }
 
+/// A square photo with a camera is left as it is stored.
 #[test]
-fn a_square_photo_with_a_camera_is_left_as_it_is_stored() {
+fn square_photos_with_cameras_stay_as_stored() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     let image = dynamic(&ramp()).crop_imm(0, 0, 16, 16);
@@ -138,8 +140,9 @@ fn what_cannot_be_read_says_why_and_how_to_convert_it() {
     assert_eq!(names, ["a.heic", "b.jpg", "c.avif", "d.png"]);
 }
 
+/// A photo that changes after it was opened is an error.
 #[test]
-fn a_photo_that_changes_after_it_was_opened_is_an_error() {
+fn a_photo_that_changes_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     dynamic(&ramp()).save(&path).unwrap();
@@ -149,8 +152,9 @@ fn a_photo_that_changes_after_it_was_opened_is_an_error() {
     assert!(message.contains("expected 24x16 as before, found 3x3"), "{message}");
 }
 
+/// A mask covers the photo as it is seen whichever way up either is stored.
 #[test]
-fn a_mask_covers_the_photo_as_it_is_seen_whichever_way_up_either_is_stored() {
+fn masks_cover_photos_as_they_are_seen() {
     let folder = tempfile::tempdir().unwrap();
     let [path, mask] = ["a.png", "m.png"].map(|name| folder.path().join(name));
     for orientation in TURNS {
@@ -177,8 +181,9 @@ fn a_mask_covers_the_photo_as_it_is_seen_whichever_way_up_either_is_stored() {
     assert!(message.contains("m.png") && message.contains("its photo's") && message.contains("5x7"), "{message}");
 }
 
+/// Hidden files are no photos and links that lead nowhere are listed.
 #[test]
-fn hidden_files_are_no_photos_and_links_that_lead_nowhere_are_listed() {
+fn hidden_files_and_broken_links() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["a.jpg", "._a.jpg", ".b.png"] {
         std::fs::write(folder.path().join(name), "").unwrap();
@@ -191,8 +196,9 @@ fn hidden_files_are_no_photos_and_links_that_lead_nowhere_are_listed() {
     assert_eq!(names, if cfg!(unix) { vec!["a.jpg", "link.jpg"] } else { vec!["a.jpg"] });
 }
 
+/// A photo says whether its size tells which way up it is.
 #[test]
-fn a_photo_says_whether_its_size_tells_which_way_up_it_is() {
+fn a_size_may_not_tell_which_way_is_up() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     let stored = dynamic(&ramp());
@@ -207,8 +213,9 @@ fn a_photo_says_whether_its_size_tells_which_way_up_it_is() {
     }
 }
 
+/// A photo that was read says whether it is transparent.
 #[test]
-fn a_photo_that_was_read_says_whether_it_is_transparent() {
+fn photos_know_if_they_are_transparent() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     let mut rgba = dynamic(&ramp()).into_rgba8();

@@ -113,7 +113,7 @@ fn colors_stored_as_they_are_stay_what_they_are() {
 
 /// A header that promises more than the file can hold takes no memory, at a reduced scale neither.
 #[test]
-fn a_header_that_promises_too_much_is_refused_at_any_scale() {
+fn false_headers_are_refused_at_any_scale() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.jpg");
     let mut bytes = std::fs::read(fixture("progressive.jpg")).unwrap();
@@ -127,8 +127,9 @@ fn a_header_that_promises_too_much_is_refused_at_any_scale() {
     assert!(used.bytes_max < 1 << 20, "{} bytes", used.bytes_max);
 }
 
+/// A photo that was cut short is an error at any scale.
 #[test]
-fn a_photo_that_was_cut_short_is_an_error_at_any_scale() {
+fn a_cut_photo_is_an_error_at_any_scale() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.jpg");
     write(&path, &picture(203, 149), Orientation::NoTransforms);

@@ -57,8 +57,9 @@ fn few_colors_are_kept_by_the_palette() {
     assert_near(&ordered("a.sog", &gaussians), &back, &tolerance);
 }
 
+/// The same scene gives the same file at any number of threads.
 #[test]
-fn the_same_scene_gives_the_same_file_at_any_number_of_threads() {
+fn files_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();
     let file = |threads: usize| {
         let path = folder.path().join(format!("{threads}.sog"));

@@ -85,8 +85,9 @@ fn numbers_are_passed_on_as_they_are_read() {
     assert!(pieces.bytes == 4 << 20 && pieces.largest <= 1 << 16, "{} in pieces of {}", pieces.bytes, pieces.largest);
 }
 
+/// A tensor that reaches beyond its numbers is refused.
 #[test]
-fn a_tensor_that_reaches_beyond_its_numbers_is_refused() {
+fn tensors_beyond_their_numbers_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("short.pt");
     let refused = |length, shape, strides| {

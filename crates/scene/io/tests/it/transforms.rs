@@ -41,8 +41,9 @@ fn round_trip() {
     assert_eq!(back.test_filenames, scene.test_filenames);
 }
 
+/// A file may say that nothing is held out or not say it.
 #[test]
-fn a_file_may_say_that_nothing_is_held_out_or_not_say_it() {
+fn files_may_hold_nothing_out() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("transforms.json");
     for said in [None, Some(vec![]), Some(vec!["images/2.png".to_string()])] {

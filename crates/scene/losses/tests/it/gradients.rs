@@ -141,7 +141,7 @@ fn the_bits_do_not_depend_on_the_number_of_threads() {
 
 /// At the truth the clamp holds the angle at its floor, and lets no gradient through.
 #[test]
-fn equal_rotations_have_the_least_angle_and_no_gradient() {
+fn equal_rotations_have_no_gradient() {
     let tape = Tape::<f64>::new();
     let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     let a = tape.leaf(&identity, [1, 9]);

@@ -1,7 +1,8 @@
 //! Perceptual distance: parity with the lpips package, and messages about weights that do not fit.
 
-use crate::fixture::{Fixture, weights};
+use crate::weights::weights;
 use weaver_autograd::Tape;
+use weaver_fixtures::Fixture;
 use weaver_losses::lpips::{Network, Tensors};
 use weaver_losses::{Lpips, metrics};
 
@@ -12,7 +13,7 @@ fn parity(name: &str, network: Network) {
     let fixture = Fixture::open("metrics.safetensors");
     for i in 0..3 {
         let (a, shape) = fixture.tensor(&format!("in.a{i}"));
-        let b = fixture.data(&format!("in.b{i}"));
+        let b = fixture.f32(&format!("in.b{i}"));
         let tape = Tape::<f32>::new();
         let shape = [1, shape[0], shape[1], shape[2]];
         let (target, render) = (tape.constant(&a, shape), tape.leaf(&b, shape));

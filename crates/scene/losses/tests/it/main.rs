@@ -1,6 +1,5 @@
 //! Tests of the losses and metrics.
 
-mod fixture;
 mod gradients;
 mod lpips;
 mod lpips_twin;
@@ -12,3 +11,4 @@ mod perceptual;
 mod photometric;
 mod shapes;
 mod ssim;
+mod weights;

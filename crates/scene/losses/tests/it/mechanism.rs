@@ -12,8 +12,9 @@ fn classes(energy: &[f64]) -> Vec<u32> {
     classes
 }
 
+/// Ranking targets of a random map are 76 20 2 2 percent.
 #[test]
-fn ranking_targets_of_a_random_map_are_76_20_2_2_percent() {
+fn ranking_targets_of_a_random_map() {
     let energy = Input::uniform(3, 0.0, 1.0, [10_000]).data;
     let classes = classes(&energy);
     let share = |class| classes.iter().filter(|c| **c == class).count();
@@ -22,8 +23,9 @@ fn ranking_targets_of_a_random_map_are_76_20_2_2_percent() {
     assert!(least(0) < least(1) && least(1) < least(2) && least(2) < least(3), "more energy, higher class");
 }
 
+/// An energy at a threshold belongs to the upper class.
 #[test]
-fn an_energy_at_a_threshold_belongs_to_the_upper_class() {
+fn an_energy_at_a_threshold_is_of_the_upper_class() {
     // Of 26 numbers, the 0.76 and 0.96 quantiles are the numbers 19 and 24 themselves, the 0.98 quantile is 24.5.
     let energy: Vec<f64> = (0..26).map(f64::from).collect();
     let found = classes(&energy);
@@ -68,8 +70,9 @@ fn quantiles_interpolate() {
     assert_eq!(quantile(&mut [f64::INFINITY, 1.0, 2.0], 0.5), 2.0, "a neighbor without weight");
 }
 
+/// Quantiles of equal numbers lead back to the earlier.
 #[test]
-fn quantiles_of_equal_numbers_lead_back_to_the_earlier() {
+fn quantiles_of_equal_numbers_take_the_earlier() {
     let tape = Tape::<f64>::new();
     let x = tape.leaf(&[2.0, 1.0, 2.0, 2.0, 1.0], [5]);
     quantiles(x, &[0.0, 0.5, 0.875]).backward_with(&[1.0, 10.0, 100.0]);
@@ -106,8 +109,9 @@ fn the_budget_pushes_shares_towards_their_targets() {
     }
 }
 
+/// The global budget acts above tau alone and by the count.
 #[test]
-fn the_global_budget_acts_above_tau_alone_and_by_the_count() {
+fn the_global_budget_acts_above_tau() {
     let gradient = |tau| {
         let tape = Tape::<f64>::new();
         let choice = tape.leaf(&[1., 0., 0., 0., 0., 0., 1., 0.], [2, 4]);
@@ -160,8 +164,9 @@ fn sparse_depth_divides_by_one_more_than_it_knows() {
     assert_eq!(log_depth.grad().unwrap(), [1.0 / 3.0, 1.0 / 3.0, 0.0, 0.0]);
 }
 
+/// Error targets are centered logarithms of smoothed errors.
 #[test]
-fn error_targets_are_centered_logarithms_of_smoothed_errors() {
+fn error_targets_are_centered_logarithms() {
     let mut target = [0.0; 6];
     // A 2 x 3 view: the mean of the corner's neighborhood runs over the four pixels inside the image.
     error_target(&[0.4, 0.0, 0.0, 0.0, 0.0, 0.0], [2, 3], &mut target);

@@ -1,7 +1,7 @@
 //! Metrics against scikit-image, and on images whose metric is known.
 
-use crate::fixture::Fixture;
 use weaver_autograd::Tape;
+use weaver_fixtures::Fixture;
 use weaver_losses::metrics::{energetic_mask, psnr, psnr_aligned, psnr_masked, ssim, ssim_masked};
 use weaver_losses::{Covariance, mse, ssim_with};
 
@@ -10,14 +10,14 @@ fn equal_to_the_reference() {
     let fixture = Fixture::open("metrics.safetensors");
     for i in 0..3 {
         let (a, shape) = fixture.tensor(&format!("in.a{i}"));
-        let b = fixture.data(&format!("in.b{i}"));
+        let b = fixture.f32(&format!("in.b{i}"));
         fixture.assert_close(&format!("out.psnr{i}"), &[psnr(&a, &b) as f32]);
         let tape = Tape::<f32>::new();
         let loss = mse(tape.constant(&a, &shape[..]), tape.constant(&b, &shape[..]));
         fixture.assert_close(&format!("out.mse{i}"), &[loss.item()]);
         // The file's tolerance is that of a careless 32-bit implementation; this one is exact to the file's rounding.
         let similarity = ssim(&a, &b, shape.try_into().unwrap());
-        let expected = f64::from(fixture.data(&format!("out.ssim{i}"))[0]);
+        let expected = f64::from(fixture.f32(&format!("out.ssim{i}"))[0]);
         assert!((similarity - expected).abs() < 1e-7, "{similarity} against {expected}");
     }
 }
@@ -28,7 +28,7 @@ fn gradient_of_ssim() {
     let (a, shape) = fixture.tensor("in.a0");
     let shape = [1, shape[0], shape[1], shape[2]];
     let tape = Tape::<f32>::new();
-    let b = tape.leaf(&fixture.data("in.b0"), shape);
+    let b = tape.leaf(&fixture.f32("in.b0"), shape);
     let similarity = ssim_with(tape.constant(&a, shape), b, Covariance::Sample);
     fixture.assert_close("out.ssim0", &[similarity.item()]);
     similarity.backward();

@@ -1,8 +1,8 @@
 //! Equality with the official training losses, values and gradients.
 
-use crate::fixture::Fixture;
 use weaver_autograd::ops::straight_through;
 use weaver_autograd::{Pool, Tape, Var};
+use weaver_fixtures::Fixture;
 use weaver_losses::*;
 
 const TARGETS: [f64; 3] = [0.2, 0.02, 0.02];
@@ -58,7 +58,7 @@ fn ranking_targets() {
     for (energy, classes) in energy.chunks(pixels).zip(classes.chunks_mut(pixels)) {
         frequency_targets(energy, &QUANTILES, &Pool::new(), classes);
     }
-    assert_eq!(classes.iter().map(|c| *c as f32).collect::<Vec<_>>(), fixture.data("out.target"));
+    assert_eq!(classes.iter().map(|c| *c as f32).collect::<Vec<_>>(), fixture.f32("out.target"));
     let thresholds = energy.chunks(pixels).flat_map(|scene| QUANTILES.map(|q| quantile(&mut scene.to_vec(), q)));
     fixture.assert_close("out.quantiles", &thresholds.collect::<Vec<_>>());
 }
@@ -70,7 +70,7 @@ fn quantiles_on_the_tape() {
     let x = leaf(&tape, &fixture, "quantile.in.x");
     let y = quantiles(x, &[0.3, 0.76, 0.96, 0.98]);
     fixture.assert_close("quantile.out", &y.value());
-    y.backward_with(&fixture.data("quantile.cot"));
+    y.backward_with(&fixture.f32("quantile.cot"));
     fixture.assert_close("quantile.grad.x", &x.grad().unwrap());
 }
 

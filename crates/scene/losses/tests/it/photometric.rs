@@ -134,8 +134,9 @@ fn a_broken_image_has_no_number_for_a_loss() {
     }
 }
 
+/// Same bits at any number of threads and in used memory.
 #[test]
-fn same_bits_at_any_number_of_threads_and_in_used_memory() {
+fn same_bits_at_any_threads_and_in_used_memory() {
     let sizes = [[200, 50], [11, 11], [131, 29], [5, 5]];
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

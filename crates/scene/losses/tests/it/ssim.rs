@@ -66,8 +66,9 @@ fn zero_padding_is_what_it_says() {
     gradcheck_with(options, &images, |x| vec![ssim_zero_padded(x[0], x[1])]);
 }
 
+/// Equal images are one and each image counts for itself.
 #[test]
-fn equal_images_are_one_and_each_image_counts_for_itself() {
+fn equal_images_have_a_similarity_of_one() {
     let image = Input::uniform(1, 0.0, 1.0, [2, 3, 16, 17]);
     let mut other = image.data.clone();
     other[..3 * 16 * 17].iter_mut().for_each(|x| *x = 1.0 - *x);

@@ -1,7 +1,7 @@
-use crate::fixture::Fixture;
 use proptest::prelude::*;
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::{Input, gradcheck};
+use weaver_fixtures::Fixture;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, Pose, pose_code};
 use weaver_pose::{activate, cameras, cameras_with, encode};
@@ -19,29 +19,29 @@ fn matrices_of(rows: &[f32], corner: f32) -> Vec<f32> {
 /// Decoding and encoding for images of 56 x 84 pixels (H x W).
 #[test]
 fn parity() {
-    let file = Fixture::named("ops.safetensors");
+    let file = Fixture::open("ops.safetensors");
     let tape = Tape::new();
     let code = file.leaf(&tape, "camera_decode_extrinsics.in.p");
     let viewmats = cameras(code, 56, 84).viewmats;
-    file.check("camera_decode_extrinsics.out", &viewmats.value());
-    viewmats.backward_with(&file.array("camera_decode_extrinsics.cot").data);
-    file.check("camera_decode_extrinsics.grad.p", &code.grad().unwrap());
+    file.assert_close("camera_decode_extrinsics.out", &viewmats.value());
+    viewmats.backward_with(&file.f32("camera_decode_extrinsics.cot"));
+    file.assert_close("camera_decode_extrinsics.grad.p", &code.grad().unwrap());
 
     let tape = Tape::new();
     let code = file.leaf(&tape, "camera_decode_intrinsics.in.p");
     let intrinsics = cameras(code, 56, 84).intrinsics;
-    file.check("camera_decode_intrinsics.out", &matrices_of(&intrinsics.value(), 1.0));
-    intrinsics.backward_with(&four_of(&file.array("camera_decode_intrinsics.cot").data));
-    file.check("camera_decode_intrinsics.grad.p", &code.grad().unwrap());
+    file.assert_close("camera_decode_intrinsics.out", &matrices_of(&intrinsics.value(), 1.0));
+    intrinsics.backward_with(&four_of(&file.f32("camera_decode_intrinsics.cot")));
+    file.assert_close("camera_decode_intrinsics.grad.p", &code.grad().unwrap());
 
     let tape = Tape::new();
     let viewmats = file.leaf(&tape, "camera_encode.in.e");
-    let intrinsics = tape.leaf(&four_of(&file.array("camera_encode.in.k").data), [1, 3, 4]);
+    let intrinsics = tape.leaf(&four_of(&file.f32("camera_encode.in.k")), [1, 3, 4]);
     let code = encode(viewmats, intrinsics, 56, 84);
-    file.check("camera_encode.out", &code.value());
-    code.backward_with(&file.array("camera_encode.cot").data);
-    file.check("camera_encode.grad.e", &viewmats.grad().unwrap());
-    file.check("camera_encode.grad.k", &matrices_of(&intrinsics.grad().unwrap(), 0.0));
+    file.assert_close("camera_encode.out", &code.value());
+    code.backward_with(&file.f32("camera_encode.cot"));
+    file.assert_close("camera_encode.grad.e", &viewmats.grad().unwrap());
+    file.assert_close("camera_encode.grad.k", &matrices_of(&intrinsics.grad().unwrap(), 0.0));
 }
 
 /// Cameras of all attitudes, as viewmats and intrinsics.

@@ -1,7 +1,7 @@
-use crate::fixture::Fixture;
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::{Input, gradcheck};
 use weaver_autograd::{Real, Tape, Var};
+use weaver_fixtures::Fixture;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_pose::{quaternion_product, rotation_from_xyzw, xyzw_from_rotation};
@@ -18,14 +18,14 @@ fn quaternions(seed: u64, count: usize) -> Input {
 
 #[test]
 fn parity() {
-    let file = Fixture::named("ops.safetensors");
+    let file = Fixture::open("ops.safetensors");
     let compare = |name: &str, input: &str, f: for<'t> fn(Var<'t, f32>) -> Var<'t, f32>| {
         let tape = Tape::new();
         let x = file.leaf(&tape, &format!("{name}.in.{input}"));
         let y = f(x);
-        file.check(&format!("{name}.out"), &y.value());
-        y.backward_with(&file.array(&format!("{name}.cot")).data);
-        file.check(&format!("{name}.grad.{input}"), &x.grad().unwrap());
+        file.assert_close(&format!("{name}.out"), &y.value());
+        y.backward_with(&file.f32(&format!("{name}.cot")));
+        file.assert_close(&format!("{name}.grad.{input}"), &x.grad().unwrap());
     };
     compare("quat_to_mat_camera", "q", rotation_from_xyzw);
     compare("mat_to_quat", "m", xyzw_from_rotation);

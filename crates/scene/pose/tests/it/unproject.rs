@@ -1,7 +1,7 @@
-use crate::fixture::Fixture;
 use proptest::prelude::*;
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::{Input, gradcheck};
+use weaver_fixtures::Fixture;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Intrinsics, Pose};
 use weaver_pose::{cameras, unproject};
@@ -13,19 +13,19 @@ fn intrinsics_of(matrices: &[f32]) -> Vec<f32> {
 
 #[test]
 fn parity() {
-    let file = Fixture::named("ops.safetensors");
+    let file = Fixture::open("ops.safetensors");
     let tape = Tape::new();
     let depth = file.leaf(&tape, "unproject.in.d");
     let viewmats = file.leaf(&tape, "unproject.in.e");
-    let intrinsics = tape.leaf(&intrinsics_of(&file.array("unproject.in.k").data), [1, 2, 4]);
+    let intrinsics = tape.leaf(&intrinsics_of(&file.f32("unproject.in.k")), [1, 2, 4]);
     let points = unproject(depth.reshape([1, 2, 4, 5]), viewmats, intrinsics, 0.0);
-    file.check("unproject.out", &points.value());
-    points.backward_with(&file.array("unproject.cot").data);
-    file.check("unproject.grad.d", &depth.grad().unwrap());
-    file.check("unproject.grad.e", &viewmats.grad().unwrap());
+    file.assert_close("unproject.out", &points.value());
+    points.backward_with(&file.f32("unproject.cot"));
+    file.assert_close("unproject.grad.d", &depth.grad().unwrap());
+    file.assert_close("unproject.grad.e", &viewmats.grad().unwrap());
     let dk: Vec<f32> =
         intrinsics.grad().unwrap().chunks(4).flat_map(|k| [k[0], 0.0, k[2], 0.0, k[1], k[3], 0.0, 0.0, 0.0]).collect();
-    file.check("unproject.grad.k", &dk);
+    file.assert_close("unproject.grad.k", &dk);
 }
 
 proptest! {

@@ -322,7 +322,7 @@ fn an_adjustment_ends_where_cameras_are_settled() {
 
 /// The deviations of lenses among more cameras than a dense matrix is for.
 #[test]
-fn lenses_among_many_cameras_are_as_exact_as_among_few() {
+fn lenses_are_as_exact_among_many_cameras() {
     let bundle = chain(30, 400);
     let [dense, sparse] = [200, 0]
         .map(|dense| bundle.covariance_within(3.0, &Limits { dense, profile: 0, iterations: 5000, ..Limits::USUAL }));

@@ -205,8 +205,9 @@ mod tests {
     use weaver_geometry::so3;
     use weaver_kernels::random::Stream;
 
+    /// The true essential matrix is among those that are found.
     #[test]
-    fn the_true_essential_matrix_is_among_those_that_are_found() {
+    fn the_true_essential_matrix_is_found() {
         let mut missed = 0;
         for seed in 0..300 {
             let stream = Stream::new(seed, 0, "test.five_points");

@@ -76,8 +76,9 @@ mod tests {
         assert!(missed <= 3, "{missed} of 300 missed");
     }
 
+    /// Points on a line or in one place give no numbers that are none.
     #[test]
-    fn points_on_a_line_or_in_one_place_give_no_numbers_that_are_none() {
+    fn degenerate_points_give_finite_numbers() {
         let rays = [DVec3::Z, DVec3::new(0.1, 0.0, 1.0).normalize(), DVec3::new(0.2, 0.0, 1.0).normalize()];
         for points in [[DVec3::Z; 3], [DVec3::ZERO, DVec3::X, 2.0 * DVec3::X]] {
             assert!(three_points(&points, &rays).iter().all(|pose| pose.rotation.is_finite()));

@@ -39,8 +39,9 @@ fn threads<R: Send>(n: usize, body: impl FnOnce() -> R + Send) -> R {
     rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("a pool").install(body)
 }
 
+/// Photos of the same landmarks are found also where the path comes back.
 #[test]
-fn photos_of_the_same_landmarks_are_found_also_where_the_path_comes_back() {
+fn loops_are_retrieved() {
     let (photos, around) = (60, 45);
     let features = walk(photos, around);
     let pairs = candidates(&features, &[true; 60], 6, false);
@@ -58,8 +59,9 @@ fn photos_of_the_same_landmarks_are_found_also_where_the_path_comes_back() {
     assert!(pairs.len() <= 6 * photos && pairs.len() >= 3 * photos);
 }
 
+/// Photos that are not present change nothing for the others.
 #[test]
-fn photos_that_are_not_present_change_nothing_for_the_others() {
+fn absent_photos_change_nothing() {
     let features = walk(40, 40);
     let present: Vec<bool> = (0..40).map(|i| i % 4 != 2).collect();
     let inside: Vec<usize> = (0..40).filter(|i| present[*i]).collect();
@@ -87,8 +89,9 @@ fn the_same_pairs_at_any_number_of_threads() {
     assert_eq!(of(1), of(3));
 }
 
+/// In a sequence neighbors are compared whatever they look like.
 #[test]
-fn in_a_sequence_neighbors_are_compared_whatever_they_look_like() {
+fn neighbors_of_a_sequence_are_compared() {
     let mut features = walk(50, 40);
     features[20] = Features::default();
     let pairs = candidates(&features, &[true; 50], 10, true);

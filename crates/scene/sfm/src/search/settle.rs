@@ -128,7 +128,7 @@ mod tests {
     use super::*;
     use crate::features::Features;
     use crate::lenses::Taken;
-    use crate::photo::{EstimateSettings, Photo};
+    use crate::photo::{EstimateOptions, Photo};
     use weaver_data::procedural::{ProceduralOptions, scene};
     use weaver_geometry::glam::DMat3;
 
@@ -138,7 +138,7 @@ mod tests {
         let photo = |view: &weaver_data::View| Photo::new(view.image.to_bytes(), [144, 192]);
         let photos: Vec<Photo<'_>> = drawn.views.iter().step_by(2).map(photo).collect();
         let features: Vec<Features> = photos.iter().map(|photo| photo.features(1000)).collect();
-        let (taken, settings) = (photos.iter().map(Taken::of).collect::<Vec<_>>(), EstimateSettings::default());
+        let (taken, settings) = (photos.iter().map(Taken::of).collect::<Vec<_>>(), EstimateOptions::default());
         let photos: Vec<&Photo<'_>> = photos.iter().collect();
         run(Search::new(&taken, &photos, &features, &settings))
     }
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_another_explanation_is_settled_and_what_is_the_same_is_not() {
+    fn only_other_explanations_are_settled() {
         with_search(|mut search| {
             search.run();
             let right = search.found[search.different()[0]].clone();

@@ -62,7 +62,7 @@ fn both_coefficients_are_told_by_many_photos() {
 }
 
 #[test]
-fn what_is_not_there_is_not_freed_unless_it_is_asked_for() {
+fn absent_distortion_is_not_freed() {
     let (free, found) = freed([-0.12, 0.0], MANY, Find::Told);
     assert_eq!(free, [true, false]);
     assert!((found[0] + 0.12).abs() < 0.01, "{found:?}");

@@ -5,7 +5,7 @@ use weaver_data::Scene;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Distortion, Intrinsics, Pose, Similarity, so3};
-use weaver_sfm::{Estimate, EstimateSettings, Find, LeftOut, Photo, estimate};
+use weaver_sfm::{Estimate, EstimateOptions, Find, LeftOut, Photo, estimate};
 
 fn built_in(seed: u64, views: usize) -> Scene {
     scene(seed, &ProceduralOptions { width: 256, height: 192, views })
@@ -47,8 +47,8 @@ fn centers(found: &Estimate, scene: &Scene) -> f64 {
     (sum(&|i| onto.apply(from[i])) / sum(&|_| middle)).sqrt()
 }
 
-fn exact() -> EstimateSettings {
-    EstimateSettings { focal_deviation: 0.0, ..EstimateSettings::default() }
+fn exact() -> EstimateOptions {
+    EstimateOptions { focal_deviation: 0.0, ..EstimateOptions::default() }
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn cameras_of_a_few_photos() {
 #[test]
 fn a_focal_length_that_nobody_knows() {
     let scene = built_in(3, 8);
-    let found = estimate(&photos(&scene, false), &EstimateSettings::default());
+    let found = estimate(&photos(&scene, false), &EstimateOptions::default());
     let focal = found.cameras[0].as_ref().expect("a camera").intrinsics.fx / scene.views[0].camera.intrinsics.fx;
     assert!(off(&found, &scene) < 1.0, "{} degrees off", off(&found, &scene));
     // Four photos from a narrow arc hardly tell it.
@@ -84,14 +84,15 @@ fn a_wrong_focal_length_comes_back() {
     let scene = built_in(3, 24);
     let mut photos = photos(&scene, true);
     photos.iter_mut().for_each(|p| p.focal = p.focal.map(|f| 1.06 * f));
-    let found = estimate(&photos, &EstimateSettings::default());
+    let found = estimate(&photos, &EstimateOptions::default());
     let focal = found.cameras[0].as_ref().expect("a camera").intrinsics.fx / scene.views[0].camera.intrinsics.fx;
     // Between what was given and what the photos say.
     assert!((focal - 1.0).abs() < 0.03, "focal length off by a factor of {focal}");
 }
 
+/// Photos that do not tell their focal length have that of the others.
 #[test]
-fn photos_that_do_not_tell_their_focal_length_have_that_of_the_others() {
+fn unknown_focal_lengths_follow_the_others() {
     let scene = built_in(3, 8);
     let mut photos = photos(&scene, true);
     photos.iter_mut().step_by(2).for_each(|p| p.focal = None);
@@ -153,7 +154,7 @@ fn a_distortion_that_photos_tell() {
     let found = estimate(&photos, &exact());
     let Some(Distortion::Radial { k: [first, ..], .. }) = found.distortion[0] else { panic!("no distortion") };
     assert!((first - k1).abs() < 0.03, "k1 {first} instead of {k1}");
-    let ignored = estimate(&photos, &EstimateSettings { distortion: Find::Off, ..exact() });
+    let ignored = estimate(&photos, &EstimateOptions { distortion: Find::Off, ..exact() });
     assert!(ignored.distortion[0].is_none() && found.error < ignored.error, "{} and {}", found.error, ignored.error);
     assert!(off(&found, &scene) < 0.8 * off(&ignored, &scene), "{} degrees off", off(&found, &scene));
 }
@@ -181,8 +182,8 @@ fn photos_of_another_place_are_left_out_in_any_order() {
 }
 
 /// Settings that find cameras fast.
-fn quick() -> EstimateSettings {
-    EstimateSettings { keypoints: 300, ..EstimateSettings::default() }
+fn quick() -> EstimateOptions {
+    EstimateOptions { keypoints: 300, ..EstimateOptions::default() }
 }
 
 #[test]
@@ -212,8 +213,9 @@ fn crops_have_focal_lengths_of_their_own() {
     assert!(centers(&found, &scene) < 0.035, "centers off by {}", centers(&found, &scene));
 }
 
+/// A lens that tells nothing begins as others and is found.
 #[test]
-fn a_lens_that_tells_nothing_begins_as_others_and_is_found() {
+fn an_unknown_lens_is_found() {
     let scene = built_in(3, 16);
     let mut photos = photos(&scene, true);
     // Much less than the largest crop.
@@ -257,19 +259,20 @@ fn what_is_located_has_the_lens_of_the_others() {
     photos[2].located = true;
     // What was told is a little off, and found out by the others.
     photos.iter_mut().for_each(|p| p.focal = p.focal.map(|f| 1.06 * f));
-    let found = estimate(&photos, &EstimateSettings::default());
+    let found = estimate(&photos, &EstimateOptions::default());
     assert!(off(&found, &scene) < 1.0, "{} degrees off", off(&found, &scene));
     let focal = |i: usize| found.cameras[i].expect("a camera").intrinsics.fx;
     assert_eq!(focal(2), focal(0));
     assert!(found.focal_factor < 1.0 && !found.focal_guessed, "{}", found.focal_factor);
 }
 
+/// Two photos beside located ones only guess their focal length.
 #[test]
-fn two_photos_beside_located_ones_only_guess_their_focal_length() {
+fn two_photos_only_guess_their_focal_length() {
     let scene = built_in(3, 8);
     let mut photos = photos(&scene, false);
     photos.iter_mut().skip(2).for_each(|p| p.located = true);
-    let found = estimate(&photos, &EstimateSettings::default());
+    let found = estimate(&photos, &EstimateOptions::default());
     assert!(found.cameras.iter().flatten().count() > 2 && found.focal_guessed, "{:?}", found.cameras);
 }
 
@@ -320,7 +323,7 @@ fn the_same_bits_at_any_number_of_threads() {
     let photos = photos(&scene, false);
     let with = |threads: usize| -> Estimate {
         let pool = ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        pool.install(|| estimate(&photos, &EstimateSettings::default()))
+        pool.install(|| estimate(&photos, &EstimateOptions::default()))
     };
     let (one, three) = (with(1), with(3));
     assert_eq!((one.cameras, one.points), (three.cameras, three.points));

@@ -5,8 +5,9 @@ use weaver_geometry::{Camera, Intrinsics, Pose, Similarity, so3};
 use weaver_scene::{ActivatedGaussians, Gaussians};
 use weaver_splat::{RasterSettings, Workspace, render};
 
+/// A camera sees the same alone and among others of any size.
 #[test]
-fn a_camera_sees_the_same_alone_and_among_others_of_any_size() {
+fn cameras_see_the_same_alone_and_together() {
     let gaussians = ActivatedGaussians {
         means: vec![0.0, 0.0, 2.0, 0.3, -0.2, 1.5],
         scales: vec![0.2, 0.1, 0.3, 0.1, 0.1, 0.4],
@@ -37,8 +38,9 @@ fn a_camera_sees_the_same_alone_and_among_others_of_any_size() {
     assert!(error.to_string().contains("scales"), "{error}");
 }
 
+/// A scene carried into another world looks the same from a camera carried along.
 #[test]
-fn a_scene_carried_into_another_world_looks_the_same_from_a_camera_carried_along() {
+fn scene_and_camera_move_together() {
     let draw = |i: usize| ((i * 7919) % 101) as f32 / 50.0 - 1.0;
     let n = 12;
     let gaussians = Gaussians {

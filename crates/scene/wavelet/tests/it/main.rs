@@ -1,6 +1,5 @@
 //! Tests of the wavelet ops.
 
 mod adjoint;
-mod fixture;
 mod mechanism;
 mod parity;

@@ -1,7 +1,7 @@
 //! Equality with PyWavelets and pytorch_wavelets, values and exact gradients.
 
-use crate::fixture::Fixture;
 use weaver_autograd::{Pool, Tape};
+use weaver_fixtures::Fixture;
 use weaver_wavelet::{EnergyMap, Wavelet, analysis, detail_energy, energy, luma};
 
 const SIZES: [&str; 4] = ["16x20", "17x20", "16x23", "15x21"];

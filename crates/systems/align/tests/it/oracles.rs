@@ -25,8 +25,9 @@ fn a_camera_that_is_right_stays() {
     }
 }
 
+/// The first step is against the gradient of the whole chain.
 #[test]
-fn the_first_step_is_against_the_gradient_of_the_whole_chain() {
+fn the_first_step_is_against_the_gradient() {
     // The sign of each number of the first step of Adam is the sign of a difference of losses.
     for degree in [0, 3] {
         let cloud = Cloud::new(60, degree, 2);

@@ -173,8 +173,9 @@ fn nothing_moves_at_first() {
     }
 }
 
+/// At a key is the key and the path has no corner there.
 #[test]
-fn at_a_key_is_the_key_and_the_path_has_no_corner_there() {
+fn paths_meet_keys_without_corners() {
     let mut params = Params::<f64>::new();
     let start_positions = positions(3);
     let start = Start { positions: &start_positions, sizes: &[0.1; 3], opacity: 0.3 };
@@ -218,8 +219,9 @@ fn rotations_take_the_shorter_way() {
     assert!((dot.abs() - 1.0).abs() < 1e-9, "{found:?} {expected:?}");
 }
 
+/// A window is full inside and falls off on both sides.
 #[test]
-fn a_window_is_full_inside_and_falls_off_on_both_sides() {
+fn a_window_falls_off_on_both_sides() {
     let mut params = Params::<f64>::new();
     let start = Start { positions: &[0.0; 3], sizes: &[0.1], opacity: 0.5 };
     let keys = Keys::new(Builder::new(&mut params, 1).scope("keys"), &start, KEYS);

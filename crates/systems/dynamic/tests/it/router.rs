@@ -149,8 +149,9 @@ fn right(world: &World, truth: impl Fn(usize) -> [f64; 3], first: impl Fn(usize)
     found
 }
 
+/// Experts that are right on half of the picture are believed there.
 #[test]
-fn experts_that_are_right_on_half_of_the_picture_are_believed_there() {
+fn experts_win_where_they_are_right() {
     let left = |i: usize| i % SIZE[1] < SIZE[1] / 2;
     let share = right(&halves(), |_| [1.0, 0.0, 0.0], left);
     assert!(share > 0.9, "{share}");

@@ -11,8 +11,9 @@ const SIZE: [usize; 2] = [96, 72];
 const VIEWS: usize = 10;
 const STEPS: usize = 240;
 
+/// The motion of pixels is the derivative of their projection.
 #[test]
-fn the_motion_of_pixels_is_the_derivative_of_their_projection() {
+fn motion_of_pixels_is_a_derivative() {
     let intrinsics = Intrinsics { fx: 90.0, fy: 80.0, cx: 47.0, cy: 33.0 };
     let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: SIZE[0], height: SIZE[1] };
     let (pixel, depth, step) = (DVec2::new(12.5, 60.5), 3.7, 1e-5);
@@ -103,8 +104,9 @@ fn slightly_disturbed_cameras_come_back() {
     assert!(before > 0.3 && after < 0.6 * before, "from {before} to {after} degrees");
 }
 
+/// True cameras stay and photos are located in the scene.
 #[test]
-fn true_cameras_stay_and_photos_are_located_in_the_scene() {
+fn true_cameras_stay() {
     let (photos, points) = world();
     let mut fit = fitted(&photos, &points, settings(true), STEPS);
     let error = median_error(&cameras(&fit), &photos);
@@ -116,8 +118,9 @@ fn true_cameras_stay_and_photos_are_located_in_the_scene() {
     assert!(angle < 0.1, "located {angle} degrees from the camera");
 }
 
+/// Refinement goes on from a state and at any number of threads to the same bits.
 #[test]
-fn refinement_goes_on_from_a_state_and_at_any_number_of_threads_to_the_same_bits() {
+fn refinement_resumes_to_the_same_bits() {
     let (photos, points) = world();
     let short = FitSettings { steps: 40, ..settings(true) };
     let whole = fitted(&photos, &points, short.clone(), 40);

@@ -107,8 +107,9 @@ fn limits_that_are_too_small_are_named() {
     assert!(error.contains("in one row of tiles"), "{error}");
 }
 
+/// An adapter that is not there is named with those that are.
 #[test]
-fn an_adapter_that_is_not_there_is_named_with_those_that_are() {
+fn a_missing_adapter_is_named() {
     let asked = [Choice::Number(99), Choice::Name("no such device".into()), Choice::Name(String::new())];
     for choice in asked {
         let error = Context::open(&choice).unwrap_err();

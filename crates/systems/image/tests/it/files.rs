@@ -147,8 +147,9 @@ fn a_coded_fit_is_what_its_file_holds() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
+    /// Any symbols behind right checksums are a picture or refused.
     #[test]
-    fn any_symbols_behind_right_checksums_are_a_picture_or_refused(
+    fn any_symbols_are_a_picture_or_refused(
         symbols in proptest::collection::vec(any::<u8>(), 0..400),
         gaussians in 0_u64..3000,
         [width, height] in proptest::array::uniform2(0_u32..5000),

@@ -17,8 +17,9 @@ fn planted(meters: f64, degrees: f64) -> Pose {
     Pose::new(so3::exp(axis * degrees.to_radians()), DVec3::new(0.8, 0.6, 0.1).normalize() * meters)
 }
 
+/// The geometric stage finds half a meter and five degrees.
 #[test]
-fn the_geometric_stage_finds_half_a_meter_and_five_degrees() {
+fn the_geometric_stage_finds_large_motions() {
     let reference = frame(&Pose::IDENTITY);
     let tree = PatchTree::new(&reference.points);
     // The scan itself, moved: nothing but the registration errs.
@@ -84,8 +85,9 @@ fn a_corridor_without_ends_is_not_determined() {
     assert_eq!(smallest(&[DVec3::X; 5]), Err(Lost::FewMatches));
 }
 
+/// Merged clouds and poor scans are refused with the reason.
 #[test]
-fn merged_clouds_and_poor_scans_are_refused_with_the_reason() {
+fn merged_clouds_and_poor_scans_are_refused() {
     let near = scan(&Pose::IDENTITY, 96, 2048);
     near.check_single("hall").unwrap();
     let apart = Pose::new(DMat3::IDENTITY, DVec3::new(5.0, -3.0, 0.5));

@@ -25,8 +25,9 @@ fn labels_are_drawn() {
     assert!(label_maps(&mut row(), &[None], 1).is_err());
 }
 
+/// Masks that agree with a cluster give it their feature.
 #[test]
-fn masks_that_agree_with_a_cluster_give_it_their_feature() {
+fn masks_give_clusters_their_feature() {
     let labels = [Some(1), None, Some(0)];
     let mut features = vec![3.0, 4.0, 0.0, 2.0, 5.0, 0.0];
     let masks = [

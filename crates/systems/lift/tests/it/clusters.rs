@@ -1,8 +1,8 @@
 //! Principal components and clusters against scikit-learn's and hdbscan's of the same points.
 
-use crate::fixture::Fixture;
 use proptest::prelude::*;
 use std::collections::BTreeMap;
+use weaver_fixtures::Fixture;
 use weaver_kernels::random::Stream;
 use weaver_lift::{ClusterOptions, HdbscanOptions, Pca, cluster, hdbscan};
 
@@ -18,11 +18,11 @@ fn same(a: &[Option<u32>], b: &[Option<u32>]) -> bool {
 #[test]
 fn components_are_those_of_scikit_learn() {
     let file = Fixture::open("clusters.safetensors");
-    let points = file.numbers("in.points");
+    let points = file.f64("in.points");
     let pca = Pca::of(&points, 12, 5);
     assert_eq!(pca.components(), 5);
     let close = |found: &[f64], key: &str, bar: f64| {
-        let expected = file.numbers(key);
+        let expected = file.f64(key);
         assert_eq!(found.len(), expected.len(), "{key}");
         let worst = found.iter().zip(expected).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
         assert!(worst < bar, "{key}: {worst}");
@@ -48,10 +48,10 @@ fn clusters_are_those_of_hdbscan() {
         ("rings", 3, &[(10, 10), (25, 10), (40, 3)]),
     ];
     for (set, dimensions, options) in cases {
-        let points = file.numbers(&format!("in.{set}"));
+        let points = file.f64(&format!("in.{set}"));
         for &(smallest, samples) in options {
             let expected: Vec<Option<u32>> = file
-                .numbers(&format!("out.labels.{set}.{smallest}.{samples}"))
+                .f64(&format!("out.labels.{set}.{smallest}.{samples}"))
                 .iter()
                 .map(|x| (*x >= 0.0).then_some(*x as u32))
                 .collect();
@@ -82,8 +82,9 @@ proptest! {
         prop_assert_eq!(pool.install(|| hdbscan(&points, 2, &options)), labels);
     }
 
+    /// Axes are orthonormal and variances those along them.
     #[test]
-    fn axes_are_orthonormal_and_variances_those_along_them(seed: u64, channels in 1_usize..9) {
+    fn axes_are_orthonormal_with_their_variances(seed: u64, channels in 1_usize..9) {
         let stream = Stream::new(seed, 0, "pca");
         let points: Vec<f64> = (0..40 * channels as u64).map(|i| stream.normal::<f64>(i) * (1 + i % 3) as f64).collect();
         let pca = Pca::of(&points, channels, 50);

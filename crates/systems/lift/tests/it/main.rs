@@ -2,7 +2,6 @@
 
 mod aggregate;
 mod clusters;
-mod fixture;
 mod identities;
 mod parity;
 mod random;

@@ -1,7 +1,7 @@
 //! Reference numbers of all solvers: weights composited from ids and falloffs, by another program.
 
-use crate::fixture::Fixture;
 use crate::random::{difference, lifted, product, squares};
+use weaver_fixtures::Fixture;
 use weaver_lift::{Dense, Descent, LiftOptions, Operator, Solver, Stop, guide};
 
 const SPLATS: usize = 14;
@@ -10,9 +10,9 @@ const PER_RAY: usize = 4;
 
 /// A `[rays, splats]`: per ray front to back, `alpha = min(0.99, sigma(lambda logit) falloff)`.
 fn weights(file: &Fixture, lambda: f64) -> Vec<f64> {
-    let mut opacities: Vec<f64> = file.numbers("in.opacity_logits").iter().map(|x| 1.0 / (1.0 + (-x).exp())).collect();
+    let mut opacities: Vec<f64> = file.f64("in.opacity_logits").iter().map(|x| 1.0 / (1.0 + (-x).exp())).collect();
     guide(&mut opacities, lambda).unwrap();
-    let (ids, falloffs) = (file.numbers("in.ids"), file.numbers("in.falloff"));
+    let (ids, falloffs) = (file.f64("in.ids"), file.f64("in.falloff"));
     let mut weights = vec![0.0; ids.len() / PER_RAY * SPLATS];
     for (row, hits) in weights.chunks_exact_mut(SPLATS).zip((0..ids.len()).collect::<Vec<_>>().chunks_exact(PER_RAY)) {
         let mut light = 1.0;
@@ -28,7 +28,7 @@ fn weights(file: &Fixture, lambda: f64) -> Vec<f64> {
 #[test]
 fn solvers_equal_the_reference() {
     let file = Fixture::open("lifting.safetensors");
-    let observed = file.numbers("out.observed");
+    let observed = file.f64("out.observed");
     for (lambda, tag) in [(1.0, ""), (1.2, "_lambda1.2"), (2.0, "_lambda2")] {
         let a = weights(&file, lambda);
         file.assert_close(&format!("out.A{tag}"), &a);
@@ -40,7 +40,7 @@ fn solvers_equal_the_reference() {
         file.assert_close(&format!("out.row_sum{tag}"), &row_sum.features);
         file.assert_close(&format!("out.squared{tag}"), &solve(Solver::Squared).features);
         file.assert_close(&format!("out.off_diagonal{tag}"), &[row_sum.coverage.off_diagonal()]);
-        let mean = file.numbers(&format!("out.r{tag}")).iter().sum::<f64>() / 160.0;
+        let mean = file.f64(&format!("out.r{tag}")).iter().sum::<f64>() / 160.0;
         assert!((row_sum.coverage.mean_alpha() - mean).abs() < 1e-6);
     }
     let a = weights(&file, 1.0);
@@ -70,7 +70,7 @@ fn solvers_equal_the_reference() {
     };
     file.assert_close("out.losses", &[loss(&row_sum), loss(&exact), apart, spread(&row_sum), spread(&exact)]);
 
-    let planted = drawn(&file.numbers("in.planted"));
+    let planted = drawn(&file.f64("in.planted"));
     let mut dense = Dense::new(a, SPLATS, 1).unwrap();
     assert_eq!(dense.rays(0), 160);
     let found = lifted(&mut dense, &[planted], CHANNELS, LiftOptions::with(Solver::RowSum)).features;

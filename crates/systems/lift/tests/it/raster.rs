@@ -123,8 +123,9 @@ proptest! {
     }
 }
 
+/// The same bits at any number of threads and of channels.
 #[test]
-fn the_same_bits_at_any_number_of_threads_and_of_channels() {
+fn same_bits_at_any_threads_and_channels() {
     let (splats, cameras) = (Splats::<f32>::random(3, 200), cameras(3));
     let views: Vec<Vec<f32>> = maps(&cameras, 5).iter().map(|v| v.iter().map(|x| *x as f32).collect()).collect();
     for solver in SOLVERS {

@@ -1,6 +1,6 @@
 //! Annotations: what they say, and what is refused.
 
-use crate::fixture::real_lists;
+use crate::real_lists::real_lists;
 use std::path::PathBuf;
 use weaver_io::write_npy;
 use weaver_vad::{Annotation, Length};
@@ -17,8 +17,9 @@ fn labeled(annotation: &Annotation, name: &str, snippets: usize, length: Length)
     joined[0].labels.clone()
 }
 
+/// Ends are inclusive in one format and exclusive in the other.
 #[test]
-fn ends_are_inclusive_in_one_format_and_exclusive_in_the_other() {
+fn ends_are_inclusive_in_one_format_alone() {
     let (_folder, path) =
         written("a.txt", "Arson/Arson022_x264.mp4 40 Arson 3 5 20 20 \nNormal_1.mp4 40 Normal -1 -1 -1 -1\n");
     let annotation = Annotation::read(&path).unwrap();

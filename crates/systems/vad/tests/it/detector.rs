@@ -14,8 +14,9 @@ fn public() -> Tensors {
     tensors
 }
 
+/// Public weights are read without being told anything.
 #[test]
-fn public_weights_are_read_without_being_told_anything() {
+fn public_weights_are_read_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("urdmu.safetensors");
     public().write(&path).unwrap();

@@ -3,11 +3,11 @@
 mod annotations;
 mod detector;
 mod files;
-mod fixture;
 mod losses;
 mod metrics;
 mod ops;
 mod parity;
 mod planted;
+mod real_lists;
 mod splatting;
 mod training;

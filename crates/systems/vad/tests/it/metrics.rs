@@ -1,6 +1,7 @@
 //! Metrics against stored numbers, known distributions and the golden values of the published lists.
 
-use crate::fixture::{Fixture, real_lists};
+use crate::real_lists::real_lists;
+use weaver_fixtures::{Fixture, Tolerance};
 use weaver_kernels::random::Stream;
 use weaver_vad::metrics::{FrameMetrics, SNIPPET, ScoredVideo, frame_metrics};
 use weaver_vad::{Annotation, Length};
@@ -12,8 +13,8 @@ fn close(found: Option<f64>, expected: f64, tolerance: f64) {
 
 #[test]
 fn metrics_with_ties_equal_the_reference() {
-    let file = Fixture::open("vad_splat_metrics.safetensors");
-    let [scores, labels, of] = ["in.scores", "in.labels", "in.video"].map(|key| file.numbers(key));
+    let file = Fixture::open("vad_splat_metrics.safetensors").with(Tolerance::DOUBLE);
+    let [scores, labels, of] = ["in.scores", "in.labels", "in.video"].map(|key| file.f64(key));
     let video = |v: usize| {
         let frames: Vec<usize> = (0..of.len()).filter(|i| of[*i] == v as f64).collect();
         let scores = frames.iter().step_by(SNIPPET).map(|i| scores[*i] as f32).collect();
@@ -24,13 +25,14 @@ fn metrics_with_ties_equal_the_reference() {
     let (ap, ap_abnormal) = (ap.unwrap(), ap_abnormal.unwrap());
     let found =
         [auc, Some(ap.trapezoid), Some(ap.step), auc_abnormal, Some(ap_abnormal.trapezoid), Some(ap_abnormal.step)];
-    for (found, expected) in found.into_iter().chain([false_alarms]).zip(file.numbers("out.metrics")) {
+    for (found, expected) in found.into_iter().chain([false_alarms]).zip(file.f64("out.metrics")) {
         close(found, expected, 1e-6);
     }
 }
 
+/// The AUC of two normal distributions is that of their difference.
 #[test]
-fn the_auc_of_two_normal_distributions_is_that_of_their_difference() {
+fn the_auc_of_two_normal_distributions() {
     let stream = Stream::new(5, 0, "test.auc");
     let n = 20_000;
     let video = |shift: f32, start: u64, label| ScoredVideo {

@@ -28,7 +28,7 @@ fn videos_are_planted_as_described() {
 
 /// Who knows what is planted finds it; who knows only which videos are abnormal finds nothing within them.
 #[test]
-fn the_matched_filter_finds_anomalies_and_labels_of_videos_do_not() {
+fn the_matched_filter_finds_anomalies() {
     let planted = Planted::new(1);
     let scored = |score: &dyn Fn(&weaver_vad::PlantedVideo) -> Vec<f32>| {
         let test = planted.test();

@@ -1,20 +1,20 @@
 //! Labels from peaks.
 
-use crate::fixture::Fixture;
+use weaver_fixtures::{Fixture, Tolerance};
 use weaver_vad::{Rule, Splatting, resample, topographic_peaks, window_peaks};
 
 const WORKED: [f64; 10] = [0.1, 0.1, 0.2, 0.5, 0.9, 0.6, 0.3, 0.1, 0.1, 0.1];
 
 #[test]
 fn labels_equal_the_reference() {
-    let file = Fixture::open("vad_splat_metrics.safetensors");
+    let file = Fixture::open("vad_splat_metrics.safetensors").with(Tolerance::DOUBLE);
     for n in 0..11 {
-        let scores = file.numbers(&format!("in.curve{n}"));
+        let scores = file.f64(&format!("in.curve{n}"));
         let peaks: Vec<f64> = window_peaks(&scores, 0.2).into_iter().map(|at| at as f64).collect();
-        assert_eq!(peaks, file.numbers(&format!("out.curve{n}.peaks")), "curve {n}");
+        assert_eq!(peaks, file.f64(&format!("out.curve{n}.peaks")), "curve {n}");
         let peaks = topographic_peaks(&scores, 0.2, 0.5);
         let places: Vec<f64> = peaks.iter().map(|peak| peak.at as f64).collect();
-        assert_eq!(places, file.numbers(&format!("out.curve{n}.topographic_peaks")), "curve {n}");
+        assert_eq!(places, file.f64(&format!("out.curve{n}.topographic_peaks")), "curve {n}");
         let heights: Vec<f64> = peaks.iter().map(|peak| peak.prominence).collect();
         file.assert_close(&format!("out.curve{n}.prominence"), &heights);
         for rule in Rule::ALL {
@@ -36,8 +36,9 @@ fn the_worked_example() {
     assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
 }
 
+/// Plateaus count once flat curves never and labels end at one.
 #[test]
-fn plateaus_count_once_flat_curves_never_and_labels_end_at_one() {
+fn plateaus_count_once_and_flat_curves_never() {
     let plateau = [0.1, 0.1, 0.8, 0.8, 0.1, 0.1];
     assert_eq!(topographic_peaks(&plateau, 0.2, 0.5).len(), 1);
     assert_eq!(window_peaks(&plateau, 0.2).len(), 1);
@@ -53,9 +54,9 @@ fn plateaus_count_once_flat_curves_never_and_labels_end_at_one() {
 
 #[test]
 fn resampling_equals_the_reference() {
-    let file = Fixture::open("vad_splat_metrics.safetensors");
+    let file = Fixture::open("vad_splat_metrics.safetensors").with(Tolerance::DOUBLE);
     for (from, to) in [(7, 7), (7, 16), (33, 16), (200, 32), (1, 4)] {
-        let x: Vec<f32> = file.numbers(&format!("in.resample{from}to{to}")).iter().map(|x| *x as f32).collect();
+        let x: Vec<f32> = file.f64(&format!("in.resample{from}to{to}")).iter().map(|x| *x as f32).collect();
         let found = resample(&x, 3, to);
         if from == to {
             assert_eq!(found, x);

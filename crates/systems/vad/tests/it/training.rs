@@ -37,8 +37,9 @@ fn an_encoder_learns_where_anomalies_are() {
     assert!(metrics.auc_abnormal.unwrap() > 0.6, "{metrics:?}");
 }
 
+/// Whole trainings repeat to the bit and are kept in files.
 #[test]
-fn whole_trainings_repeat_to_the_bit_and_are_kept_in_files() {
+fn trainings_repeat_to_the_bit() {
     let planted = Planted::new(4);
     let set = TrainingSet::planted(&planted);
     let kind = EncoderKind::UrDmu(UrDmuSizes { classes: 4, ..UrDmuSizes::small(32) });

@@ -58,8 +58,9 @@ fn look(antialiased: bool, alpha_max: f64, background: [f32; 3]) -> Look {
     Look { background, settings: RasterSettings { antialiased, alpha_max, ..RasterSettings::default() } }
 }
 
+/// Pictures of generated scenes are those of the rasterizer.
 #[test]
-fn pictures_of_generated_scenes_are_those_of_the_rasterizer() {
+fn pictures_of_generated_scenes_agree() {
     let Some(browser) = Browser::start("pictures_of_generated_scenes") else { return };
     let eye = [0.4, -0.5, -2.6];
     for degree in 0..=4 {
@@ -79,8 +80,9 @@ fn pictures_of_generated_scenes_are_those_of_the_rasterizer() {
     compare("2,000 from within", &scene, camera([0.3, 0.1, -0.2], 320, 240), look(false, 0.99, [1.0; 3]), &browser);
 }
 
+/// Pictures of real scenes are those of the rasterizer.
 #[test]
-fn pictures_of_real_scenes_are_those_of_the_rasterizer() {
+fn pictures_of_real_scenes_agree() {
     let Some(folder) = shared("pictures_of_real_scenes", "splat-files") else { return };
     let Some(browser) = Browser::start("pictures_of_real_scenes") else { return };
     for (file, eye) in [("playbot-sh2.ply", [0.9, -0.3, -2.2]), ("guitar.compressed.ply", [0.3, -0.2, -1.6])] {

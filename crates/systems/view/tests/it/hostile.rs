@@ -52,8 +52,9 @@ fn a_page_that_was_cut_off_says_so() {
     assert!(status.contains("incomplete"), "{status}");
 }
 
+/// A browser without WebGL shows a picture and a sentence.
 #[test]
-fn a_browser_without_webgl_shows_a_picture_and_a_sentence() {
+fn a_browser_without_webgl_shows_a_picture() {
     let flags = ["--disable-gpu", "--disable-software-rasterizer", "--disable-3d-apis"];
     let Some(browser) = Browser::with("a_browser_without_webgl", &flags) else { return };
     let scene = cloud(500, 1, 1);

@@ -29,8 +29,9 @@ fn moves(browser: &Browser, what: &str, act: impl FnOnce()) {
     assert_ne!(browser.text("splatweaver.viewpoint.toText()"), before, "{what}");
 }
 
+/// The view moves by mouse and keys and stays in the address.
 #[test]
-fn the_view_moves_by_mouse_and_keys_and_stays_in_the_address() {
+fn the_view_moves_and_stays_in_the_address() {
     let Some(browser) = Browser::start("the_view_moves") else { return };
     browser.resize(900, 600, false);
     let scene = cloud(800, 1, 1);
@@ -132,7 +133,7 @@ fn every_mode_draws_something_else() {
 }
 
 #[test]
-fn what_is_deleted_is_not_in_the_file_and_comes_back_by_undo() {
+fn deletions_are_not_saved_and_come_back() {
     let Some(browser) = Browser::start("what_is_deleted") else { return };
     browser.resize(900, 600, false);
     let scene = cloud(400, 2, 4);

@@ -1,6 +1,6 @@
 //! `splatweaver dynamic distil`.
 
-use super::train::made;
+use super::train::derive;
 use clap::Args;
 use std::path::PathBuf;
 use weaver_command::{Console, Failure, Interrupt, Threads};
@@ -44,5 +44,5 @@ pub fn run(arguments: &DynamicDistil, console: &mut Console, interrupt: &Interru
     };
     let by = format!("training the expert {} on, {how}", arguments.expert);
     let tensors = run.tensors();
-    made(&run, &arguments.run, (vec![stage], by), &arguments.out, tensors, (console, interrupt))
+    derive(&run, &arguments.run, (vec![stage], by), &arguments.out, tensors, (console, interrupt))
 }

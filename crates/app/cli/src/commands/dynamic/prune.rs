@@ -1,6 +1,6 @@
 //! `splatweaver dynamic prune`.
 
-use super::train::made;
+use super::train::derive;
 use clap::Args;
 use std::path::PathBuf;
 use weaver_command::{Console, Failure, Interrupt, Progress, Threads};
@@ -39,5 +39,5 @@ pub fn run(arguments: &DynamicPrune, console: &mut Console, interrupt: &Interrup
     progress.finish();
     let stages = vec![Stage::Router { steps: arguments.steps as usize }];
     let by = format!("keeping {} of the Gaussians by {}", arguments.keep, arguments.by);
-    made(&run, &arguments.run, (stages, by), &arguments.out, tensors, (console, interrupt))
+    derive(&run, &arguments.run, (stages, by), &arguments.out, tensors, (console, interrupt))
 }

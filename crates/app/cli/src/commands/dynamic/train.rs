@@ -4,7 +4,7 @@ use super::eval;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, MOST_SEED, Progress, Threads, choice, duration};
-use weaver_dynamic_run::{ExpertKind, FilmSource, Made, Preset, Run, RunSettings, Stage};
+use weaver_dynamic_run::{DerivedFrom, ExpertKind, FilmSource, Preset, Run, RunSettings, Stage};
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
 
@@ -103,14 +103,14 @@ pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrup
         background_weight: arguments.background_weight,
         seed: arguments.seed,
         save_every: SAVE_EVERY,
-        made: None,
+        derived_from: None,
     };
     let out = arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), "dynamic"));
     begin(&out, settings, None, console, interrupt)
 }
 
 /// A run that comes out of another.
-pub fn made(
+pub fn derive(
     run: &Run,
     from: &Path,
     (stages, by): (Vec<Stage>, String),
@@ -118,7 +118,8 @@ pub fn made(
     tensors: Tensors,
     (console, interrupt): (&mut Console, &Interrupt),
 ) -> Result<(), Failure> {
-    let settings = RunSettings { stages, made: Some(Made { from: from.into(), by }), ..run.settings().clone() };
+    let settings =
+        RunSettings { stages, derived_from: Some(DerivedFrom { from: from.into(), by }), ..run.settings().clone() };
     begin(out, settings, Some(tensors), console, interrupt)
 }
 

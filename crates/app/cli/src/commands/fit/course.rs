@@ -155,7 +155,7 @@ pub fn print(outcome: &Outcome, folder: &Path, json: bool, console: &mut Console
     };
     let memory = weaver_io::peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.0} MB of memory"));
     console.note(&format!("{} steps, {}{memory}", outcome.steps, duration(outcome.seconds)));
-    for name in &outcome.strangers {
+    for name in &outcome.outliers {
         console.note(&format!("warning: {name} is met far worse than the other photos; it may show something else"));
     }
     if outcome.steps < outcome.planned {

@@ -137,8 +137,9 @@ mod tests {
         ((0..count).map(frame).collect(), target)
     }
 
+    /// An ellipse looks at what cameras look at from as far away.
     #[test]
-    fn an_ellipse_looks_at_what_cameras_look_at_from_as_far_away() {
+    fn an_ellipse_looks_where_cameras_look() {
         let (frames, target) = ring(40, std::f64::consts::TAU);
         for frame in along(PathKind::Ellipse, &frames, 30, DVec3::ZERO) {
             let seen = frame.camera.pose.apply(target);
@@ -147,8 +148,9 @@ mod tests {
         }
     }
 
+    /// A spline stays near the cameras and moves in small steps.
     #[test]
-    fn a_spline_stays_near_the_cameras_and_moves_in_small_steps() {
+    fn a_spline_stays_near_the_cameras() {
         let (frames, target) = ring(20, 2.0);
         let path = along(PathKind::Spline, &frames, 100, DVec3::ZERO);
         assert_eq!(path.len(), 100);

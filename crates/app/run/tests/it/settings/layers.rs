@@ -5,8 +5,9 @@ fn with(sets: &[&str]) -> Result<Settings, Error> {
     resolve(&defaults(), None, &sets.iter().map(|s| s.to_string()).collect::<Vec<_>>())
 }
 
+/// Settings win over the file and the file over the defaults.
 #[test]
-fn settings_win_over_the_file_and_the_file_over_the_defaults() {
+fn settings_win_over_files_over_defaults() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("settings.toml");
     let text = "rate = 2\nseed = 5\nlimit = 7\ncameras = \"found\"\n[[stages]]\nsteps = 1\n[[stages]]\n[[stages]]\nname = \"last\"\n";

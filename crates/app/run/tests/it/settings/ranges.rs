@@ -5,8 +5,9 @@ fn message(setting: &str) -> String {
     resolve(&defaults(), None, &[setting.into()]).unwrap_err().to_string()
 }
 
+/// Numbers out of their range are refused with key range and value.
 #[test]
-fn numbers_out_of_their_range_are_refused_with_key_range_and_value() {
+fn numbers_out_of_range_are_refused() {
     for (setting, message_) in [
         ("rate=0", "rate=0: rate: expected more than 0, found 0"),
         ("rate=nan", "rate=nan: rate: expected more than 0, found NaN"),
@@ -33,8 +34,9 @@ fn another_variant_has_other_ranges() {
     assert!(layers.finish("text").is_ok());
 }
 
+/// Ranges hold for files and for settings made in code.
 #[test]
-fn ranges_hold_for_files_and_for_settings_made_in_code() {
+fn ranges_hold_in_files_and_in_code() {
     let text = to_toml(&defaults()).unwrap().replace("rate = 0.5", "rate = -0.5");
     assert_eq!(parse::<Settings>(&text, "F").unwrap_err().to_string(), "F: rate: expected more than 0, found -0.5");
     let wrong = Settings { limit: Some(f64::NAN), ..defaults() };

@@ -95,8 +95,9 @@ mod tests {
         assert!(through(&line, 0.4).distance(DVec3::X * 1.2) < 1e-12);
     }
 
+    /// A pulse comes from beyond one end and leaves at the other.
     #[test]
-    fn a_pulse_comes_from_beyond_one_end_and_leaves_at_the_other() {
+    fn a_pulse_passes_from_end_to_end() {
         let lift = |place, time| {
             let pulse = Motion::Pulse { lift: DVec3::Z, place, width: 0.15 };
             pulse.at(time).unwrap().0.z
@@ -107,8 +108,9 @@ mod tests {
         }
     }
 
+    /// A cubic has no fourth difference and stays within the lengths of its coefficients.
     #[test]
-    fn a_cubic_has_no_fourth_difference_and_stays_within_the_lengths_of_its_coefficients() {
+    fn cubics_are_smooth_and_bounded() {
         let path = [DVec3::new(0.3, 0.1, 0.0), DVec3::new(-0.1, 0.2, 0.0), DVec3::new(0.05, 0.0, 0.2)];
         let bound: f64 = path.iter().map(|c| c.length()).sum();
         let cubic = Motion::Cubic { path, turn: 2.0 };

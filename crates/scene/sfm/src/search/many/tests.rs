@@ -4,7 +4,7 @@ use super::*;
 use crate::features::{Features, Keypoint};
 use crate::lenses::Taken;
 use crate::matching::Match;
-use crate::photo::{EstimateSettings, Photo};
+use crate::photo::{EstimateOptions, Photo};
 use rayon::ThreadPoolBuilder;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Intrinsics, Pose, Similarity};
@@ -65,7 +65,7 @@ fn features() -> Vec<Features> {
 /// The best scene of what a way to search finds.
 fn found(features: &[Features], run: impl Fn(&mut Search<'_>)) -> Grown {
     let taken = vec![Taken { size: SIZE, focal: Some(FOCAL), lens: 0 }; PHOTOS];
-    let settings = EstimateSettings::default();
+    let settings = EstimateOptions::default();
     // What is seen is drawn, so nothing is looked up in photos.
     let blank = Photo::new(vec![0; 3 * SIZE[0] * SIZE[1]], SIZE);
     let photos = vec![&blank; PHOTOS];
@@ -110,8 +110,9 @@ fn the_same_bits_at_any_number_of_threads() {
     assert_eq!(with(1), with(3));
 }
 
+/// Pairs that have less in common than neighbors come later.
 #[test]
-fn pairs_that_have_less_in_common_than_neighbors_come_later() {
+fn pairs_with_little_in_common_come_later() {
     let pair = |photos, count: usize, share| {
         let matches = vec![Match { first: 0, second: 0, ratio: 0.5 }; count];
         let (pose, inverse_depths) = (Pose::IDENTITY, vec![1.0; count]);

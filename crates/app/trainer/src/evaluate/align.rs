@@ -1,0 +1,146 @@
+//! Held-out views whose cameras were aligned with their photos.
+//!
+//! A model that predicts cameras explains photos in a frame of its own, where the data's camera for the held-out view is a little off; PSNR
+//! punishes that more than blur. Alignment looks at the held-out photo: its figures stand beside the others, with what it gains where
+//! the camera is right, which is six numbers fitted to the photo and nothing else.
+
+use super::LEAST_SIDE;
+use super::drawn::{Drawing, Drawn};
+use crate::figures::CameraFigures;
+use crate::{CameraMode, Error};
+use std::sync::Arc;
+use weaver_align::{Aligned, Method, Options, Outcome, Photo, Scene as AlignScene, align, mean_square};
+use weaver_data::{Scene, Tuple, View};
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Pose};
+use weaver_inference::{Predictor, ViewOpacityRasterizer};
+use weaver_io::Image;
+use weaver_losses::Photometric;
+use weaver_pose::PoseErrors;
+
+/// Alignment of held-out cameras.
+#[derive(Clone, Copy, Debug)]
+pub struct Alignment {
+    /// Options of the descent.
+    pub options: Options,
+    /// On what.
+    pub loss: AlignLoss,
+}
+
+/// Loss between render and photo while a camera is aligned.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum AlignLoss {
+    /// The mean square of differences, by which the published methods align.
+    MeanSquare,
+    /// Mean absolute differences and structure, `0.8 L1 + 0.2 (1 - SSIM)`: what scenes are fitted by.
+    Photometric,
+    /// Structure alone, `1 - SSIM`; of images with fewer than 11 rows or columns the mean absolute difference.
+    Similarity,
+}
+
+impl AlignLoss {
+    /// The loss of a method when none is given: the published ones as published, ours by what finds most cameras.
+    pub fn of(method: Method) -> Self {
+        if method == Method::Own { Self::Photometric } else { Self::MeanSquare }
+    }
+
+    /// The smallest side of a photo that there is something to compare of, pixels.
+    pub fn least_side(self) -> usize {
+        if self == Self::Similarity { LEAST_SIDE } else { 1 }
+    }
+
+    /// The loss as [`align`] wants it.
+    pub fn function(self) -> impl FnMut(&[f32], &[f32], [usize; 2], &mut [f32]) -> f64 {
+        let mut photometric = Photometric::new();
+        move |image: &[f32], photo: &[f32], size: [usize; 2], gradient: &mut [f32]| {
+            let structure = match self {
+                Self::MeanSquare => return mean_square(image, photo, size, gradient),
+                Self::Photometric => 0.2,
+                Self::Similarity => 1.0,
+            };
+            photometric.value_and_gradient(image, photo, size, structure, gradient).loss
+        }
+    }
+}
+
+/// A held-out view from where it was aligned to.
+pub(super) struct AlignedView {
+    pub render: Image,
+    pub camera: Camera,
+    /// Steps of the descent.
+    pub steps: usize,
+    /// Movement of its camera, degrees, and in parts of the mean depth.
+    pub moved: [f64; 2],
+    /// True if anything better than the guess was found.
+    pub found: bool,
+}
+
+/// Aligns a view that was drawn with its photo.
+pub(super) fn aligned(
+    predictor: &mut dyn Predictor,
+    drawn: &Drawn,
+    view: &View,
+    alignment: &Alignment,
+) -> Result<AlignedView, Error> {
+    let prediction = &drawn.prediction;
+    let opacity = prediction.view_opacity.clone().map(Arc::new);
+    let rasterizer = ViewOpacityRasterizer { rasterizer: predictor.renderer().rasterizer().clone(), opacity };
+    let scene = AlignScene {
+        gaussians: prediction.gaussians.as_slices(),
+        background: predictor.background(),
+        settings: predictor.raster_settings(),
+        unit: unit(prediction.cameras.iter().map(|camera| camera.pose.center())),
+    };
+    let photo = Photo { pixels: &view.image.pixels, mask: view.inside.as_deref(), camera: drawn.camera };
+    let found = align(&rasterizer, &scene, &[photo], &alignment.options, alignment.loss.function());
+    let found = found.map_err(|e| Error::Input(format!("{}: {e}", view.name)))?.remove(0);
+    let steps = found.losses.len().saturating_sub(1);
+    let pixels = found.image.iter().map(|x| x.clamp(0.0, 1.0)).collect();
+    let render = Image { width: drawn.camera.width, height: drawn.camera.height, pixels };
+    let Aligned { camera, moved, outcome, .. } = found;
+    Ok(AlignedView { render, camera, steps, moved, found: outcome == Outcome::Found })
+}
+
+/// Error of a held-out camera, seen from each camera that the Gaussians were made with as the data has both.
+pub(super) fn off(drawn: &Drawn, camera: &Camera, scene: &Scene, tuple: &Tuple) -> CameraFigures {
+    let truth = |view: usize| scene.views[view].camera.pose;
+    let target = truth(tuple.targets[0]);
+    let mut all = PoseErrors { rotation: Vec::new(), translation: Vec::new() };
+    for (seen_from, view) in drawn.prediction.cameras.iter().zip(&tuple.context) {
+        let found: [Pose; 2] = [seen_from.pose, camera.pose];
+        let PoseErrors { rotation, translation } = PoseErrors::between(&found, &[truth(*view), target]);
+        all.rotation.extend(rotation);
+        all.translation.extend(translation);
+    }
+    CameraFigures::of(&all)
+}
+
+/// A view aligned with a photo of another scene, which nothing in it shows.
+pub(super) fn with_another_scenes_photo(
+    predictor: &mut dyn Predictor,
+    drawn: &Drawn,
+    other: &View,
+    alignment: &Alignment,
+) -> Result<Image, Error> {
+    let view = View { inside: None, ..other.clone() };
+    Ok(aligned(predictor, drawn, &view, alignment)?.render)
+}
+
+/// The same view with given cameras: as it was drawn, and aligned, from where the data says that it was taken.
+pub(super) fn control(
+    drawing: &mut Drawing<'_>,
+    scene: &Scene,
+    tuple: &Tuple,
+    alignment: &Alignment,
+) -> Result<[Image; 2], Error> {
+    let drawn = drawing.with(scene, tuple, CameraMode::Given)?;
+    let aligned = aligned(drawing.predictor, &drawn, &scene.views[tuple.targets[0]], alignment)?;
+    Ok([drawn.render, aligned.render])
+}
+
+/// The largest coordinate of a camera from the middle of all, which is 1 in 2Xplat's world.
+fn unit(centers: impl Iterator<Item = DVec3> + Clone) -> f64 {
+    let middle = centers.clone().sum::<DVec3>() / centers.clone().count().max(1) as f64;
+    let largest = centers.map(|center| (center - middle).abs().max_element()).fold(0.0, f64::max);
+    if largest > 0.0 { largest } else { 1.0 }
+}
