@@ -36,7 +36,7 @@ pub use outcome::{Outcome, PoseChange, Views};
 pub use plan::{Plan, plan};
 pub use run::Run;
 use settings::RunFile;
-pub use settings::{Initial, RunSettings};
+pub use settings::{ByPhotos, Initial, RunSettings};
 pub use weaver_run::{Folder, StepReport};
 
 /// The example of the README, compiled and run.

@@ -5,7 +5,7 @@ use crate::sources::Sources;
 use crate::{Initial, RunError, RunSettings};
 use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto};
-use weaver_fit::{ColorAgreement, Fit, FitRasterizer, init};
+use weaver_fit::{ColorAgreement, Fit, FitRasterizer, FitSettings, init, mean_color};
 use weaver_geometry::Camera;
 use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
 
@@ -36,7 +36,7 @@ pub(crate) struct Loaded {
     pub remarks: Vec<String>,
 }
 
-/// Loads what a run fits, and decides whether photos' colors are corrected if that is to be measured. `given` are the Gaussians of [`Initial::Given`].
+/// Loads what a run fits, and decides [what the photos decide](crate::ByPhotos). `given` are the Gaussians of [`Initial::Given`].
 pub(crate) fn load(
     settings: &mut RunSettings,
     given: Option<&Gaussians>,
@@ -76,8 +76,15 @@ pub(crate) fn load(
         });
     }
     let colors = ColorAgreement::of(&training, &capture.points, &visible);
-    // What was decided goes into run.json, so that a run goes on as it began.
-    settings.fit.exposure |= std::mem::take(&mut settings.measure_exposure) && colors.differ();
+    // What is decided goes into run.json, so that a run goes on as it began.
+    let undecided = std::mem::take(&mut settings.by_photos);
+    settings.fit.exposure |= undecided.exposure && colors.differ();
+    if undecided.background && !capture.transparent {
+        settings.fit.background = mean_color(&training);
+    }
+    if undecided.dropout {
+        settings.fit.dropout = FitSettings::dropout_for(training.len());
+    }
     // The file of a fisheye's photo with another focal length would have no distortion that can be written.
     let refocusable = |origin: &Origin| origin.frame.distortion.is_none_or(|d| d.refocused(1.0).is_some());
     let refocus = settings.focal && origins.iter().all(refocusable);

@@ -37,6 +37,10 @@ pub struct Outcome {
     /// ([`Fit::exposure_at`](weaver_fit::Fit::exposure_at)), with which they are judged.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub exposures: BTreeMap<String, [f32; 12]>,
+    /// Part of each training photo that was left out, since no other photo shows what is there; photos with nothing of the kind are not
+    /// named.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub transients: BTreeMap<String, f64>,
     /// Training photos that are met far worse than the others: they may not belong to the scene.
     #[serde(rename = "strangers")]
     pub outliers: Vec<String>,

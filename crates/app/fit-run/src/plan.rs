@@ -30,11 +30,12 @@ const RASTERIZER: (u64, u64, u64) = (360, 360, 22_000_000);
 const GAUSSIANS: (f64, usize, usize) = (0.4, 5_000, 1_000_000);
 
 impl Plan {
-    /// Settings of a fit when none are given: with a budget of Gaussians by the photos' size.
+    /// Settings of a fit when none are given: with a budget of Gaussians by the photos' size, and transients left out.
     pub fn usual(&self) -> FitSettings {
         let (per_pixel, least, most) = GAUSSIANS;
         let pixels = (self.size[0] * self.size[1]) as f64;
-        FitSettings { gaussians: ((per_pixel * pixels) as usize).clamp(least, most), ..FitSettings::default() }
+        let gaussians = ((per_pixel * pixels) as usize).clamp(least, most);
+        FitSettings { gaussians, transients: true, ..FitSettings::default() }
     }
 
     /// Bytes of all of it.

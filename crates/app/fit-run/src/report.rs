@@ -7,7 +7,7 @@ use crate::judged::Judged;
 use crate::outcome::{Outcome, Views};
 use crate::{RunError, maps};
 use weaver_data::CamerasSummary;
-use weaver_fit::Quality;
+use weaver_fit::{Photo, Quality};
 use weaver_io::Image;
 use weaver_run::Page;
 use weaver_splat::Workspace;
@@ -83,6 +83,7 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
             "Photos differ in exposure or white balance, by {percent:.0} % in the median. {corrected}"
         ));
     }
+    transients(run, outcome, &mut page);
     if outcome.poses.refined {
         let p = &outcome.poses;
         page.paragraph(&format!(
@@ -105,6 +106,35 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
         cameras::section(cameras, &run.settings.capture, &mut page);
     }
     Ok(page)
+}
+
+/// What photos alone show, the most first.
+fn transients(run: &Fitting, outcome: &Outcome, page: &mut Page) {
+    let part = |photo: &usize| run.fit().transients(*photo).map_or(0.0, weaver_fit::Transients::part);
+    let mut with: Vec<usize> = (0..run.fit().photos()).filter(|photo| part(photo) > 0.0).collect();
+    if with.is_empty() {
+        return;
+    }
+    with.sort_by(|a, b| part(b).total_cmp(&part(a)));
+    page.paragraph(&format!(
+        "Parts of {} photos show what no other photo does, such as passers-by or shadows that move. They were left out (red; masks are in transients): {}.",
+        with.len(),
+        outcome.transients.iter().map(|(name, part)| format!("{name} {:.1} %", 100.0 * part)).collect::<Vec<_>>().join(", ")
+    ));
+    let pictures: Vec<Image> = with.iter().take(PICTURES).map(|photo| tinted(run, *photo)).collect();
+    page.picture("What was left out", &Image::mosaic(&pictures.iter().collect::<Vec<_>>()));
+}
+
+/// A photo with what was left out in red.
+fn tinted(run: &Fitting, photo: usize) -> Image {
+    let Photo { camera, rgb, .. } = run.fit().photo(photo);
+    let mut image = Image::from_bytes(camera.width, camera.height, rgb);
+    let hidden = run.fit().transients(photo).map(|it| it.at_size(camera.width, camera.height)).unwrap_or_default();
+    for (pixel, _) in image.pixels.chunks_exact_mut(3).zip(&hidden).filter(|(_, hidden)| **hidden) {
+        pixel[0] = 0.5 + 0.5 * pixel[0];
+        pixel[1..].iter_mut().for_each(|c| *c *= 0.5);
+    }
+    image
 }
 
 fn pictures(run: &Fitting, shown: &[Judged], training: bool, page: &mut Page) -> Result<(), RunError> {

@@ -7,18 +7,20 @@ use crate::outcome::{Outcome, PoseChange, Views};
 use crate::run::{MODEL, file_of_scene};
 use crate::{Run, RunError, report, view};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_fit::{Exposure, Judge, Quality};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::colmap::{Model, Point};
-use weaver_io::{Drawing, OutputFolder, Transforms, write_scene, write_text};
+use weaver_io::{Bitmap, Drawing, OutputFolder, Transforms, write_scene, write_text};
 use weaver_scene::{Frame, Photo};
 use weaver_sfm::carried;
 
 /// Decibels below the median from which a photo is an outlier.
 const OUTLIER: f64 = 8.0;
+/// The folder of masks of what photos alone show.
+const TRANSIENTS: &str = "transients";
 /// Steps that locate a held-out photo.
 const LOCATE: usize = 30;
 
@@ -46,6 +48,7 @@ impl Run {
         let train = job.judge_training()?;
         let test = job.judge_held_out(&test_cameras)?;
         let outcome = job.outcome(seconds, &train, &test);
+        job.write_transients(folder.out())?;
         folder.summarize(&outcome)?;
         let mut page = report::page(job, &outcome, &train, &test)?;
         folder.report(page.curves(&folder.records()?, &report::CURVES))?;
@@ -76,6 +79,7 @@ impl Fitting {
             alpha_max: raster.alpha_max,
             background: self.settings.fit.background,
             exposures: self.exposures(test),
+            transients: self.transients(),
             outliers: outliers(train),
         }
     }
@@ -84,6 +88,25 @@ impl Fitting {
         let own = (0..self.fit().photos()).map(|i| (self.fit().photo(i).name.clone(), self.fit().exposure(i).copied()));
         let near = test.iter().map(|judged| (judged.name.clone(), self.fit().exposure_at(&judged.camera)));
         own.chain(near).filter_map(|(name, exposure)| Some((name, exposure?.matrix))).collect()
+    }
+
+    fn transients(&self) -> BTreeMap<String, f64> {
+        let fit = self.fit();
+        (0..fit.photos()).filter_map(|i| Some((fit.photo(i).name.clone(), fit.transients(i)?.part()))).collect()
+    }
+
+    /// Writes what was left out of photos as masks: white counts, black was left out.
+    fn write_transients(&self, out: &OutputFolder) -> Result<(), RunError> {
+        for photo in 0..self.fit().photos() {
+            let Some(transients) = self.fit().transients(photo) else { continue };
+            let Photo { name, camera: Camera { width, height, .. }, .. } = self.fit().photo(photo);
+            let (width, height) = (*width, *height);
+            let hidden = transients.at_size(width, height);
+            let pixels = hidden.iter().flat_map(|hidden| [if *hidden { 0 } else { u8::MAX }; 3]).collect();
+            let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+            Bitmap { width, height, pixels }.write_png(out.file(format!("{TRANSIENTS}/{photo:04}-{stem}.png"))?)?;
+        }
+        Ok(())
     }
 
     fn pose_change(&self) -> PoseChange {
@@ -171,7 +194,7 @@ impl Fitting {
             let camera = self.fit().camera(i);
             let image = corrected(self.capture.fit.render(&camera)?, self.fit().exposure(i).copied());
             let photo = self.fit().photo(i);
-            let quality = quality(&self.judge, &image, photo, &camera);
+            let quality = quality(&self.judge, &image, photo, self.fit().counted(i).as_deref());
             Ok(Judged { name: photo.name.clone(), camera, image: shown.contains(&i).then_some(image), quality })
         };
         (0..photos).map(judge).collect()
@@ -182,7 +205,7 @@ impl Fitting {
         let Self { capture: Loaded { fit, held_out, .. }, judge, .. } = self;
         let judged = |(i, (photo, camera)): (usize, (&Photo, &Camera))| {
             let image = corrected(fit.render(camera)?, fit.exposure_at(camera));
-            let quality = quality(judge, &image, photo, camera);
+            let quality = quality(judge, &image, photo, photo.mask.as_deref());
             let image = shown.contains(&i).then_some(image);
             Ok(Judged { name: photo.name.clone(), camera: *camera, image, quality })
         };
@@ -198,7 +221,7 @@ impl Fitting {
         for _ in 0..2 {
             let start = Instant::now();
             let image = self.capture.fit.render(&camera)?;
-            quality(&self.judge, &image, self.fit().photo(0), &camera);
+            quality(&self.judge, &image, self.fit().photo(0), None);
             seconds = start.elapsed().as_secs_f64();
         }
         let views = self.fit().photos() + self.capture.held_out.len();
@@ -215,8 +238,8 @@ fn corrected(image: Vec<f32>, exposure: Option<Exposure>) -> Vec<f32> {
 }
 
 /// Quality of an image beside a photo, where pixels count.
-fn quality(judge: &Judge, image: &[f32], photo: &Photo, camera: &Camera) -> Quality {
-    judge.compare_inside(image, &photo.rgb, [camera.height, camera.width], photo.mask.as_deref())
+fn quality(judge: &Judge, image: &[f32], photo: &Photo, mask: Option<&[bool]>) -> Quality {
+    judge.compare_inside(image, &photo.rgb, [photo.camera.height, photo.camera.width], mask)
 }
 
 /// Photos whose PSNR is far below the median.

@@ -26,10 +26,9 @@ pub struct RunSettings {
     /// True if the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor for
     /// all photos; it stays as given where a lens is a fisheye.
     pub focal: bool,
-    /// True if the colors of photos are corrected ([`FitSettings::exposure`]) where the photos differ in exposure or white
-    /// balance ([`ColorAgreement::differ`](weaver_fit::ColorAgreement::differ)), which is found out before the fit.
-    #[serde(default)]
-    pub measure_exposure: bool,
+    /// What the photos decide.
+    #[serde(skip)]
+    pub by_photos: ByPhotos,
     /// Where the Gaussians begin.
     pub init: Initial,
     /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].
@@ -51,6 +50,25 @@ pub struct RunSettings {
 /// The choice of runs that are older than the key.
 fn written() -> bool {
     true
+}
+
+/// Settings of the fit that follow from the photos, since nobody named them. Once they are decided, they are in [`RunSettings::fit`], and
+/// this is all false.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub struct ByPhotos {
+    /// The colors of photos are corrected ([`FitSettings::exposure`]) where the photos differ in exposure or white balance
+    /// ([`ColorAgreement::differ`](weaver_fit::ColorAgreement::differ)).
+    pub exposure: bool,
+    /// The background is the [mean color](weaver_fit::mean_color) of the photos that are fitted; where photos have transparent parts,
+    /// it stays what these are laid over.
+    pub background: bool,
+    /// [`FitSettings::dropout`] is the larger the fewer photos there are ([`FitSettings::dropout_for`]).
+    pub dropout: bool,
+}
+
+impl ByPhotos {
+    /// Everything that photos can decide.
+    pub const ALL: Self = Self { exposure: true, background: true, dropout: true };
 }
 
 /// Where Gaussians begin.
@@ -78,7 +96,7 @@ impl RunSettings {
             views: None,
             masks: false,
             focal: false,
-            measure_exposure: false,
+            by_photos: ByPhotos::default(),
             init: Initial::Auto,
             minutes: None,
             least_steps: 1,

@@ -11,8 +11,8 @@ use serde_json::{Value, json};
 use std::error::Error;
 use std::path::Path;
 use weaver_data::posed::{self, PosedOptions, PosedPhoto, PosedPhotos};
-use weaver_kernels::random::Stream;
 use weaver_fit::{ColorAgreement, Fit, FitSettings, Judge, Photo, Quality, init, mean_color};
+use weaver_kernels::random::Stream;
 
 type Failure = Box<dyn Error + Send + Sync>;
 
@@ -36,8 +36,18 @@ fn main() -> Result<(), Failure> {
     let seeds = seeds.split(',').map(str::parse).collect::<Result<Vec<u64>, _>>()?;
     let variants = variants.iter().map(|v| variant(v)).collect::<Result<Vec<_>, _>>()?;
     let captures: Vec<&str> = captures.split(',').collect();
-    let data =
-        captures.iter().map(|c| Ok(posed::load(c, &PosedOptions { long_side: std::env::var("SIDE").ok().and_then(|x| x.parse().ok()), ..PosedOptions::default() })?)).collect::<Result<Vec<_>, Failure>>()?;
+    let data = captures
+        .iter()
+        .map(|c| {
+            Ok(posed::load(
+                c,
+                &PosedOptions {
+                    long_side: std::env::var("SIDE").ok().and_then(|x| x.parse().ok()),
+                    ..PosedOptions::default()
+                },
+            )?)
+        })
+        .collect::<Result<Vec<_>, Failure>>()?;
 
     let names: Vec<_> =
         captures.iter().map(|c| Path::new(c).file_name().map_or((*c).into(), |n| n.to_string_lossy())).collect();
@@ -124,25 +134,16 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
         pairs = fit.step()?.pairs;
     }
     if let Some(every) = variant.planted {
-        let parts: Vec<String> = (0..fit.photos()).map(|i| format!("{}{:.0}", if i % every == 0 { "*" } else { "" }, 100.0 * fit.transients(i).map_or(0.0, |t| t.part()))).collect();
+        let parts: Vec<String> = (0..fit.photos())
+            .map(|i| {
+                format!(
+                    "{}{:.0}",
+                    if i % every == 0 { "*" } else { "" },
+                    100.0 * fit.transients(i).map_or(0.0, |t| t.part())
+                )
+            })
+            .collect();
         eprintln!("{} {}", variant.name, parts.join(" "));
-    }
-    if let Ok(folder) = std::env::var("DUMP") {
-        for i in 0..fit.photos() {
-            let Some(t) = fit.transients(i).cloned() else { continue };
-            let camera = fit.camera(i);
-            let image = fit.render(&camera)?;
-            let photo = fit.photo(i);
-            let (w, h) = (camera.width, camera.height);
-            let m = t.at_size(w, h);
-            let mut out = format!("P6 {} {} 255\n", 3 * w, h).into_bytes();
-            for y in 0..h {
-                for x in 0..w { out.extend(&photo.rgb[3 * (y * w + x)..][..3]); }
-                for x in 0..w { out.extend(image[3 * (y * w + x)..][..3].iter().map(|v| (v.clamp(0.0, 1.0) * 255.0) as u8)); }
-                for x in 0..w { out.extend(if m[y * w + x] { [255, 0, 0] } else { [photo.rgb[3 * (y * w + x)]; 3] }); }
-            }
-            std::fs::write(format!("{folder}/{i:03}-{}.ppm", photo.name.replace('/', "_")), out)?;
-        }
     }
     let judge = Judge::default();
     let mut compare = |photo: &Photo| -> Result<Quality, Failure> {
@@ -169,7 +170,8 @@ fn plant(photos: &mut [Photo], every: usize) {
         for at in 0..width * height {
             let (x, y) = ((at % width) as f64 / width as f64, (at / width) as f64 / height as f64);
             if ((x - x0) / 0.2).powi(2) + ((y - y0) / 0.2).powi(2) < 1.0 {
-                let (ox, oy) = (at % width * other.camera.width / width, (height - 1 - at / width) * other.camera.height / height);
+                let (ox, oy) =
+                    (at % width * other.camera.width / width, (height - 1 - at / width) * other.camera.height / height);
                 let from = oy * other.camera.width + ox;
                 photos[i].rgb[3 * at..3 * at + 3].copy_from_slice(&other.rgb[3 * from..3 * from + 3]);
             }

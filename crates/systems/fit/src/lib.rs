@@ -42,8 +42,8 @@ pub use exposure::Exposure;
 pub use fit::{Fit, StepReport, StepTimings};
 pub use gradients::Gradients;
 pub use objective::{L1Ssim, Objective};
-pub use population::{Field, Population};
 pub use photos::mean_color;
+pub use population::{Field, Population};
 pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
 #[cfg(feature = "state")]
 pub use state::gaussians_of;

@@ -43,10 +43,12 @@ pub struct FitSettings {
     pub poses: Poses,
     /// True if the colors of each photo are corrected: by gains, or by an affine map ([`Rates::exposure_rest`]).
     pub exposure: bool,
-    /// Part of the Gaussians that each step leaves out, drawn at random, at the end of the run; it grows from nothing.
+    /// Part of the Gaussians that each step leaves out, drawn at random, at the end of the run; it grows from nothing in proportion to the
+    /// steps done. What is left is as much more opaque, so that pictures stay as bright in the mean. Steps are then not taken on a device.
+    /// Source: Park et al., DropGaussian, 2025.
     #[serde(default)]
     pub dropout: f64,
-    /// True if photos are searched for what none of the others shows, which is then left out of them.
+    /// True if photos are searched for what none of the others shows, which is then left out of them ([`Transients`](crate::Transients)).
     #[serde(default)]
     pub transients: bool,
 }
@@ -72,7 +74,7 @@ impl Default for FitSettings {
             poses: Poses::default(),
             exposure: false,
             dropout: 0.0,
-            transients: true,
+            transients: false,
         }
     }
 }
@@ -234,9 +236,9 @@ impl Default for Poses {
 
 impl FitSettings {
     /// [`dropout`](Self::dropout) that pays for so many photos: the fewer there are, the more Gaussians fit each photo from its own side
-    /// alone.
+    /// alone. From 25 photos on it is nothing.
     pub fn dropout_for(photos: usize) -> f64 {
-        (1.2 / photos.max(1) as f64).min(0.2)
+        if photos < 25 { (1.2 / photos.max(1) as f64).min(0.2) } else { 0.0 }
     }
 
     /// Number of halvings of photos at this part of the run.
@@ -262,6 +264,7 @@ impl FitSettings {
             ("density.initial_part", self.density.initial_part),
             ("density.least_opacity", f64::from(self.density.least_opacity)),
             ("density.opacity_decay", f64::from(self.density.opacity_decay)),
+            ("dropout", self.dropout),
             ("initial_opacity", f64::from(self.initial_opacity)),
             ("poses.from", self.poses.from),
             ("poses.until", self.poses.until),

@@ -3,6 +3,7 @@
 use crate::exposure::Exposure;
 use crate::fit::Fit;
 use crate::population::{Field, Population};
+use crate::transients::Transients;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::sh::{MAX_DEGREE, coefficients};
@@ -15,6 +16,8 @@ use weaver_splat::GaussianStatistics;
 const STATISTICS: usize = 6;
 /// Numbers of a row of poses: rotation, translation.
 const POSE: usize = 9 + 3;
+/// Cells of transients in a number.
+const WORD: usize = 64;
 /// Numbers of a row of exposures: matrix, two moments, steps.
 const EXPOSURE: usize = 3 * 12 + 1;
 
@@ -37,6 +40,15 @@ impl Fit {
         put(&mut state, "statistics", STATISTICS, self.statistics.iter().flat_map(statistics_row).collect());
         put(&mut state, "exposures", EXPOSURE, self.exposures.iter().flat_map(exposure_row).collect());
         put(&mut state, "poses", POSE, self.poses.iter().flat_map(pose_row).collect());
+        let found = (0..).zip(&self.transients).filter_map(|(photo, found)| Some((photo, found.as_ref()?)));
+        let (mut sizes, mut hidden) = (Vec::new(), Vec::new());
+        for (photo, Transients { size: [width, height], hidden: own }) in found {
+            sizes.extend([photo, *width as u64, *height as u64]);
+            let bits = |cells: &[bool]| cells.iter().rev().fold(0, |bits, hidden| bits << 1 | u64::from(*hidden));
+            hidden.extend(own.chunks(WORD).map(bits));
+        }
+        put(&mut state, "transients.sizes", 3, sizes);
+        put(&mut state, "transients.hidden", 1, hidden);
         put(&mut state, "near", 1, vec![self.raster.near]);
         put(&mut state, "step", 1, vec![self.step as u64]);
         state
@@ -70,11 +82,13 @@ impl Fit {
         let exposures = state.values::<f32>("exposures", &[self.exposures.len(), EXPOSURE])?;
         let poses = state.values::<f64>("poses", &[self.poses.len(), POSE])?;
         let near = state.values::<f64>("near", &[1, 1])?;
+        let transients = transients_of(state, self.photos.len())?;
         self.raster.near = near[0];
         self.step = state.values::<u64>("step", &[1, 1])?[0] as usize;
         self.population = Population::from_fields(fields, degree);
         self.statistics = statistics.chunks_exact(STATISTICS).map(statistics_of).collect();
         self.exposures = exposures.chunks_exact(EXPOSURE).map(exposure_of).collect();
+        self.transients = transients;
         self.poses = poses.chunks_exact(POSE).map(pose_of).collect();
         self.changed();
         Ok(())
@@ -101,6 +115,29 @@ pub fn gaussians_of(state: &Tensors) -> Result<Gaussians> {
         sh: values("sh", sh)?.to_vec(),
         degree,
     })
+}
+
+/// What each photo alone shows; nothing in states that are older than these.
+fn transients_of(state: &Tensors, photos: usize) -> Result<Vec<Option<Transients>>> {
+    let mut transients = vec![None; photos];
+    let Some(rows) = state.get("transients.sizes").ok().and_then(|sizes| sizes.shape.first().copied()) else {
+        return Ok(transients);
+    };
+    let sizes = state.values::<u64>("transients.sizes", &[rows, 3])?;
+    let cells = |row: &[u64]| row[1].saturating_mul(row[2]) as usize;
+    let words = |row: &[u64]| cells(row).div_ceil(WORD);
+    let all = sizes.chunks_exact(3).map(words).fold(0, usize::saturating_add);
+    let mut hidden = state.values::<u64>("transients.hidden", &[all, 1])?;
+    for row in sizes.chunks_exact(3) {
+        let own;
+        (own, hidden) = hidden.split_at(words(row));
+        if let Some(photo) = transients.get_mut(row[0] as usize) {
+            let size = [row[1] as usize, row[2] as usize];
+            let hidden = (0..cells(row)).map(|i| own[i / WORD] >> (i % WORD) & 1 == 1).collect();
+            *photo = Some(Transients { size, hidden });
+        }
+    }
+    Ok(transients)
 }
 
 fn statistics_row(s: &GaussianStatistics<f32>) -> [f32; STATISTICS] {

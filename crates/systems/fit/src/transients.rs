@@ -6,7 +6,6 @@
 //! comparison with the other photos' residuals at the same place is our own, and needs no trained features.
 
 use crate::fit::Fit;
-use crate::photos::{Pyramid, at_level};
 use crate::{Exposure, FitError};
 use std::borrow::Cow;
 use weaver_geometry::Camera;
@@ -16,8 +15,6 @@ use weaver_scene::Photo;
 
 /// Parts of a run after which photos are searched.
 const MOMENTS: [f64; 6] = [0.15, 0.25, 0.35, 0.45, 0.55, 0.65];
-/// Photos are compared at a size of at most so many pixels, and no longer than the smallest that a halving gives.
-const LONGEST_SIDE: usize = 160;
 /// Photos that a photo is compared with: the nearest.
 const NEIGHBORS: usize = 12;
 /// Fewer photos that see a place say nothing about it.
@@ -84,6 +81,11 @@ impl Fit {
         self.transients.get(photo).and_then(Option::as_ref)
     }
 
+    /// Which pixels of a photo count: those that its own mask takes, but for [transients](Self::transients); `None` if all do.
+    pub fn counted(&self, photo: usize) -> Option<Cow<'_, [bool]>> {
+        counted(self.photo(photo), self.transients(photo))
+    }
+
     /// Searches the photos where that is due at this step.
     pub(crate) fn search_transients(&mut self) -> Result<(), FitError> {
         let due = |part: f64| (part * self.settings.steps as f64).ceil() as usize == self.step;
@@ -102,26 +104,20 @@ impl Fit {
     }
 
     fn seen(&mut self, index: usize) -> Result<Seen, FitError> {
-        let level = |camera: &Camera| (0..).find(|level| longest(&at_level(camera, *level)) <= LONGEST_SIDE).unwrap_or(0);
-        let halvings = level(&self.photo(index).camera);
-        let camera = self.camera(index);
-        let pyramid = Pyramid::new(self.photo(index).clone(), halvings);
-        let (photo, halvings) = pyramid.level(halvings);
-        let camera = at_level(&camera, halvings);
+        let (photo, camera) = self.small(index);
         let [mut image, alpha, mut depths] = self.draw(&camera)?;
-        let residuals_of = |image: &[f32]| residuals(image, photo);
+        let residuals_of = |image: &[f32]| residuals(image, &photo);
         let hidden = self.transients(index).map_or(Vec::new(), |t| t.at_size(camera.width, camera.height));
         if let Some(exposure) = self.exposure(index).map(Exposure::clone) {
             let drawn = image.clone();
             exposure.apply(&drawn, &mut image);
         }
-        depths.iter_mut().zip(&alpha).for_each(|(depth, alpha)| *depth = if *alpha < 0.5 { 0.0 } else { *depth / alpha });
+        depths
+            .iter_mut()
+            .zip(&alpha)
+            .for_each(|(depth, alpha)| *depth = if *alpha < 0.5 { 0.0 } else { *depth / alpha });
         Ok(Seen { camera, residuals: residuals_of(&image), depths, hidden })
     }
-}
-
-fn longest(camera: &Camera) -> usize {
-    camera.width.max(camera.height)
 }
 
 /// Mean absolute differences over 3 x 3 pixels and the channels.
@@ -129,7 +125,8 @@ fn residuals(image: &[f32], photo: &Photo) -> Vec<f32> {
     let Camera { width, height, .. } = photo.camera;
     let counts = |at: usize| photo.mask.as_ref().is_none_or(|mask| mask[at]);
     let at = |at: usize| -> f32 {
-        let difference = |c: usize| (image[3 * at + c].clamp(0.0, 1.0) - f32::from(photo.rgb[3 * at + c]) / 255.0).abs();
+        let difference =
+            |c: usize| (image[3 * at + c].clamp(0.0, 1.0) - f32::from(photo.rgb[3 * at + c]) / 255.0).abs();
         if counts(at) { (difference(0) + difference(1) + difference(2)) / 3.0 } else { f32::NAN }
     };
     let own: Vec<f32> = (0..width * height).map(at).collect();

@@ -12,6 +12,9 @@ use weaver_splat::Images;
 /// Halvings of the photo at the beginning.
 const HALVINGS: usize = 2;
 
+/// Longest side of a photo for a first look, pixels.
+const SMALL: usize = 160;
+
 /// Photos whose corrections make that of a camera.
 const NEIGHBORS: usize = 2;
 
@@ -62,6 +65,18 @@ impl Fit {
     /// When the rasterizer refuses.
     pub fn render(&mut self, camera: &Camera) -> Result<Vec<f32>, FitError> {
         self.draw(camera).map(|[image, ..]| image)
+    }
+
+    /// A photo, halved until it is small enough for a first look, and its camera as refined so far.
+    pub(crate) fn small(&self, index: usize) -> (Photo, Camera) {
+        let longest = |level: usize| {
+            let Camera { width, height, .. } = at_level(&self.photo(index).camera, level);
+            width.max(height)
+        };
+        let halvings = (0..).find(|level| longest(*level) <= SMALL).unwrap_or(0);
+        let pyramid = Pyramid::new(self.photo(index).clone(), halvings);
+        let (photo, halvings) = pyramid.level(halvings);
+        (photo.clone(), at_level(&self.camera(index), halvings))
     }
 
     /// Image, alpha and depth from a camera.

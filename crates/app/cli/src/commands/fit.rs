@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use weaver_command::{Console, DeviceFlag, Failure, Interrupt, MOST_THREADS, Rgb, background, choice, in_pool};
 use weaver_data::capture::HoldOut;
 use weaver_fit::{FitSettings, StrategyKind};
-use weaver_fit_run::{Folder, Plan, Run, RunSettings, plan};
+use weaver_fit_run::{ByPhotos, Folder, Plan, Run, RunSettings, plan};
 use weaver_io::SceneFormat;
 
 /// Fits Gaussians to the photos of a capture: a scene in minutes.
@@ -234,8 +234,17 @@ fn settings(arguments: &Fit, (capture, hold_out): (PathBuf, HoldOut), initial: &
         html: !arguments.no_html,
         ..RunSettings::new(capture, FitSettings::default())
     };
-    let fit = fit_settings(arguments, &plan(&settings)?.usual())?;
-    Ok(RunSettings { measure_exposure: arguments.exposure.is_none(), fit, ..settings })
+    let usual = plan(&settings)?.usual();
+    let fit = fit_settings(arguments, &usual)?;
+    // What nobody named follows from what is usual.
+    let other = FitSettings { exposure: true, background: [0.5; 3], dropout: 0.5, ..usual };
+    let other = fit_settings(arguments, &other)?;
+    let by_photos = ByPhotos {
+        exposure: fit.exposure != other.exposure,
+        background: fit.background != other.background,
+        dropout: fit.dropout != other.dropout,
+    };
+    Ok(RunSettings { by_photos, fit, ..settings })
 }
 
 /// The usual settings, then the file, then flags.

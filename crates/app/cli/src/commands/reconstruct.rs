@@ -10,7 +10,7 @@ use std::time::Instant;
 use weaver_command::{Console, Failure, Interrupt, Threads, in_pool};
 use weaver_data::capture::HoldOut;
 use weaver_fit::FitSettings;
-use weaver_fit_run::{Outcome, Run, RunError, RunSettings, plan};
+use weaver_fit_run::{ByPhotos, Outcome, Run, RunError, RunSettings, plan};
 
 /// Heading of the flags of a fit.
 const FIT: &str = "Fit";
@@ -134,7 +134,7 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
         least_steps: LEAST_STEPS,
         long_side: Some(size as usize),
         hold_out,
-        measure_exposure: true,
+        by_photos: ByPhotos::ALL,
         html: !arguments.no_html,
         ..RunSettings::new(capture, FitSettings::default())
     };

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_fit::{Judge, Quality};
-use weaver_fit_run::{Outcome, Run, RunError, RunSettings};
+use weaver_fit_run::{ByPhotos, Outcome, Run, RunError, RunSettings};
 use weaver_io::{Image, Transforms};
 use weaver_scene::PointCloud;
 use weaver_splat::{CpuRasterizer, RasterSettings, Workspace, render};
@@ -101,7 +101,7 @@ fn exposures_are_corrected_where_photos_differ() {
     capture(&data, 10);
     with_points(&data);
     let measured = |name: &str| {
-        let settings = RunSettings { measure_exposure: true, ..settings(&data) };
+        let settings = RunSettings { by_photos: ByPhotos { exposure: true, ..ByPhotos::default() }, ..settings(&data) };
         let out = folder.path().join(name);
         let run = Run::create(&out, settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
         let corrected = run.settings().fit.exposure;

@@ -65,6 +65,8 @@ pub struct PosedPhotos {
     pub photos: Vec<PosedPhoto>,
     /// Points on surfaces; empty if the capture has none.
     pub points: PointCloud,
+    /// True if parts of photos are transparent, and no mask leaves them out: they show [`PosedOptions::background`].
+    pub transparent: bool,
     /// Remarks for the user about how they were loaded.
     pub remarks: Vec<String>,
 }
@@ -96,6 +98,7 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
     }
     let canonical = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     Ok(PosedPhotos {
+        transparent: !options.masks && loaded.iter().any(|loaded| loaded.transparent),
         name: name(&canonical),
         photos: loaded.into_iter().map(|loaded| loaded.photo).collect(),
         points: PointCloud { positions: points.iter().map(|p| p.as_vec3().to_array()).collect(), colors },

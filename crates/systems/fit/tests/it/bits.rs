@@ -9,7 +9,7 @@ const ALL: [StrategyKind; 3] = [StrategyKind::Split, StrategyKind::Mcmc, Strateg
 fn fit(strategy: StrategyKind) -> Fit {
     let mut settings = FitSettings { sh_degree: 2, coarse_until: 0.4, ..plain(strategy, 24, 70) };
     (settings.density.rounds, settings.density.from) = (8, 0.1);
-    (settings.exposure, settings.poses.refine) = (true, true);
+    (settings.exposure, settings.poses.refine, settings.dropout) = (true, true, 0.2);
     Fit::new(photos(3, &cloud(60, 1)), &cloud(40, 2), settings).expect("a fit")
 }
 

@@ -9,3 +9,4 @@ mod recovery;
 mod refusals;
 mod scenes;
 mod strategies;
+mod transients;

@@ -158,6 +158,14 @@ pub fn print(outcome: &Outcome, folder: &Path, json: bool, console: &mut Console
     for name in &outcome.outliers {
         console.note(&format!("warning: {name} is met far worse than the other photos; it may show something else"));
     }
+    if !outcome.transients.is_empty() {
+        let most = 100.0 * outcome.transients.values().fold(0.0, |a: f64, b| a.max(*b));
+        let count = outcome.transients.len();
+        console.note(&format!(
+            "in {count} photos something was left out that no other photo shows, at most {most:.0} % of a photo: {}",
+            path("transients")
+        ));
+    }
     if outcome.steps < outcome.planned {
         let (done, planned) = (outcome.steps, outcome.planned);
         let folder = folder.display();
