@@ -45,6 +45,8 @@ pub struct Ended {
 impl Ffmpeg {
     /// Starts ffmpeg with the arguments of a command line that `command` begins; `missing` is said where there is none on the PATH.
     pub fn start(mut command: Command, missing: &str) -> Result<Self, Failure> {
+        // Locked before it starts, so that a Ctrl-C just then ends it, too.
+        let mut running = locked(&RUNNING);
         let started = command.stderr(Stdio::piped()).spawn();
         let mut process = started.map_err(|error| match error.kind() {
             ErrorKind::NotFound => Failure::message(missing),
@@ -52,7 +54,6 @@ impl Ffmpeg {
         })?;
         let complaints = process.stderr.take().map(|pipe| std::thread::spawn(move || beginning(pipe)));
         let process = Arc::new(Mutex::new(process));
-        let mut running = locked(&RUNNING);
         running.retain(|process| process.strong_count() > 0);
         running.push(Arc::downgrade(&process));
         drop(running);
