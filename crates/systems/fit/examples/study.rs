@@ -3,8 +3,9 @@
 //!
 //! `study 3000 5000,15000 0,1,2 DATA/fox,DATA/bonsai 'split={}' 'even={"even":true}'`
 //!
-//! Beside the keys of [`FitSettings`], settings may hold `views` (so many of the training photos, evenly spread) and
-//! `even` (no density control, but all of the budget from the beginning: points that are too few are split evenly).
+//! Beside the keys of [`FitSettings`], settings may hold `views` (so many of the training photos, evenly spread), `by_photos` (background
+//! and dropout follow from the photos, as in the command), `planted` (a thing of its own before every so many photos), and `even` (no density control, but
+//! all of the budget from the beginning: points that are too few are split evenly). A capture may end with `@SIDE`, the longest side of its photos.
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -36,18 +37,7 @@ fn main() -> Result<(), Failure> {
     let seeds = seeds.split(',').map(str::parse).collect::<Result<Vec<u64>, _>>()?;
     let variants = variants.iter().map(|v| variant(v)).collect::<Result<Vec<_>, _>>()?;
     let captures: Vec<&str> = captures.split(',').collect();
-    let data = captures
-        .iter()
-        .map(|c| {
-            Ok(posed::load(
-                c,
-                &PosedOptions {
-                    long_side: std::env::var("SIDE").ok().and_then(|x| x.parse().ok()),
-                    ..PosedOptions::default()
-                },
-            )?)
-        })
-        .collect::<Result<Vec<_>, Failure>>()?;
+    let data = captures.iter().map(|c| load(c)).collect::<Result<Vec<_>, Failure>>()?;
 
     let names: Vec<_> =
         captures.iter().map(|c| Path::new(c).file_name().map_or((*c).into(), |n| n.to_string_lossy())).collect();
@@ -78,6 +68,12 @@ fn main() -> Result<(), Failure> {
         }
     }
     Ok(())
+}
+
+fn load(capture: &str) -> Result<PosedPhotos, Failure> {
+    let (folder, side) = capture.split_once('@').unwrap_or((capture, ""));
+    let long_side = (!side.is_empty()).then(|| side.parse()).transpose()?;
+    Ok(posed::load(folder, &PosedOptions { long_side, ..PosedOptions::default() })?)
 }
 
 fn variant(argument: &str) -> Result<Variant, Failure> {
@@ -133,18 +129,6 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
     while fit.steps_done() < fit.settings().steps {
         pairs = fit.step()?.pairs;
     }
-    if let Some(every) = variant.planted {
-        let parts: Vec<String> = (0..fit.photos())
-            .map(|i| {
-                format!(
-                    "{}{:.0}",
-                    if i % every == 0 { "*" } else { "" },
-                    100.0 * fit.transients(i).map_or(0.0, |t| t.part())
-                )
-            })
-            .collect();
-        eprintln!("{} {}", variant.name, parts.join(" "));
-    }
     let judge = Judge::default();
     let mut compare = |photo: &Photo| -> Result<Quality, Failure> {
         let size = [photo.camera.height, photo.camera.width];
@@ -166,7 +150,7 @@ fn plant(photos: &mut [Photo], every: usize) {
         let (width, height) = (photos[i].camera.width, photos[i].camera.height);
         let other = &all[(i + all.len() / 2) % all.len()];
         let stream = Stream::new(0, i as u64, "planted");
-        let (x0, y0) = (0.25 + 0.5 * stream.uniform::<f64>(0), 0.25 + 0.5 * stream.uniform::<f64>(1));
+        let [x0, y0] = [0, 1].map(|i| 0.25 + 0.5 * stream.uniform::<f64>(i));
         for at in 0..width * height {
             let (x, y) = ((at % width) as f64 / width as f64, (at / width) as f64 / height as f64);
             if ((x - x0) / 0.2).powi(2) + ((y - y0) / 0.2).powi(2) < 1.0 {

@@ -90,7 +90,8 @@ pub struct Fit {
     /// Leaves out what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
     #[arg(long, help_heading = PHOTOS)]
     pub masks: bool,
-    /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: white]
+    /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: the mean color of
+    /// the photos; white where photos are transparent]
     #[arg(long, value_name = "COLOR", value_parser = background, help_heading = PHOTOS)]
     pub background: Option<Rgb>,
     /// Corrects the colors of each photo by an affine map; =false if not [default: where photos differ in exposure or white
