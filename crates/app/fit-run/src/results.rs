@@ -1,5 +1,6 @@
 //! The end of a run: scene, cameras, judgment, report.
 
+use crate::compressed;
 use crate::fitting::Fitting;
 use crate::judged::Judged;
 use crate::loaded::{Loaded, Origin};
@@ -36,6 +37,9 @@ impl Run {
         write_scene(out.file("scene.ply")?, &gaussians, drawing)?;
         for format in &job.settings.formats {
             write_scene(out.file(file_of_scene(format))?, &gaussians, drawing)?;
+        }
+        if let Some(level) = job.settings.compress {
+            compressed::write(&out.file(compressed::FILE)?, &gaussians, level)?;
         }
         let test_cameras = job.held_out_cameras()?;
         job.write_cameras(&test_cameras, out)?;
