@@ -101,7 +101,10 @@ fn views(arguments: &BenchCompress, gaussians: &Gaussians) -> Result<Views, Fail
         }
         if views.photos[1].is_empty() {
             let found = "none held out";
-            return Err(Failure::message(format!("{}: expected photos that are held out, found {found}", data.display())));
+            return Err(Failure::message(format!(
+                "{}: expected photos that are held out, found {found}",
+                data.display()
+            )));
         }
         let cameras = |photos: &[Photo]| photos.iter().map(|photo| photo.camera).collect();
         (views.training, views.judging) = (cameras(&views.photos[0]), cameras(&views.photos[1]));

@@ -32,14 +32,16 @@ impl Run {
         let weaver_run::Run { folder, job } = &mut self.0;
         let out = folder.out();
         job.capture.fit.fetch()?;
+        if let Some(level) = job.settings.compress {
+            compressed::write(&out.file(compressed::FILE)?, &job.fit().gaussians(), level)?;
+            // All further results are those of what the file holds.
+            job.capture.fit.settle()?;
+        }
         let gaussians = job.fit().gaussians();
         let drawing = Drawing::antialiased(job.fit().raster_settings().antialiased);
         write_scene(out.file("scene.ply")?, &gaussians, drawing)?;
         for format in &job.settings.formats {
             write_scene(out.file(file_of_scene(format))?, &gaussians, drawing)?;
-        }
-        if let Some(level) = job.settings.compress {
-            compressed::write(&out.file(compressed::FILE)?, &gaussians, level)?;
         }
         let test_cameras = job.held_out_cameras()?;
         job.write_cameras(&test_cameras, out)?;

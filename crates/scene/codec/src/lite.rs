@@ -95,8 +95,10 @@ pub fn rounded_in_place(gaussians: &Gaussians, quality: &Quality) -> Result<Gaus
         placed.means[i] = sorted.means[at];
         placed.opacity_logits[i] = sorted.opacity_logits[at];
         placed.sh[row * i..][..row].copy_from_slice(&sorted.sh[row * at..][..row]);
-        (placed.log_scales[i], placed.quats[i]) =
-            rotation::unsorted((gaussians.log_scales[i], gaussians.quats[i]), (sorted.log_scales[at], sorted.quats[at]));
+        (placed.log_scales[i], placed.quats[i]) = rotation::unsorted(
+            (gaussians.log_scales[i], gaussians.quats[i]),
+            (sorted.log_scales[at], sorted.quats[at]),
+        );
     }
     Ok(placed)
 }

@@ -42,7 +42,9 @@ impl Codes {
             masses[*code as usize] += weight;
         }
         let means = sums.chunks_exact(self.width).zip(&masses);
-        means.flat_map(|(sum, mass)| sum.iter().map(move |s| if *mass > 0.0 { (s / mass) as f32 } else { 0.0 })).collect()
+        means
+            .flat_map(|(sum, mass)| sum.iter().map(move |s| if *mass > 0.0 { (s / mass) as f32 } else { 0.0 }))
+            .collect()
     }
 
     /// Rows of codes.

@@ -46,7 +46,11 @@ impl Surface {
         let distance = cameras.iter().map(|c| c.pose.center().distance(focus)).fold(f64::INFINITY, f64::min);
         if !(distance.is_finite() && distance > 0.0) {
             let expected = "a common point before them".into();
-            return Err(CompressError::Stream { place: "cameras".into(), expected, found: format!("distance {distance}") });
+            return Err(CompressError::Stream {
+                place: "cameras".into(),
+                expected,
+                found: format!("distance {distance}"),
+            });
         }
         let mut surface = Self { cameras: cameras.to_vec(), background, settings, distance, points: Vec::new() };
         surface.points = surface.points(gaussians)?;
@@ -83,7 +87,8 @@ impl Surface {
             let rows = CameraRows::new(&[*camera]);
             let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
             session.forward(&activated.as_slices(), &rows.as_slices(&self.background), &self.settings, images)?;
-            let lens = SurfelCamera { lens: Lens::Pinhole(camera.intrinsics), width: camera.width, height: camera.height };
+            let lens =
+                SurfelCamera { lens: Lens::Pinhole(camera.intrinsics), width: camera.width, height: camera.height };
             let range = |pixel: usize| {
                 if alpha[pixel] < OPAQUE {
                     return 0.0;
@@ -94,10 +99,8 @@ impl Surface {
             };
             drawn.push((lens, camera.pose, (0..pixels).map(range).collect::<Vec<f32>>()));
         }
-        let views: Vec<RangeView<'_>> = drawn
-            .iter()
-            .map(|(camera, pose, range)| RangeView { camera, pose: *pose, range, normal: &[] })
-            .collect();
+        let views: Vec<RangeView<'_>> =
+            drawn.iter().map(|(camera, pose, range)| RangeView { camera, pose: *pose, range, normal: &[] }).collect();
         let voxel = self.distance / CELLS;
         Ok(DistanceField::new(&views, voxel, TRUNCATION * voxel)?.mesh())
     }

@@ -1,6 +1,6 @@
 //! Methods of compression behind one trait, and the table of them.
 
-use crate::methods::{C3dgs, Format, Half, Lite, LightGaussian, MesonGs, SpeedySplat, Zstd};
+use crate::methods::{C3dgs, Format, Half, LightGaussian, Lite, MesonGs, SpeedySplat, Zstd};
 use crate::{CompressError, Pictures};
 use std::fmt::Debug;
 use weaver_io::SCENE_FORMATS;

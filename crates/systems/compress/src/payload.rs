@@ -21,7 +21,8 @@ impl Grid {
     /// The grid of 2^depth voxels a side, and the Gaussians in Morton order: code and number.
     pub(crate) fn new(gaussians: &Gaussians, depth: u32) -> Result<(Self, Vec<(u64, usize)>), CompressError> {
         check(gaussians)?;
-        let bound = |axis: usize, start: f32, of: fn(f32, f32) -> f32| gaussians.means.iter().map(|m| m[axis]).fold(start, of);
+        let bound =
+            |axis: usize, start: f32, of: fn(f32, f32) -> f32| gaussians.means.iter().map(|m| m[axis]).fold(start, of);
         let low = [0, 1, 2].map(|axis| bound(axis, f32::INFINITY, f32::min));
         let high = [0, 1, 2].map(|axis| bound(axis, f32::NEG_INFINITY, f32::max));
         let extent = (0..3).map(|axis| f64::from(high[axis]) - f64::from(low[axis])).fold(0.0, f64::max);
@@ -163,7 +164,11 @@ impl<'a> Reader<'a> {
     fn sized(&mut self, name: &[u8; 4], expected: usize) -> Result<&Stream<'a>, CompressError> {
         let stream = self.take(name)?;
         if stream.symbols != expected as u64 {
-            return Err(broken(format!("stream {}", name.escape_ascii()), format!("{expected} symbols"), stream.symbols));
+            return Err(broken(
+                format!("stream {}", name.escape_ascii()),
+                format!("{expected} symbols"),
+                stream.symbols,
+            ));
         }
         Ok(stream)
     }
@@ -181,7 +186,11 @@ impl<'a> Reader<'a> {
     pub(crate) fn floats(&mut self, name: &[u8; 4], count: usize) -> Result<Vec<f32>, CompressError> {
         let stream = self.sized(name, count)?;
         if stream.bytes.len() != 4 * count {
-            return Err(broken(format!("stream {}", name.escape_ascii()), format!("{} bytes", 4 * count), stream.bytes.len()));
+            return Err(broken(
+                format!("stream {}", name.escape_ascii()),
+                format!("{} bytes", 4 * count),
+                stream.bytes.len(),
+            ));
         }
         Ok(stream.bytes.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect())
     }
@@ -238,7 +247,11 @@ impl<'a> Reader<'a> {
 }
 
 fn ended(decoder: &RangeDecoder, name: &[u8; 4]) -> Result<(), CompressError> {
-    if decoder.exhausted() { Err(broken(format!("stream {}", name.escape_ascii()), "all symbols", "its end")) } else { Ok(()) }
+    if decoder.exhausted() {
+        Err(broken(format!("stream {}", name.escape_ascii()), "all symbols", "its end"))
+    } else {
+        Ok(())
+    }
 }
 
 fn whole(decoder: &RangeDecoder, name: &[u8; 4]) -> Result<(), CompressError> {

@@ -55,10 +55,7 @@ pub(crate) fn recover<'a>(
 
 impl<'a> Recovery<'a> {
     /// Trains what is drawn rounded from now on.
-    pub(crate) fn round(
-        &mut self,
-        make: impl Fn(&Gaussians) -> Result<Box<dyn Rounding>, CompressError> + 'a,
-    ) {
+    pub(crate) fn round(&mut self, make: impl Fn(&Gaussians) -> Result<Box<dyn Rounding>, CompressError> + 'a) {
         self.make_rounding = Some(MakeRounding(Box::new(make)));
     }
 
@@ -68,7 +65,16 @@ impl<'a> Recovery<'a> {
             return Ok(());
         }
         let Task { pictures, seed, .. } = *self.task;
-        let rates = Rates { means: MEANS, means_end: 1.0, scales: 5e-3, quats: 1e-3, opacities: 0.025, sh: 2.5e-3, power: 0.0, ..Rates::default() };
+        let rates = Rates {
+            means: MEANS,
+            means_end: 1.0,
+            scales: 5e-3,
+            quats: 1e-3,
+            opacities: 0.025,
+            sh: 2.5e-3,
+            power: 0.0,
+            ..Rates::default()
+        };
         let settings = FitSettings {
             steps,
             gaussians: self.gaussians.len(),

@@ -51,10 +51,7 @@ pub(crate) fn squared_gradients(gaussians: &Gaussians, pictures: &Pictures<'_>) 
 
 /// Sensitivities of a Gaussian's pictures to its colors and its shape: over all pictures, the sums of magnitudes of the derivatives of the sum of
 /// a picture's channels, a pixel's share; the largest over a color's coefficients, and over scales and rotation, `[N]` each.
-pub(crate) fn sensitivities(
-    gaussians: &Gaussians,
-    pictures: &Pictures<'_>,
-) -> Result<[Vec<f64>; 2], CompressError> {
+pub(crate) fn sensitivities(gaussians: &Gaussians, pictures: &Pictures<'_>) -> Result<[Vec<f64>; 2], CompressError> {
     let (activated, n) = (gaussians.to_activated(), gaussians.len());
     let mut session = CpuRasterizer.session();
     let (mut colors, mut scales) = (vec![0.0_f64; activated.sh.len()], vec![0.0_f64; 3 * n]);
@@ -127,4 +124,53 @@ fn brightness(gaussians: &ActivatedGaussians, camera: &Camera) -> Vec<f64> {
         channel(0) + channel(1) + channel(2)
     };
     rows.map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_geometry::{Intrinsics, Pose};
+
+    /// Three Gaussians, one behind the other, and a picture of a single pixel.
+    fn pixel() -> (Gaussians, [Camera; 1]) {
+        let gaussians = Gaussians {
+            means: vec![[0.0, 0.1, 2.0], [0.1, 0.0, 3.0], [-0.1, 0.0, 4.0]],
+            log_scales: vec![[-0.5, -0.7, -1.0]; 3],
+            quats: vec![[1.0, 0.2, -0.1, 0.3]; 3],
+            opacity_logits: vec![0.3, -0.4, 1.0],
+            sh: vec![0.5, -0.2, 0.1, 0.9, 0.3, -0.6, -0.3, 0.4, 0.8],
+            degree: 0,
+        };
+        let intrinsics = Intrinsics { fx: 1.0, fy: 1.0, cx: 0.5, cy: 0.5 };
+        (gaussians, [Camera { pose: Pose::IDENTITY, intrinsics, width: 1, height: 1 }])
+    }
+
+    #[test]
+    fn squared_gradients_are_those_of_the_backward_pass() {
+        let (gaussians, cameras) = pixel();
+        let pictures = Pictures { cameras: &cameras, background: [0.2, 0.5, 0.7], settings: Default::default() };
+        let activated = gaussians.to_activated();
+        let (mut image, mut alpha, mut opacities) = ([0.0; 3], [0.0], [0.0; 3]);
+        let rows = CameraRows::new(&cameras);
+        let mut session = CpuRasterizer.session();
+        let (slices, cameras) = (activated.as_slices(), rows.as_slices(&pictures.background));
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+        session.forward(&slices, &cameras, &pictures.settings, images).unwrap();
+        let cotangents = Cotangents { image: Some(&[1.0; 3]), ..Cotangents::default() };
+        let targets = Gradients { opacities: Some(Target::write(&mut opacities)), ..Gradients::default() };
+        session.backward(&slices, &cameras, &pictures.settings, &cotangents, targets).unwrap();
+        // Of one pixel: alpha = o g, so that dC/dg = (o / g) dC/do, with g from the weights.
+        let found = squared_gradients(&gaussians, &pictures).unwrap();
+        let weights = contributions(&gaussians, &pictures).unwrap();
+        let mut transmittance = 1.0;
+        for i in 0..3 {
+            let opacity = activated.opacities[i];
+            let value = weights[i] / transmittance / opacity;
+            let expected = (opacity / value * opacities[i]).powi(2);
+            assert!((found[i] / expected - 1.0).abs() < 1e-3, "{i}: {} of {expected}", found[i]);
+            transmittance -= weights[i];
+        }
+        let left = 1.0 - weights.iter().sum::<f32>();
+        assert!((alpha[0] - (1.0 - left)).abs() < 1e-6);
+    }
 }

@@ -242,6 +242,19 @@ impl Fit {
         self.rounding = Some((from, rounding));
     }
 
+    /// Makes the Gaussians those that the last steps have drawn, if these were rounded; the optimizer's memory stays.
+    ///
+    /// # Errors
+    /// [`FitError::Rounding`] for Gaussians that cannot be rounded.
+    pub fn settle(&mut self) -> Result<(), FitError> {
+        let (fraction, step) = (self.moment().fraction(), self.step);
+        if let Some((_, rounding)) = self.rounding.as_mut().filter(|(from, _)| fraction >= *from) {
+            let rounded = rounding.rounded(&self.population.to_gaussians(0));
+            self.population.set(rounded.map_err(|source| FitError::Rounding { step, source })?);
+        }
+        Ok(())
+    }
+
     /// Times of the parts of the last step.
     pub fn timings(&self) -> StepTimings {
         self.timings

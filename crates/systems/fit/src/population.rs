@@ -159,6 +159,15 @@ impl Population {
         }
     }
 
+    /// Sets the numbers of all Gaussians, of the same degree; the optimizer's memory stays.
+    pub(crate) fn set(&mut self, gaussians: Gaussians) {
+        self.means.values = gaussians.means.into_flattened();
+        self.log_scales.values = gaussians.log_scales.into_flattened();
+        self.quats.values = gaussians.quats.into_flattened();
+        self.logits.values = gaussians.opacity_logits;
+        self.sh.values = gaussians.sh;
+    }
+
     pub(crate) fn from_fields([means, log_scales, quats, logits, sh]: [Field; 5], degree: usize) -> Self {
         Self { means, log_scales, quats, logits, sh, degree }
     }

@@ -8,7 +8,7 @@ pub use course::{Means, VIEW, begin, print};
 use super::convert::scene_format;
 use crate::clip;
 use crate::estimate::estimated_capture;
-use crate::flags::{CameraChoice, ClipFlags, MatchingFlags, hold_out, minutes};
+use crate::flags::{CameraChoice, ClipFlags, MatchingFlags, hold_out, level, minutes};
 use clap::Args;
 use course::finish;
 use initial::Start;
@@ -159,13 +159,6 @@ fn pause(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.0..=1e6).contains(&seconds) => Ok(seconds),
         _ => Err("expected seconds, from 0 to 1000000".into()),
-    }
-}
-
-fn level(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(level) if (0.0..=3.0).contains(&level) => Ok(level),
-        _ => Err("expected a level from 0 to 3".into()),
     }
 }
 

@@ -92,7 +92,8 @@ impl Coefficients {
         let (mut ranges, mut symbols) = (Vec::new(), Vec::new());
         for block in order[1..].chunks(block(order.len() - 1)) {
             let range = |channel: usize| {
-                let of = |start: f64, bound: fn(f64, f64) -> f64| block.iter().map(|&i| row(i)[channel]).fold(start, bound);
+                let of =
+                    |start: f64, bound: fn(f64, f64) -> f64| block.iter().map(|&i| row(i)[channel]).fold(start, bound);
                 let (low, high) = (of(f64::INFINITY, f64::min), of(f64::NEG_INFINITY, f64::max));
                 [low as f32, ((high - low) / LARGEST) as f32]
             };

@@ -7,5 +7,6 @@ mod masks;
 mod population;
 mod recovery;
 mod refusals;
+mod rounding;
 mod scenes;
 mod strategies;
