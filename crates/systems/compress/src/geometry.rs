@@ -3,7 +3,7 @@
 use crate::{CompressError, Pictures};
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_mesh::{DistanceField, Mesh, RangeView, compare, thinned};
+use weaver_mesh::{DistanceField, Mesh, RangeView, compare};
 use weaver_scene::{CameraRows, Gaussians};
 use weaver_splat::{CpuRasterizer, Images, RasterSettings, Rasterizer};
 use weaver_surfel::{Lens, SurfelCamera};
@@ -16,8 +16,8 @@ const CELLS: f64 = 96.0;
 const TRUNCATION: f64 = 5.0;
 /// Ranges beyond so many of these distances are background.
 const FAR: f64 = 2.0;
-/// Points on a cell's area, before one of each cell is kept.
-const PER_CELL: f64 = 4.0;
+/// Points on a cell's area of a surface to which distances are.
+const PER_CELL: f64 = 32.0;
 /// Alpha below which nothing is there.
 const OPAQUE: f32 = 0.5;
 
@@ -29,7 +29,15 @@ pub struct Surface {
     settings: RasterSettings,
     /// World units of [`DISTANCE`].
     distance: f64,
-    points: Vec<[f32; 3]>,
+    points: Points,
+}
+
+/// A surface as points: one in each cell, from which distances are, and many, to which they are. Surfaces that hardly differ are thus
+/// hardly apart.
+#[derive(Debug, Default)]
+struct Points {
+    vertices: Vec<[f32; 3]>,
+    samples: Vec<[f32; 3]>,
 }
 
 impl Surface {
@@ -52,7 +60,7 @@ impl Surface {
                 found: format!("distance {distance}"),
             });
         }
-        let mut surface = Self { cameras: cameras.to_vec(), background, settings, distance, points: Vec::new() };
+        let mut surface = Self { cameras: cameras.to_vec(), background, settings, distance, points: Points::default() };
         surface.points = surface.points(gaussians)?;
         Ok(surface)
     }
@@ -63,18 +71,23 @@ impl Surface {
     /// # Errors
     /// Where the scene cannot be drawn.
     pub fn chamfer(&self, gaussians: &Gaussians) -> Result<f64, CompressError> {
-        let errors = compare(&self.points(gaussians)?, &self.points, DISTANCE / CELLS);
-        Ok(1000.0 / DISTANCE * errors.chamfer)
+        let (own, others) = (self.points(gaussians)?, &self.points);
+        let near = DISTANCE / CELLS;
+        let there = compare(&own.vertices, &others.samples, near).accuracy;
+        let back = compare(&own.samples, &others.vertices, near).completeness;
+        Ok(1000.0 / DISTANCE * (there + back) / 2.0)
     }
 
     /// Points of the surface of a scene, in units in which the cameras' distance is [`DISTANCE`].
-    fn points(&self, gaussians: &Gaussians) -> Result<Vec<[f32; 3]>, CompressError> {
+    fn points(&self, gaussians: &Gaussians) -> Result<Points, CompressError> {
         let mesh = self.mesh(gaussians)?;
-        let scale = DISTANCE / self.distance;
-        let vertices = mesh.vertices.into_iter().map(|vertex| vertex.map(|x| (f64::from(x) * scale) as f32)).collect();
-        let cell = DISTANCE / CELLS;
-        let points = Mesh { vertices, triangles: mesh.triangles }.sample(PER_CELL / (cell * cell), 0);
-        Ok(thinned(&points, cell))
+        let (scale, cell) = (DISTANCE / self.distance, DISTANCE / CELLS);
+        let vertices: Vec<[f32; 3]> =
+            mesh.vertices.into_iter().map(|vertex| vertex.map(|x| (f64::from(x) * scale) as f32)).collect();
+        let mesh = Mesh { vertices, triangles: mesh.triangles };
+        let mut samples = mesh.sample(PER_CELL / (cell * cell), 0);
+        samples.extend(&mesh.vertices);
+        Ok(Points { vertices: mesh.vertices, samples })
     }
 
     fn mesh(&self, gaussians: &Gaussians) -> Result<Mesh, CompressError> {

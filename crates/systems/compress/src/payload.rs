@@ -47,7 +47,7 @@ impl Grid {
 }
 
 /// Checks that there are Gaussians, and that their numbers are finite but for logits.
-fn check(gaussians: &Gaussians) -> Result<(), CompressError> {
+pub(crate) fn check(gaussians: &Gaussians) -> Result<(), CompressError> {
     if gaussians.is_empty() || !gaussians.lengths_agree() {
         return Err(broken("scene", "Gaussians with fields of one length", gaussians.len()));
     }

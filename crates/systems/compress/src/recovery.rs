@@ -1,5 +1,6 @@
 //! Training that brings back what a change of the scene took away.
 
+use crate::payload::check;
 use crate::{CompressError, Schedule, Task};
 use weaver_fit::{Density, Fit, FitSettings, Photo, Rates, Rounding, StrategyKind};
 use weaver_scene::Gaussians;
@@ -116,7 +117,8 @@ fn targets(task: &Task<'_>) -> Result<Vec<Photo>, CompressError> {
     pictures.cameras.iter().copied().enumerate().map(|(i, camera)| (i, camera)).map(photo).collect()
 }
 
-/// The scene with harmonics that can be trained.
-pub(crate) fn trainable(gaussians: &Gaussians) -> Gaussians {
-    gaussians.with_degree(gaussians.degree.min(DEGREE))
+/// The scene with harmonics that can be trained, if all its numbers are finite.
+pub(crate) fn trainable(gaussians: &Gaussians) -> Result<Gaussians, CompressError> {
+    check(gaussians)?;
+    Ok(gaussians.with_degree(gaussians.degree.min(DEGREE)))
 }

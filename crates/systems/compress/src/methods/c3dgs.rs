@@ -35,9 +35,7 @@ impl C3dgs {
 
 impl Method for C3dgs {
     fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
-        let gaussians = trainable(task.gaussians);
-        // Named before the codebooks would find it.
-        Grid::new(&gaussians, DEPTH)?;
+        let gaussians = trainable(task.gaussians)?;
         let [of_colors, of_shapes] = sensitivities(&gaussians, &task.pictures)?;
         let colors = Codes::fit(&gaussians.sh, 3 * gaussians.coefficients(), &of_colors, self.codes)?;
         let shapes: Vec<f32> = (0..gaussians.len()).flat_map(|i| normalized(&gaussians, i).1).collect();

@@ -47,7 +47,7 @@ impl Method for LightGaussian {
             Ok(())
         });
         let schedule = Schedule::new(vec![(0, 0, prune), (steps, 0, cut)], 0);
-        let gaussians = recover(task, trainable(task.gaussians), schedule, 2 * steps)?;
+        let gaussians = recover(task, trainable(task.gaussians)?, schedule, 2 * steps)?;
         write(&gaussians, &significance(&gaussians, task)?)
     }
 

@@ -43,7 +43,7 @@ impl MesonGs {
 
 impl Method for MesonGs {
     fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
-        let whole = trainable(task.gaussians);
+        let whole = trainable(task.gaussians)?;
         let pruned = kept(&whole, &significance(&whole, task)?, self.keep);
         let codes = codes_of(&pruned, task)?;
         let round: Change<'_> = Box::new(|recovery| {

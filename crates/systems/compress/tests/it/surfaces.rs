@@ -33,7 +33,10 @@ fn a_ball_is_as_far_from_a_larger_one_as_their_radii_differ() {
     let distance = cameras[0].pose.center().length();
     let expected = 1000.0 * 0.05 / distance;
     let found = surface.chamfer(&ball(1.05)).unwrap();
-    assert!((found / expected - 1.0).abs() < 0.25, "{found} of {expected}");
+    assert!((found / expected - 1.0).abs() < 0.2, "{found} of {expected}");
+    // A hundredth of a cell, which no spacing of points hides.
+    let hardly = surface.chamfer(&ball(1.0002)).unwrap();
+    assert!(hardly < 0.1 * found, "{hardly} beside {found}");
 }
 
 #[test]
