@@ -1,9 +1,9 @@
-//! Contexts of neighbors or the transform RAHT for colors, at equal steps: `raht FILE ...`.
+//! Contexts of neighbors or the transform RAHT for colors, at equal decibels: `raht FILE ...`.
 //!
-//! Of each scene the harmonics are coded in three ways, in equal steps for all Gaussians: as symbols by frequencies alone, as `lite` does by contexts, and
-//! as coefficients of RAHT on the same voxels, of orthonormal mixtures of the channels, by a mixed model whose contexts are the channel, the weight of
-//! the coefficient's cell and the coefficients before it. The transform is orthonormal, so that errors are equal; decibels of pictures show it. Bits are of
-//! one Gaussian. Rows of the table are kinds of harmonics, and what all of a Gaussian takes.
+//! Of each scene the harmonics are coded in three ways, in equal steps for all Gaussians: as symbols by frequencies alone, as `lite` does by
+//! contexts, and as coefficients of RAHT on the same voxels, of orthonormal mixtures of the channels, by a mixed model whose contexts are the
+//! channel, the number of the coefficient and those before it. Steps of the transform are scaled until pictures are as good as by contexts.
+//! Everything else of a Gaussian is coded as `lite` does. Bits are of one Gaussian.
 
 use std::error::Error;
 use weaver_codec::lite::{Quality, encode, order_zero_bits, rounded_in_place};
@@ -44,12 +44,18 @@ fn scene(path: &str) -> Result<(), Box<dyn Error>> {
     let (codes, numbers) = morton_order(&placed);
     let (before, coded) = (gaussians.select(&numbers), placed.select(&numbers));
     let raht = Raht::new(&codes, &vec![1.0; codes.len()])?;
-    let mut transformed = Gaussians { sh: before.sh.clone(), ..coded.clone() };
-    let mut bits = [0.0; 2];
-    for k in 0..before.coefficients() {
-        let step = if k == 0 { QUALITY.dc_step } else { QUALITY.sh_step };
-        bits[usize::from(k > 0)] += harmonic(&mut transformed, k, step, &raht) * per_gaussian;
+    // The factor of the transform's steps at which pictures are as good as those of the contexts.
+    let plain = psnr(&before, &coded)?;
+    let (mut finer, mut coarser) = (0.5_f64, 4.0_f64);
+    let mut equal = ([0.0; 2], 0.0);
+    for _ in 0..7 {
+        let factor = (finer * coarser).sqrt();
+        let (bits, turned) = transformed((&before, &coded), factor, &raht);
+        let decibels = psnr(&before, &turned)?;
+        equal = (bits.map(|bits| bits * per_gaussian), decibels);
+        *(if decibels > plain { &mut finer } else { &mut coarser }) = factor;
     }
+    let (bits, decibels) = equal;
     let whole = 8.0 * bytes.len() as f64 * per_gaussian;
     let others = whole - contexts(b"colo") - contexts(b"harm");
     let zero: f64 = alone.iter().map(|(_, bits)| bits).sum();
@@ -58,9 +64,18 @@ fn scene(path: &str) -> Result<(), Box<dyn Error>> {
     println!("degree 0           {:>11.2} {:>9.2} {:>9.2}", frequencies(b"colo"), contexts(b"colo"), bits[0]);
     println!("further harmonics  {:>11.2} {:>9.2} {:>9.2}", frequencies(b"harm"), contexts(b"harm"), bits[1]);
     println!("all of a Gaussian  {zero:>11.2} {whole:>9.2} {:>9.2}", others + bits[0] + bits[1]);
-    let [plain, turned] = [psnr(&before, &coded)?, psnr(&before, &transformed)?];
-    println!("dB of pictures     {plain:>11.2} {plain:>9.2} {turned:>9.2}");
+    println!("dB of pictures     {plain:>11.2} {plain:>9.2} {decibels:>9.2}");
     Ok(())
+}
+
+/// Gaussians whose harmonics have been transformed, rounded in steps times a factor, and transformed back; bits of degree 0 and of the others.
+fn transformed((before, coded): (&Gaussians, &Gaussians), factor: f64, raht: &Raht) -> ([f64; 2], Gaussians) {
+    let (mut bits, mut gaussians) = ([0.0; 2], Gaussians { sh: before.sh.clone(), ..coded.clone() });
+    for k in 0..before.coefficients() {
+        let step = factor * if k == 0 { QUALITY.dc_step } else { QUALITY.sh_step };
+        bits[usize::from(k > 0)] += harmonic(&mut gaussians, k, step, raht);
+    }
+    (bits, gaussians)
 }
 
 /// Morton codes on a grid of 2^16 voxels a side, ascending, and whose they are.

@@ -21,8 +21,8 @@ pub(crate) struct Recovery<'a> {
     make_rounding: Option<MakeRounding<'a>>,
 }
 
-/// Something that makes roundings for the Gaussians of the moment.
-pub(crate) struct MakeRounding<'a>(pub(crate) Box<dyn Fn(&Gaussians) -> Result<Box<dyn Rounding>, CompressError> + 'a>);
+/// Something that makes a rounding for each part of the training.
+pub(crate) struct MakeRounding<'a>(Box<dyn Fn() -> Box<dyn Rounding> + 'a>);
 
 impl std::fmt::Debug for MakeRounding<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -56,7 +56,7 @@ pub(crate) fn recover<'a>(
 
 impl<'a> Recovery<'a> {
     /// Trains what is drawn rounded from now on.
-    pub(crate) fn round(&mut self, make: impl Fn(&Gaussians) -> Result<Box<dyn Rounding>, CompressError> + 'a) {
+    pub(crate) fn round(&mut self, make: impl Fn() -> Box<dyn Rounding> + 'a) {
         self.make_rounding = Some(MakeRounding(Box::new(make)));
     }
 
@@ -92,7 +92,7 @@ impl<'a> Recovery<'a> {
         let mut fit = Fit::new(self.photos.clone(), &self.gaussians, settings)?;
         fit.set_raster_settings(pictures.settings);
         if let Some(MakeRounding(make)) = &self.make_rounding {
-            fit.set_rounding(0.0, make(&self.gaussians)?);
+            fit.set_rounding(0.0, make());
         }
         for _ in 0..steps {
             fit.step()?;
@@ -114,7 +114,7 @@ fn targets(task: &Task<'_>) -> Result<Vec<Photo>, CompressError> {
         let rgb = picture.iter().map(|x| (255.0 * x.clamp(0.0, 1.0)).round() as u8).collect();
         Ok(Photo { name: format!("picture {number}"), camera, rgb, mask: None })
     };
-    pictures.cameras.iter().copied().enumerate().map(|(i, camera)| (i, camera)).map(photo).collect()
+    pictures.cameras.iter().copied().enumerate().map(photo).collect()
 }
 
 /// The scene with harmonics that can be trained, if all its numbers are finite.

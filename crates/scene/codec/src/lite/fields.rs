@@ -113,7 +113,7 @@ impl Fields {
 
     pub(super) fn rotations(&self, coder: &mut impl Coder, rotations: &mut [[i32; 3]]) -> Result<(), CodecError> {
         let mut model = MixedModel::new([16 * 3, 16 * 3, 24 * 3]);
-        for i in 0..self.count() {
+        for (i, rotation) in rotations.iter_mut().enumerate() {
             let scales = self.symbols.scales[i];
             let steps = self.head.steps(scales, self.shows(i));
             // Numbers of the range: up to √¾ of the step.
@@ -121,10 +121,10 @@ impl Fields {
             let fine = 2 * bucket(range, 11) - usize::from(range < 3 << (bucket(range, 11).max(2) - 2));
             let thin = ((scales[0] - scales[2]).saturating_mul(2) / 3).clamp(0, 15) as usize;
             let mut before = 0;
-            for axis in 0..3 {
+            for (axis, number) in rotation.iter_mut().enumerate() {
                 let contexts = [thin * 3 + axis, bucket(before, 15) * 3 + axis, fine.min(23) * 3 + axis];
-                let symbol = bounded(model.code(coder, contexts, rotations[i][axis]));
-                rotations[i][axis] = symbol;
+                let symbol = bounded(model.code(coder, contexts, *number));
+                *number = symbol;
                 before = before.max(symbol.abs());
             }
             check(coder, "rota", i)?;

@@ -42,7 +42,7 @@ impl Method for C3dgs {
         let shapes = (Codes::fit(&shapes, SHAPE, &of_shapes, self.codes)?, shapes);
         let round: Change<'_> = Box::new(|recovery| {
             let colors = colors.clone();
-            recovery.round(move |_| Ok(Box::new(Coded { colors: colors.clone() })));
+            recovery.round(move || Box::new(Coded { colors: colors.clone() }));
             Ok(())
         });
         let trained = recover(task, gaussians.clone(), Schedule::new(vec![(0, 0, round)], 0), task.steps)?;

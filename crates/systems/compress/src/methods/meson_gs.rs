@@ -48,7 +48,7 @@ impl Method for MesonGs {
         let codes = codes_of(&pruned, task)?;
         let round: Change<'_> = Box::new(|recovery| {
             let codes = codes.clone();
-            recovery.round(move |_| Ok(Box::new(Transformed { codes: codes.clone() })));
+            recovery.round(move || Box::new(Transformed { codes: codes.clone() }));
             Ok(())
         });
         let steps = (STEPS * task.steps as f64) as usize;

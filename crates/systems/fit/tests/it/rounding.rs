@@ -16,10 +16,7 @@ impl Rounding for Steps {
         let round = |values: &[f32]| -> Vec<f32> {
             values.iter().map(|x| if self.0 > 0.0 { (x / self.0).round() * self.0 } else { *x }).collect()
         };
-        Ok(Gaussians {
-            opacity_logits: round(&gaussians.opacity_logits),
-            ..gaussians.clone()
-        })
+        Ok(Gaussians { opacity_logits: round(&gaussians.opacity_logits), ..gaussians.clone() })
     }
 }
 
