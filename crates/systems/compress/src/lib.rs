@@ -17,15 +17,17 @@ mod recovery;
 mod schedule;
 mod shapes;
 mod steps;
+mod table;
 mod views;
 
 pub use error::CompressError;
 pub use geometry::Surface;
 pub use judge::{Judge, Pictures};
-pub use method::{Family, METHODS, Method, Point, Task, formats};
+pub use method::{Method, Point, Task};
 pub use methods::{C3dgs, Format, Half, LightGaussian, Lite, MesonGs, SpeedySplat, Zstd};
 pub use schedule::Schedule;
 pub use steps::{Compressed, MOST_DECIBELS, Round, compress};
+pub use table::{Family, METHODS, formats};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]
