@@ -138,24 +138,38 @@ pub enum Passes {
     Apart,
 }
 
-/// Compares formats of scenes: bytes, bits of a Gaussian, decibels of pictures beside the scene's, and seconds.
+/// Compares methods of compression: bytes, bits of a Gaussian, decibels of pictures beside the scene's, and seconds.
 ///
-/// `lite` is `splatweaver compress` at several qualities. Controls: `zstd` packs the PLY, `half` keeps the more important half of the Gaussians,
-/// `half-random` half of them at random. Pictures are six of an orbit over white, 256 pixels square, unless cameras are given.
+/// Formats of files, `lite` (`splatweaver compress`) at several qualities, methods of papers with several constants, and controls: `zstd` packs the
+/// PLY, `half` keeps the more important half of the Gaussians, `half-random` half of them at random. Pictures that judge are six of an orbit over
+/// white, 256 pixels square, or every eighth camera of a file or a capture; methods learn from other cameras.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver bench compress scene.ply
-  splatweaver bench compress scene.ply --methods lite,spz4,sog --cameras transforms.json --html table.html")]
+  splatweaver bench compress scene.ply --methods lite,spz4,sog --cameras transforms.json --html table.html
+  splatweaver bench compress fern/scene.ply --data fern --methods lite,lightgaussian --steps 500 --geometry")]
 pub struct BenchCompress {
     /// Files of Gaussians
     #[arg(value_name = "SCENE", required = true)]
     pub scenes: Vec<PathBuf>,
-    /// Formats, lite, zstd, half, half-random [default: all]
+    /// Formats, lite, lightgaussian, mesongs, c3dgs, speedysplat, zstd, half, half-random [default: all]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub methods: Vec<String>,
     /// Cameras of the pictures: transforms.json, a folder with a COLMAP model, or a RealEstate10K file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "data")]
     pub cameras: Option<PathBuf>,
+    /// Folder of the capture that the scenes were fitted to: methods train with its photos, and those that it holds out judge as well
+    #[arg(long, value_name = "DIR")]
+    pub data: Option<PathBuf>,
+    /// Optimization steps in place of 5000 in a method's paper; other numbers in proportion
+    #[arg(long, value_name = "N", default_value_t = 300)]
+    pub steps: usize,
+    /// Seed of everything that is drawn at random
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Also compares surfaces: Chamfer distance of meshes of the drawn depth, in thousandths of the cameras' distance
+    #[arg(long)]
+    pub geometry: bool,
     /// Writes the table and curves as one page
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,

@@ -3,6 +3,7 @@
 mod cameras;
 mod density;
 mod hold_out;
+mod level;
 mod light;
 mod matching;
 mod minutes;
@@ -12,6 +13,7 @@ mod refine;
 pub use cameras::CameraChoice;
 pub use density::DensityFlags;
 pub use hold_out::hold_out;
+pub use level::level;
 pub use light::LightFlags;
 pub use matching::{ClipFlags, MatchingFlags};
 pub use minutes::minutes;

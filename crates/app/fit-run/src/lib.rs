@@ -6,6 +6,7 @@
 //! | `init.ply` | the Gaussians it began with, if they were given |
 //! | `checkpoint.safetensors` | everything needed to go on |
 //! | `scene.ply` | the Gaussians; also in other formats if asked for, as `scene.spz` |
+//! | `scene.wsz` | the Gaussians compressed, if the fit was made for it |
 //! | `transforms.json`, `sparse/0` | the cameras, refined ones too, of the photos as they are on disk; the points, moved with them |
 //! | `summary.json` | the outcome |
 //! | `metrics.jsonl`, `events/` | logged values, also for TensorBoard |
@@ -15,6 +16,7 @@
 //!
 //! [`Run`] is such a fit, [`RunSettings`] what is asked of it, [`plan`](fn@plan) what it would take.
 
+mod compressed;
 mod error;
 mod fitting;
 mod judged;

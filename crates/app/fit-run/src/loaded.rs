@@ -1,5 +1,6 @@
 //! A capture, ready to be fitted.
 
+use crate::compressed;
 use crate::matching::Matching;
 use crate::sources::Sources;
 use crate::{Initial, RunError, RunSettings};
@@ -113,5 +114,8 @@ pub(crate) fn load(
     let strategy = settings.fit.density.strategy();
     let mut fit = Fit::with(rasterizer, strategy, training, &initial, settings.fit.clone())?;
     fit.begin_exposures(&colors.gains);
+    if let Some(level) = settings.compress {
+        compressed::train_for(&mut fit, level);
+    }
     Ok(Loaded { fit, held_out, origins, points: capture.points, matching, colors, sources, remarks })
 }

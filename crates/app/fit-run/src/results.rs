@@ -1,5 +1,6 @@
 //! The end of a run: scene, cameras, judgment, report.
 
+use crate::compressed;
 use crate::fitting::Fitting;
 use crate::judged::Judged;
 use crate::loaded::{Loaded, Origin};
@@ -33,6 +34,11 @@ impl Run {
         let weaver_run::Run { folder, job } = &mut self.0;
         let out = folder.out();
         job.capture.fit.fetch()?;
+        if let Some(level) = job.settings.compress {
+            compressed::write(&out.file(compressed::FILE)?, &job.fit().gaussians(), level)?;
+            // All further results are those of what the file holds.
+            job.capture.fit.settle()?;
+        }
         let gaussians = job.fit().gaussians();
         let drawing = Drawing::antialiased(job.fit().raster_settings().antialiased);
         write_scene(out.file("scene.ply")?, &gaussians, drawing)?;

@@ -1,5 +1,6 @@
 //! A fit of a capture, under way.
 
+use crate::compressed;
 use crate::fitting::Fitting;
 use crate::loaded::load;
 use crate::{Matching, RunError, RunFile, RunSettings};
@@ -73,7 +74,7 @@ impl Run {
         rasterizer: Arc<dyn FitRasterizer>,
     ) -> Result<Self, RunError> {
         let started = Instant::now();
-        folder.out().check(settings.formats.iter().map(file_of_scene))?;
+        folder.out().check(further(&settings))?;
         settings.fit.check()?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
         let capture = load(&mut settings, given, rasterizer)?;
@@ -110,7 +111,7 @@ impl Run {
         let started = Instant::now();
         let RunFile { mut settings, sources } = RunFile::read(folder)?;
         let given = folder.join(INIT);
-        let further = settings.formats.iter().map(file_of_scene).chain([INIT.into()]);
+        let further = further(&settings).chain([INIT.into()]);
         let folder = Folder::reopen_with(folder, KIND, further)?;
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
         let capture = load(&mut settings, given.as_ref(), rasterizer)?;
@@ -181,6 +182,11 @@ impl Run {
         })?;
         Ok(())
     }
+}
+
+/// The files of the scene beside `scene.ply`.
+fn further(settings: &RunSettings) -> impl Iterator<Item = String> {
+    settings.formats.iter().map(file_of_scene).chain(settings.compress.map(|_| compressed::FILE.into()))
 }
 
 /// The file of the scene in this format.

@@ -40,6 +40,10 @@ pub struct RunSettings {
     pub save_every: f64,
     /// Further files of the scene, beside `scene.ply`.
     pub formats: Vec<SceneFormat>,
+    /// Level of a compressed file that the end of the run is made for, 0 to 3 ([`Quality::level`](weaver_codec::lite::Quality::level)); `None`
+    /// writes none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compress: Option<f64>,
     /// True if the scene is also written as a page to look at, `view.html`.
     #[serde(default = "written")]
     pub html: bool,
@@ -102,6 +106,7 @@ impl RunSettings {
             least_steps: 1,
             save_every: 20.0,
             formats: Vec::new(),
+            compress: None,
             html: true,
             fit,
         }

@@ -85,10 +85,27 @@ impl Codebook {
     }
 
     fn nearest_with_distance(&self, vector: &[f64]) -> (usize, f64) {
-        let distance = |code: &[f64]| code.iter().zip(vector).map(|(c, x)| (c - x) * (c - x)).sum::<f64>();
-        let distances = self.codes.chunks_exact(self.dimensions).map(distance).enumerate();
-        distances.fold((0, f64::INFINITY), |best, found| if found.1 < best.1 { found } else { best })
+        let codes = self.codes.chunks_exact(self.dimensions).enumerate();
+        codes.fold((0, f64::INFINITY), |best, (index, code)| {
+            let distance = distance_below(best.1, code, vector);
+            if distance < best.1 { (index, distance) } else { best }
+        })
     }
+}
+
+/// Numbers of a distance after which it is compared with the nearest so far.
+const AT_ONCE: usize = 8;
+
+/// The squared distance of two vectors, or a part of it that is not below `limit`.
+fn distance_below(limit: f64, a: &[f64], b: &[f64]) -> f64 {
+    let mut distance = 0.0;
+    for (a, b) in a.chunks(AT_ONCE).zip(b.chunks(AT_ONCE)) {
+        distance += a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+        if distance >= limit {
+            break;
+        }
+    }
+    distance
 }
 
 fn check(vectors: &[f64], dimensions: usize, importance: &[f64], codes: usize) -> Result<(), CodecError> {

@@ -81,6 +81,28 @@ pub fn rounded(gaussians: &Gaussians, quality: &Quality) -> Result<Gaussians, Co
     Ok(restore(&head, &symbols, gaussians.degree))
 }
 
+/// Gaussians of the same pictures as those of [`rounded`], in the order and with the axes of those that are given: what training with
+/// quantization draws in their place.
+///
+/// # Errors
+/// As [`encode`].
+pub fn rounded_in_place(gaussians: &Gaussians, quality: &Quality) -> Result<Gaussians, CodecError> {
+    let (head, symbols, order) = quantize(gaussians, quality)?;
+    let sorted = restore(&head, &symbols, gaussians.degree);
+    let mut placed = gaussians.clone();
+    let row = 3 * gaussians.coefficients();
+    for (at, &i) in order.iter().enumerate() {
+        placed.means[i] = sorted.means[at];
+        placed.opacity_logits[i] = sorted.opacity_logits[at];
+        placed.sh[row * i..][..row].copy_from_slice(&sorted.sh[row * at..][..row]);
+        (placed.log_scales[i], placed.quats[i]) = rotation::unsorted(
+            (gaussians.log_scales[i], gaussians.quats[i]),
+            (sorted.log_scales[at], sorted.quats[at]),
+        );
+    }
+    Ok(placed)
+}
+
 /// Decodes Gaussians. Their order is that of the blocks, within one Morton order.
 ///
 /// # Errors

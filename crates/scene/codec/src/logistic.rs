@@ -12,12 +12,13 @@ const LARGEST: f32 = 11.0;
 /// Probabilities that [`stretch`] tells apart.
 const LEVELS: usize = 1 << 12;
 
-static SQUASH: LazyLock<Vec<f32>> = LazyLock::new(|| {
-    let last = (2.0 * LARGEST * STEPS) as i32 + 1;
-    (0..=last).map(|i| logistic(f64::from(i) / f64::from(STEPS) - f64::from(LARGEST)) as f32).collect()
-});
+/// Room for all steps, a power of two, so that no index has to be checked.
+const ROOM: usize = 1 << 11;
 
-static STRETCH: LazyLock<Vec<f32>> = LazyLock::new(|| (0..LEVELS).map(|i| logit(i) as f32).collect());
+static SQUASH: LazyLock<[f32; ROOM]> =
+    LazyLock::new(|| std::array::from_fn(|i| logistic(i as f64 / f64::from(STEPS) - f64::from(LARGEST)) as f32));
+
+static STRETCH: LazyLock<[f32; LEVELS]> = LazyLock::new(|| std::array::from_fn(|i| logit(i) as f32));
 
 fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + exp(-x))
@@ -36,8 +37,8 @@ fn logit(level: usize) -> f64 {
 /// Both tables, looked up once for a stream.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Logistic {
-    squash: &'static [f32],
-    stretch: &'static [f32],
+    squash: &'static [f32; ROOM],
+    stretch: &'static [f32; LEVELS],
 }
 
 impl Default for Logistic {
@@ -52,7 +53,7 @@ impl Logistic {
     pub(crate) fn squash(self, x: f32) -> f32 {
         let place = (x.clamp(-LARGEST, LARGEST) + LARGEST) * STEPS;
         let below = place as usize;
-        let (low, high) = (self.squash[below], self.squash[below + 1]);
+        let (low, high) = (self.squash[below % ROOM], self.squash[(below + 1) % ROOM]);
         low + (high - low) * (place - below as f32)
     }
 

@@ -114,22 +114,27 @@ impl<const K: usize> MixedModel<K> {
     pub fn code(&mut self, coder: &mut impl Coder, contexts: [usize; K], value: i32) -> i32 {
         assert!(value.unsigned_abs() < 1 << BITS, "expected a magnitude below 2^24, found {value}");
         let at = self.places(contexts);
+        let Self { estimates, weights, logistic, .. } = self;
+        let mut row = estimates.iter_mut().zip(at).map(|(estimates, at)| estimates[at..].first_chunk_mut::<NODES>());
+        let rows: [_; K] = std::array::from_fn(|_| row.next().flatten().expect("estimates of all nodes"));
+        let weights = weights.first_chunk_mut::<NODES>().expect("weights of all nodes");
+        let mut path = Path { rows, weights, logistic: *logistic };
         let magnitude = value.unsigned_abs();
         let length = (u32::BITS - magnitude.leading_zeros()) as usize;
         let mut bits = 0;
-        while bits < BITS && self.decide(coder, &at, 1 + 4 * bits, bits < length) {
+        while bits < BITS && path.decide(coder, 1 + 4 * bits, bits < length) {
             bits += 1;
         }
         if bits == 0 {
             return 0;
         }
-        let negative = self.decide(coder, &at, SIGN, value < 0);
+        let negative = path.decide(coder, SIGN, value < 0);
         let mut found = 1_u32;
         for place in (0..bits - 1).rev() {
             let bit = magnitude >> place & 1;
             // Behind the highest bit two are modeled, by those before them.
             let bit = if found < 4 {
-                u32::from(self.decide(coder, &at, 1 + 4 * (bits - 1) + found as usize, bit == 1))
+                u32::from(path.decide(coder, 1 + 4 * (bits - 1) + found as usize, bit == 1))
             } else {
                 coder.raw(1, bit)
             };
@@ -141,26 +146,48 @@ impl<const K: usize> MixedModel<K> {
     /// Codes a single decision in its contexts.
     pub fn code_bit(&mut self, coder: &mut impl Coder, contexts: [usize; K], bit: bool) -> bool {
         let at = self.places(contexts);
-        self.decide(coder, &at, 0, bit)
+        let Self { estimates, weights, logistic, .. } = self;
+        let mut estimates = estimates.iter_mut().zip(at).map(|(estimates, at)| &mut estimates[at]);
+        let estimates = std::array::from_fn(|_| estimates.next().expect("estimates of all contexts"));
+        decide(coder, estimates, &mut weights[0], *logistic, bit)
     }
 
     /// Where the estimates of each context begin.
     fn places(&self, contexts: [usize; K]) -> [usize; K] {
         std::array::from_fn(|k| (contexts[k] * self.nodes).min(self.estimates[k].len() - self.nodes))
     }
+}
 
+/// Estimates of one number's contexts, and weights, at all nodes.
+struct Path<'a, const K: usize> {
+    rows: [&'a mut [Estimate; NODES]; K],
+    weights: &'a mut [Weights<K>; NODES],
+    logistic: Logistic,
+}
+
+impl<const K: usize> Path<'_, K> {
     #[inline(always)]
-    fn decide(&mut self, coder: &mut impl Coder, at: &[usize; K], node: usize, bit: bool) -> bool {
-        let logit = |k: usize| self.logistic.stretch(self.estimates[k][at[k] + node].probability());
-        let logits: [f32; K] = std::array::from_fn(logit);
-        let mixer = &mut self.weights[node];
-        let sum = mixer.weights.iter().zip(&logits).fold(0.0, |sum, (weight, logit)| sum + weight * logit);
-        let p = self.logistic.squash(sum);
-        let bit = coder.bit(((p * 65_536.0) as i32).clamp(1, 65_535) as u16, bit);
-        let step = (if bit { 1.0 - p } else { -p }) * mixer.rate;
-        mixer.weights.iter_mut().zip(&logits).for_each(|(weight, logit)| *weight += step * logit);
-        self.estimates.iter_mut().zip(at).for_each(|(estimates, at)| estimates[at + node].learn(bit));
-        mixer.rate += (RATE - mixer.rate) * (1.0 / 128.0);
-        bit
+    fn decide(&mut self, coder: &mut impl Coder, node: usize, bit: bool) -> bool {
+        decide(coder, self.rows.each_mut().map(|row| &mut row[node]), &mut self.weights[node], self.logistic, bit)
     }
+}
+
+/// Codes a decision by mixed estimates, which learn from it.
+#[inline(always)]
+fn decide<const K: usize>(
+    coder: &mut impl Coder,
+    estimates: [&mut Estimate; K],
+    mixer: &mut Weights<K>,
+    logistic: Logistic,
+    bit: bool,
+) -> bool {
+    let logits = estimates.each_ref().map(|estimate| logistic.stretch(estimate.probability()));
+    let sum = mixer.weights.iter().zip(&logits).fold(0.0, |sum, (weight, logit)| sum + weight * logit);
+    let p = logistic.squash(sum);
+    let bit = coder.bit(((p * 65_536.0) as i32).clamp(1, 65_535) as u16, bit);
+    let step = (if bit { 1.0 - p } else { -p }) * mixer.rate;
+    mixer.weights.iter_mut().zip(&logits).for_each(|(weight, logit)| *weight += step * logit);
+    estimates.into_iter().for_each(|estimate| estimate.learn(bit));
+    mixer.rate += (RATE - mixer.rate) * (1.0 / 128.0);
+    bit
 }

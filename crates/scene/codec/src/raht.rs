@@ -78,6 +78,13 @@ impl Raht {
         Ok(Self { voxels: codes.len(), merges })
     }
 
+    /// Indices of coefficients from the coarsest to the finest: the mean first, then differences of ever smaller cells.
+    pub fn order(&self) -> Vec<usize> {
+        let first = self.merges.last().map_or(0, |merge| merge.pair[0]);
+        let finer = self.merges.iter().rev().map(|merge| merge.pair[1]);
+        (self.voxels > 0).then_some(first).into_iter().chain(finer).collect()
+    }
+
     /// Transforms values, `[N, C]`.
     ///
     /// # Panics

@@ -190,6 +190,11 @@ impl<'a> RangeDecoder<'a> {
     fn narrow(&mut self, part: u32, first: u32, size: u32) {
         self.code = self.code.wrapping_sub(part * first);
         self.range = if first + size == WHOLE { self.range - part * first } else { part * size };
+        self.refill();
+    }
+
+    #[inline(always)]
+    fn refill(&mut self) {
         while self.range < SMALLEST {
             self.range <<= 8;
             self.pull();
@@ -200,13 +205,12 @@ impl<'a> RangeDecoder<'a> {
 impl Coder for RangeDecoder<'_> {
     #[inline]
     fn bit(&mut self, probability: u16, _: bool) -> bool {
-        let (part, size) = (self.range >> PRECISION, u32::from(probability));
-        let bit = self.code < part * size;
-        if bit {
-            self.narrow(part, 0, size)
-        } else {
-            self.narrow(part, size, WHOLE - size)
-        }
+        // Selections in place of a branch, which would be predicted wrongly as often as the bit is uncertain.
+        let bound = (self.range >> PRECISION) * u32::from(probability);
+        let bit = self.code < bound;
+        self.code = self.code.wrapping_sub(if bit { 0 } else { bound });
+        self.range = if bit { bound } else { self.range - bound };
+        self.refill();
         bit
     }
 

@@ -1,14 +1,33 @@
-//! Compression of scenes of Gaussians to a wanted quality of their pictures; no files.
+//! Compression of scenes of Gaussians: to a wanted quality of their pictures, and by the methods of others; nothing is read from or written to disk.
 //!
-//! [`Judge`] draws a scene and compares what is left of it. [`compress`] chooses the steps of [`lite`](weaver_codec::lite).
+//! - [`Judge`] draws a scene and compares what is left of it. [`compress`] chooses the steps of [`lite`](weaver_codec::lite).
+//! - [`Surface`] compares surfaces: meshes of the drawn depth.
+//! - [`Method`] is a way to compress: real bytes of a scene, and a scene of these bytes alone. [`METHODS`] is the table of them, [`formats()`] the
+//!   formats of files as methods.
+//! - Methods that train do so by weaver-fit, on a [`Schedule`] of changes.
 
+mod codes;
 mod error;
+mod geometry;
 mod judge;
+mod method;
+mod methods;
+mod payload;
+mod recovery;
+mod schedule;
+mod shapes;
 mod steps;
+mod table;
+mod views;
 
 pub use error::CompressError;
+pub use geometry::Surface;
 pub use judge::{Judge, Pictures};
+pub use method::{Method, Point, Task};
+pub use methods::{C3dgs, Format, Half, LightGaussian, Lite, MesonGs, SpeedySplat, Zstd};
+pub use schedule::Schedule;
 pub use steps::{Compressed, MOST_DECIBELS, Round, compress};
+pub use table::{Family, METHODS, formats};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

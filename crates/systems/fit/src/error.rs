@@ -34,6 +34,14 @@ pub enum FitError {
         /// The loss.
         loss: f64,
     },
+    /// Gaussians that cannot be rounded.
+    #[error("step {step}: {source}")]
+    Rounding {
+        /// The step.
+        step: usize,
+        /// The Gaussian, what was expected and what was found.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// The rasterizer refused.
     #[error(transparent)]
     Raster(#[from] weaver_splat::RasterError),

@@ -11,6 +11,7 @@ use crate::objective::{L1Ssim, Objective};
 use crate::photos::{self, Pyramid, at_level};
 use crate::population::Population;
 use crate::resident::Resident;
+use crate::rounding::Rounding;
 use crate::settings::FitSettings;
 use crate::strategy::{Moment, Strategy};
 use crate::transients::{Transients, counted};
@@ -85,6 +86,7 @@ pub struct Fit {
     pub(crate) activated: Activated,
     gradients: Gradients,
     objective: Box<dyn Objective>,
+    rounding: Option<(f64, Box<dyn Rounding>)>,
     buffers: Buffers,
     pub(crate) timings: StepTimings,
 }
@@ -146,6 +148,7 @@ impl Fit {
             activated: Activated::default(),
             gradients: Gradients::default(),
             objective: Box::new(L1Ssim::new(settings.ssim_weight)),
+            rounding: None,
             buffers: Buffers::default(),
             timings: StepTimings::default(),
             settings,
@@ -234,6 +237,26 @@ impl Fit {
         // What a device compares by is its own.
         self.resident = None;
         self.objective = objective;
+    }
+
+    /// Draws rounded Gaussians in place of those that are optimized, from this part of the run on.
+    pub fn set_rounding(&mut self, from: f64, rounding: Box<dyn Rounding>) {
+        // A device draws what it optimizes.
+        self.resident = None;
+        self.rounding = Some((from, rounding));
+    }
+
+    /// Makes the Gaussians those that the last steps have drawn, if these were rounded; the optimizer's memory stays.
+    ///
+    /// # Errors
+    /// [`FitError::Rounding`] for Gaussians that cannot be rounded.
+    pub fn settle(&mut self) -> Result<(), FitError> {
+        let (fraction, step) = (self.moment().fraction(), self.step);
+        if let Some((_, rounding)) = self.rounding.as_mut().filter(|(from, _)| fraction >= *from) {
+            let rounded = rounding.rounded(&self.population.to_gaussians(0));
+            self.population.set(rounded.map_err(|source| FitError::Rounding { step, source })?);
+        }
+        Ok(())
     }
 
     /// Times of the parts of the last step.
@@ -354,12 +377,20 @@ impl Fit {
         let raster = self.raster;
         let buffers = &mut self.buffers;
         buffers.resize(height * width);
-        self.activated.update(&self.population);
+        let rounded = match &mut self.rounding {
+            Some((from, rounding)) if moment.fraction() >= *from => {
+                let rounded = rounding.rounded(&self.population.to_gaussians(0));
+                Some(Population::drawn(rounded.map_err(|source| FitError::Rounding { step: moment.step, source })?))
+            }
+            _ => None,
+        };
+        let drawn = rounded.as_ref().unwrap_or(&self.population);
+        self.activated.update(drawn);
         if self.settings.dropout > 0.0 {
             let part = self.settings.dropout * moment.fraction();
             self.activated.drop_part(part, Stream::new(self.settings.seed, self.step as u64, "fit.dropout"));
         }
-        let gaussians = self.activated.slices(&self.population);
+        let gaussians = self.activated.slices(drawn);
         let rate = self.settings.poses.rate_at(moment.fraction());
         let depth = (rate > 0.0).then_some(&mut buffers.depth[..]);
         let images = Images { image: &mut buffers.image, alpha: &mut buffers.alpha, depth, features: None };

@@ -4,6 +4,7 @@
 //! - [`FitSettings`] says how; all times in it are fractions of the run.
 //! - [`Strategy`] is density control: [`Split`](strategy::Split), [`Mcmc`](strategy::Mcmc), [`Keep`](strategy::Keep), or one's own.
 //! - [`Objective`] is what views are compared with photos by: [`L1Ssim`], or a loss of one's own.
+//! - [`Rounding`] trains with quantization: rounded Gaussians are drawn in place of those that are optimized.
 //! - [`FitRasterizer`] is what draws; one on a device may keep the Gaussians there ([`DeviceFit`]).
 //! - Cameras go toward where their photos fit the scene, if asked: [`Poses`].
 //! - [`init`] makes the Gaussians to start from.
@@ -25,6 +26,7 @@ mod objective;
 mod photos;
 mod population;
 mod resident;
+mod rounding;
 mod settings;
 #[cfg(feature = "state")]
 mod state;
@@ -44,6 +46,7 @@ pub use gradients::Gradients;
 pub use objective::{L1Ssim, Objective};
 pub use photos::mean_color;
 pub use population::{Field, Population};
+pub use rounding::Rounding;
 pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
 #[cfg(feature = "state")]
 pub use state::gaussians_of;

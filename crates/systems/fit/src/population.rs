@@ -145,6 +145,29 @@ impl Population {
         }
     }
 
+    /// Gaussians that are drawn and not optimized: without the optimizer's memory.
+    pub(crate) fn drawn(gaussians: Gaussians) -> Self {
+        let field = |values, width| Field { values, width, ..Field::default() };
+        let (width, degree) = (3 * gaussians.coefficients(), gaussians.degree);
+        Self {
+            means: field(gaussians.means.into_flattened(), 3),
+            log_scales: field(gaussians.log_scales.into_flattened(), 3),
+            quats: field(gaussians.quats.into_flattened(), 4),
+            logits: field(gaussians.opacity_logits, 1),
+            sh: field(gaussians.sh, width),
+            degree,
+        }
+    }
+
+    /// Sets the numbers of all Gaussians, of the same degree; the optimizer's memory stays.
+    pub(crate) fn set(&mut self, gaussians: Gaussians) {
+        self.means.values = gaussians.means.into_flattened();
+        self.log_scales.values = gaussians.log_scales.into_flattened();
+        self.quats.values = gaussians.quats.into_flattened();
+        self.logits.values = gaussians.opacity_logits;
+        self.sh.values = gaussians.sh;
+    }
+
     #[cfg(feature = "state")]
     pub(crate) fn from_fields([means, log_scales, quats, logits, sh]: [Field; 5], degree: usize) -> Self {
         Self { means, log_scales, quats, logits, sh, degree }

@@ -8,7 +8,7 @@ pub use course::{Means, VIEW, begin, print};
 use super::convert::scene_format;
 use crate::clip;
 use crate::estimate::estimated_capture;
-use crate::flags::{CameraChoice, ClipFlags, MatchingFlags, hold_out, minutes};
+use crate::flags::{CameraChoice, ClipFlags, MatchingFlags, hold_out, level, minutes};
 use clap::Args;
 use course::finish;
 use initial::Start;
@@ -61,7 +61,7 @@ pub struct Fit {
     #[arg(long, value_name = "S", help_heading = RUN)]
     pub seed: Option<u64>,
     /// Goes on with this run, with its own settings
-    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "hold_out", "max_photos", "formats", "settings", "config", "dry_run"])]
+    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run"])]
     pub resume: Option<PathBuf>,
     /// Says what the run would take, and writes nothing
     #[arg(long, help_heading = RUN)]
@@ -120,6 +120,9 @@ pub struct Fit {
     /// Further files of the scene, in formats that `splatweaver convert --help` lists; may be repeated
     #[arg(long = "also", value_parser = scene_format(), value_name = "FORMAT", help_heading = SCENE)]
     pub formats: Vec<SceneFormat>,
+    /// Also writes scene.wsz, at a level from 0, the finest, to 3, and fits the last tenth of the run with its rounding in place
+    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = level, help_heading = SCENE)]
+    pub compress: Option<f64>,
     /// Writes no view.html, the page to look at the scene
     #[arg(long, help_heading = SCENE, conflicts_with = "resume")]
     pub no_html: bool,
@@ -232,6 +235,7 @@ fn settings(arguments: &Fit, (capture, hold_out): (PathBuf, HoldOut), initial: &
         least_steps: arguments.least_steps as usize,
         save_every: arguments.save_every,
         formats: arguments.formats.clone(),
+        compress: arguments.compress,
         html: !arguments.no_html,
         ..RunSettings::new(capture, FitSettings::default())
     };

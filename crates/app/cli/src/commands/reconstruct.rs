@@ -3,7 +3,7 @@
 use super::fit;
 use crate::clip;
 use crate::estimate::estimated_capture;
-use crate::flags::{ClipFlags, MatchingFlags, hold_out, minutes};
+use crate::flags::{ClipFlags, MatchingFlags, hold_out, level, minutes};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -54,6 +54,9 @@ pub struct Reconstruct {
     /// Prints the result as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
+    /// Also writes scene.wsz, at a level from 0, the finest, to 3, and fits the last tenth of the run with its rounding in place
+    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = level)]
+    pub compress: Option<f64>,
     /// Writes no view.html, the page to look at the scene
     #[arg(long)]
     pub no_html: bool,
@@ -135,6 +138,7 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
         long_side: Some(size as usize),
         hold_out,
         by_photos: ByPhotos::ALL,
+        compress: arguments.compress,
         html: !arguments.no_html,
         ..RunSettings::new(capture, FitSettings::default())
     };

@@ -4,7 +4,7 @@ mod promises;
 
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
@@ -201,6 +201,38 @@ fn gaussians_that_were_given_are_there_again() {
     Run::create(&other, again, Some(&given), Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     let resumed = Run::resume(&other, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     assert_eq!(resumed.fit().gaussians().means, given.means);
+}
+
+#[test]
+fn a_compressed_scene_is_what_all_results_are_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    capture(&data, 6);
+    let scene = |name: &str, compress: Option<f64>, stop_at: usize| {
+        let out = folder.path().join(name);
+        let settings = RunSettings { compress, ..settings(&data) };
+        let mut run = Run::create(&out, settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
+        let stop = AtomicBool::new(false);
+        run.advance(&stop, |report| stop.store(report.step == stop_at, Ordering::Relaxed)).unwrap();
+        if run.fit().steps_done() < 20 {
+            drop(run);
+            run = Run::resume(&out, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
+            run.advance(&AtomicBool::new(false), |_| {}).unwrap();
+        }
+        run.finish().unwrap();
+        (weaver_io::read_gaussians(out.join("scene.ply")).unwrap(), std::fs::read(out.join("scene.wsz")).ok())
+    };
+    let (ply, wsz) = scene("whole", Some(2.0), 0);
+    let decoded = weaver_codec::lite::decode(wsz.as_ref().unwrap()).unwrap();
+    // The PLY has the order of the fit.
+    let sorted = |gaussians: &weaver_scene::Gaussians| {
+        let mut rows: Vec<_> = gaussians.means.iter().zip(&gaussians.opacity_logits).map(|(m, o)| (*m, *o)).collect();
+        rows.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        rows
+    };
+    assert_eq!(sorted(&ply), sorted(&decoded));
+    assert!(scene("stopped", Some(2.0), 19) == (ply, wsz), "the same bits after a stop");
+    assert!(scene("without", None, 0).1.is_none());
 }
 
 /// Median angle of the cameras in a file from the true ones, degrees.

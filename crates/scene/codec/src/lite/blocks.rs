@@ -35,46 +35,87 @@ pub(super) fn split(head: &Head, symbols: &Symbols) -> Vec<Vec<usize>> {
 /// Encodes a block.
 pub(super) fn block_streams(head: &Head, symbols: Symbols) -> Result<Vec<Stream<'static>>, CodecError> {
     let count = symbols.voxels.len();
-    let stream = |name, coder: RangeEncoder| Stream { name, symbols: count as u64, bytes: coder.finish().into() };
+    let stream = |name, bytes: Vec<u8>| Stream { name, symbols: count as u64, bytes: bytes.into() };
     let mut encoder = RangeEncoder::default();
     positions(&mut encoder, head, count, &symbols.voxels)?;
-    let mut streams = vec![stream(STREAMS[0], encoder)];
+    let mut streams = vec![stream(STREAMS[0], encoder.finish())];
     let mut fields = Fields::new(*head, symbols);
-    for &name in &STREAMS[1..] {
-        let blend = best_blend(&mut fields, name)?;
+    for name in [b"scal", b"opac"] {
+        let blend = best_blend(name, |length, blend| code(&mut fields, name, length, blend))?;
         let mut encoder = RangeEncoder::default();
         code(&mut fields, name, &mut encoder, blend)?;
-        streams.push(stream(name, encoder));
+        streams.push(stream(*name, encoder.finish()));
     }
+    let last = last_streams(&mut fields, |fields, name, values| {
+        let blend = best_blend(name, |length, blend| code_last(fields, name, length, (blend, values)))?;
+        let mut encoder = RangeEncoder::default();
+        code_last(fields, name, &mut encoder, (blend, values))?;
+        Ok(encoder.finish())
+    })?;
+    streams.extend(STREAMS[3..].iter().zip(last).map(|(name, bytes)| stream(*name, bytes)));
     Ok(streams)
 }
 
 /// The share of neighbors in predictions that gives the shortest code.
-fn best_blend(fields: &mut Fields, name: [u8; 4]) -> Result<u32, CodecError> {
+fn best_blend(
+    name: &[u8; 4],
+    mut code: impl FnMut(&mut CodeLength, u32) -> Result<(), CodecError>,
+) -> Result<u32, CodecError> {
     let mut best = (f64::INFINITY, 0);
     for blend in 0..=if blends(name) { BLENDS } else { 0 } {
         let mut length = CodeLength::default();
         if blends(name) {
-            code(fields, name, &mut length, blend)?;
+            code(&mut length, blend)?;
         }
         best = if length.bits < best.0 { (length.bits, blend) } else { best };
     }
     Ok(best.1)
 }
 
-/// True if a stream has a prediction from neighbors, and says by how much.
-fn blends(name: [u8; 4]) -> bool {
-    matches!(&name, b"scal" | b"colo")
+/// Codes the streams that need the first three and not each other, at the same time.
+fn last_streams<T: Send>(
+    fields: &mut Fields,
+    code: impl Fn(&Fields, &[u8; 4], &mut [[i32; 3]]) -> Result<T, CodecError> + Sync,
+) -> Result<[T; 3], CodecError> {
+    let symbols = &mut fields.symbols;
+    let mut rotations = std::mem::take(&mut symbols.rotations);
+    let mut colors = std::mem::take(&mut symbols.colors);
+    let mut harmonics = std::mem::take(&mut symbols.harmonics);
+    let shared = &*fields;
+    // Harmonics are most of the work.
+    let (last, (first, second)) = rayon::join(
+        || code(shared, &STREAMS[5], &mut harmonics),
+        || rayon::join(|| code(shared, &STREAMS[3], &mut rotations), || code(shared, &STREAMS[4], &mut colors)),
+    );
+    (fields.symbols.rotations, fields.symbols.colors, fields.symbols.harmonics) = (rotations, colors, harmonics);
+    Ok([first?, second?, last?])
 }
 
-fn code(fields: &mut Fields, name: [u8; 4], coder: &mut impl Coder, blend: u32) -> Result<(), CodecError> {
-    let blend = if blends(name) { coder.raw(3, blend).min(BLENDS) } else { 0 };
-    match &name {
-        b"scal" => fields.scales(coder, blend),
-        b"opac" => fields.opacities(coder),
-        b"rota" => fields.rotations(coder),
-        b"colo" => fields.colors(coder, blend),
-        _ => fields.harmonics(coder),
+/// True if a stream has a prediction from neighbors, and says by how much.
+fn blends(name: &[u8; 4]) -> bool {
+    matches!(name, b"scal" | b"colo")
+}
+
+fn blend_of(name: &[u8; 4], coder: &mut impl Coder, blend: u32) -> u32 {
+    if blends(name) { coder.raw(3, blend).min(BLENDS) } else { 0 }
+}
+
+fn code(fields: &mut Fields, name: &[u8; 4], coder: &mut impl Coder, blend: u32) -> Result<(), CodecError> {
+    let blend = blend_of(name, coder, blend);
+    if name == b"scal" { fields.scales(coder, blend) } else { fields.opacities(coder) }
+}
+
+fn code_last(
+    fields: &Fields,
+    name: &[u8; 4],
+    coder: &mut impl Coder,
+    (blend, values): (u32, &mut [[i32; 3]]),
+) -> Result<(), CodecError> {
+    let blend = blend_of(name, coder, blend);
+    match name {
+        b"rota" => fields.rotations(coder, values),
+        b"colo" => fields.colors(coder, blend, values),
+        _ => fields.harmonics(coder, values),
     }
 }
 
@@ -92,11 +133,17 @@ pub(super) fn decode_block(head: &Head, rest: usize, streams: &[Stream]) -> Resu
     let voxels = positions(&mut decoder, head, count, &[])?;
     whole(&decoder, STREAMS[0])?;
     let mut fields = Fields::new(*head, Symbols::at(voxels, rest));
-    for stream in &streams[1..] {
+    for stream in &streams[1..3] {
         let mut decoder = RangeDecoder::new(&stream.bytes);
-        code(&mut fields, stream.name, &mut decoder, 0)?;
+        code(&mut fields, &stream.name, &mut decoder, 0)?;
         whole(&decoder, stream.name)?;
     }
+    let bytes = |name: &[u8; 4]| STREAMS.iter().position(|other| other == name).map_or(&[][..], |i| &*streams[i].bytes);
+    last_streams(&mut fields, |fields, name, values| {
+        let mut decoder = RangeDecoder::new(bytes(name));
+        code_last(fields, name, &mut decoder, (0, values))?;
+        whole(&decoder, *name)
+    })?;
     Ok(fields.symbols)
 }
 

@@ -111,9 +111,9 @@ impl Fields {
         Ok(())
     }
 
-    pub(super) fn rotations(&mut self, coder: &mut impl Coder) -> Result<(), CodecError> {
+    pub(super) fn rotations(&self, coder: &mut impl Coder, rotations: &mut [[i32; 3]]) -> Result<(), CodecError> {
         let mut model = MixedModel::new([16 * 3, 16 * 3, 24 * 3]);
-        for i in 0..self.count() {
+        for (i, rotation) in rotations.iter_mut().enumerate() {
             let scales = self.symbols.scales[i];
             let steps = self.head.steps(scales, self.shows(i));
             // Numbers of the range: up to √¾ of the step.
@@ -121,10 +121,10 @@ impl Fields {
             let fine = 2 * bucket(range, 11) - usize::from(range < 3 << (bucket(range, 11).max(2) - 2));
             let thin = ((scales[0] - scales[2]).saturating_mul(2) / 3).clamp(0, 15) as usize;
             let mut before = 0;
-            for axis in 0..3 {
+            for (axis, number) in rotation.iter_mut().enumerate() {
                 let contexts = [thin * 3 + axis, bucket(before, 15) * 3 + axis, fine.min(23) * 3 + axis];
-                let symbol = bounded(model.code(coder, contexts, self.symbols.rotations[i][axis]));
-                self.symbols.rotations[i][axis] = symbol;
+                let symbol = bounded(model.code(coder, contexts, *number));
+                *number = symbol;
                 before = before.max(symbol.abs());
             }
             check(coder, "rota", i)?;
@@ -132,14 +132,13 @@ impl Fields {
         Ok(())
     }
 
-    pub(super) fn colors(&mut self, coder: &mut impl Coder, blend: u32) -> Result<(), CodecError> {
+    pub(super) fn colors(&self, coder: &mut impl Coder, blend: u32, colors: &mut [[i32; 3]]) -> Result<(), CodecError> {
         let mut green = MixedModel::new([1, 16, 10]);
         let mut others = MixedModel::new([2, 16 * 2, 10 * 2, 12 * 2]);
         let dc: Vec<f64> =
             (0..self.count()).map(|i| self.head.steps(self.symbols.scales[i], self.shows(i)).dc).collect();
         for i in 0..self.count() {
             let shows = self.shows_context(i);
-            let colors = &self.symbols.colors;
             let near = known(&self.near[i], i);
             // Neighbors in steps of this Gaussian.
             let like =
@@ -157,14 +156,14 @@ impl Fields {
                 let predicted = blended(0, mean, blend);
                 found[channel] = bounded(predicted + others.code(coder, contexts, own[channel] - predicted));
             }
-            self.symbols.colors[i] = found;
+            colors[i] = found;
             check(coder, "colo", i)?;
         }
         Ok(())
     }
 
-    pub(super) fn harmonics(&mut self, coder: &mut impl Coder) -> Result<(), CodecError> {
-        let rest = self.symbols.harmonics.len() / self.count().max(1);
+    pub(super) fn harmonics(&self, coder: &mut impl Coder, harmonics: &mut [[i32; 3]]) -> Result<(), CodecError> {
+        let rest = harmonics.len() / self.count().max(1);
         let kinds = 3 * rest;
         let mut model = MixedModel::new([kinds * 10, kinds * 12, 36 * 12, kinds * 9, kinds * 9]);
         for i in 0..self.count() {
@@ -179,11 +178,10 @@ impl Fields {
                     let all = bucket(sums[0] + sums[1] + sums[2], 11);
                     let mut near = [0; 2];
                     for (j, near) in known(&self.near[i], i).zip(&mut near) {
-                        *near = self.symbols.harmonics[rest * j + k][channel].signum() + 1;
+                        *near = harmonics[rest * j + k][channel].signum() + 1;
                     }
                     let sides = (near[0] * 3 + near[1]) as usize;
-                    let brothers =
-                        bucket(green, 2) * 3 + if channel == 2 { bucket(self.symbols.harmonics[at][1], 2) } else { 0 };
+                    let brothers = bucket(green, 2) * 3 + if channel == 2 { bucket(harmonics[at][1], 2) } else { 0 };
                     let contexts = [
                         kind * 10 + shows,
                         kind * 12 + energy,
@@ -191,8 +189,8 @@ impl Fields {
                         kind * 9 + brothers,
                         kind * 9 + sides,
                     ];
-                    let symbol = bounded(model.code(coder, contexts, self.symbols.harmonics[at][channel]));
-                    self.symbols.harmonics[at][channel] = symbol;
+                    let symbol = bounded(model.code(coder, contexts, harmonics[at][channel]));
+                    harmonics[at][channel] = symbol;
                     sums[channel] = (sums[channel] + symbol.abs()).min(LARGEST);
                     if channel == 0 {
                         green = symbol;

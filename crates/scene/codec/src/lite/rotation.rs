@@ -2,14 +2,46 @@
 
 /// Scales in descending order, and the rotation that belongs to them: axes are exchanged together with their scales.
 pub(super) fn sort_axes(log_scales: [f32; 3], quat: [f32; 4]) -> ([f32; 3], [f64; 4]) {
-    let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| log_scales[b].total_cmp(&log_scales[a]));
+    let order = descending(log_scales);
     let columns = to_matrix(unit(quat));
     let mut sorted = order.map(|axis| columns[axis]);
     if determinant(sorted) < 0.0 {
         sorted[2] = sorted[2].map(|x| -x);
     }
     (order.map(|axis| log_scales[axis]), to_quaternion(sorted))
+}
+
+/// Rounded scales and rotation, sorted by [`sort_axes`], with the axes that they had before, and a quaternion of the length before.
+pub(super) fn unsorted(
+    (log_scales, quat): ([f32; 3], [f32; 4]),
+    (rounded, turned): ([f32; 3], [f32; 4]),
+) -> ([f32; 3], [f32; 4]) {
+    let order = descending(log_scales);
+    let mut scales = [0.0; 3];
+    (0..3).for_each(|k| scales[order[k]] = rounded[k]);
+    // The turn that rounding is, seen from outside, is the same for all axes.
+    let [w, x, y, z] = with_real_part(imaginary_part(sort_axes(log_scales, quat).1));
+    let turn = product(turned.map(f64::from), [w, -x, -y, -z]);
+    let length = quat.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+    let length = if length > 0.0 { length } else { 1.0 };
+    (scales, product(turn, unit(quat)).map(|x| (x * length) as f32))
+}
+
+/// The product of two quaternions, the turn of the second one first.
+fn product([a, b, c, d]: [f64; 4], [w, x, y, z]: [f64; 4]) -> [f64; 4] {
+    [
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    ]
+}
+
+/// Axes by descending scales.
+fn descending(log_scales: [f32; 3]) -> [usize; 3] {
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| log_scales[b].total_cmp(&log_scales[a]));
+    order
 }
 
 /// Half turns about the axes change nothing, and neither does the sign: of these eight quaternions the one with the largest real part.

@@ -8,6 +8,7 @@ use crate::exact::ln;
 use crate::morton::{from_morton3, morton3};
 use crate::octree::DEEPEST;
 use crate::quantizer::Quantizer;
+use rayon::prelude::*;
 use weaver_scene::Gaussians;
 
 /// Symbols of a scene, Gaussians in Morton order.
@@ -129,39 +130,58 @@ pub(super) fn quantize(gaussians: &Gaussians, quality: &Quality) -> Result<(Head
     let mut head = Head::new(quality);
     place(&mut head, gaussians, quality);
     let mut order: Vec<(u64, usize)> =
-        gaussians.means.iter().enumerate().map(|(i, mean)| (head.voxel(*mean), i)).collect();
-    order.sort_unstable();
-    let mut symbols = Symbols { voxels: order.iter().map(|(voxel, _)| *voxel).collect(), ..Symbols::default() };
+        gaussians.means.par_iter().enumerate().map(|(i, mean)| (head.voxel(*mean), i)).collect();
+    order.par_sort_unstable();
     let scale = Quantizer { step: f64::from(head.scale_step) / UNIT, dead_zone: 0.0 };
-    let mut turned = Vec::with_capacity(order.len());
-    for &(_, i) in &order {
+    let shape = |&(_, i): &(u64, usize)| {
         let (log_scales, quat) = sort_axes(gaussians.log_scales[i], gaussians.quats[i]);
-        turned.push(imaginary_part(quat));
-        symbols.scales.push(log_scales.map(|s| bounded(scale.symbol(f64::from(s)))));
         let share = 1.0 / (1.0 + (-f64::from(gaussians.opacity_logits[i])).exp());
-        symbols.opacities.push((share * f64::from(head.opacity_levels)).round() as i32);
-    }
+        let scales = log_scales.map(|s| bounded(scale.symbol(f64::from(s))));
+        ((scales, (share * f64::from(head.opacity_levels)).round() as i32), imaginary_part(quat))
+    };
+    let (shapes, turned): (Vec<_>, Vec<[f64; 3]>) = order.par_iter().map(shape).unzip();
+    let (scales, opacities) = shapes.into_iter().unzip();
+    let voxels = order.iter().map(|(voxel, _)| *voxel).collect();
+    let mut symbols = Symbols { voxels, scales, opacities, ..Symbols::default() };
     let logs = ln_opacities(head.opacity_levels);
     refer(&mut head, &symbols, &logs);
     let rest = gaussians.coefficients() - 1;
-    for (at, &(_, i)) in order.iter().enumerate() {
+    let steps = |at: usize| {
         let scales = symbols.scales[at];
-        let steps = head.steps(scales, head.shows(scales, symbols.opacities[at], &logs));
-        let rounded = |step| Quantizer { step, dead_zone: 0.0 };
-        symbols.rotations.push(turned[at].map(|part| bounded(rounded(steps.rotation).symbol(part))));
-        let row = &gaussians.sh[3 * (rest + 1) * i..][..3 * (rest + 1)];
-        let difference = |quantizer: Quantizer, rgb: &[f32]| {
-            let [r, g, b] = [0, 1, 2].map(|c| f64::from(rgb[c]));
-            let green = bounded(quantizer.symbol(g));
-            // Differences to what green is after rounding: its error is not added to theirs.
-            let decoded = quantizer.value(green);
-            [green, bounded(quantizer.symbol(r - decoded)), bounded(quantizer.symbol(b - decoded))]
-        };
-        symbols.colors.push(difference(rounded(steps.dc), &row[..3]));
+        head.steps(scales, head.shows(scales, symbols.opacities[at], &logs))
+    };
+    let rounded = |step| Quantizer { step, dead_zone: 0.0 };
+    let difference = |quantizer: Quantizer, rgb: &[f32]| {
+        let [r, g, b] = [0, 1, 2].map(|c| f64::from(rgb[c]));
+        let green = bounded(quantizer.symbol(g));
+        // Differences to what green is after rounding: its error is not added to theirs.
+        let decoded = quantizer.value(green);
+        [green, bounded(quantizer.symbol(r - decoded)), bounded(quantizer.symbol(b - decoded))]
+    };
+    let mut harmonics = vec![[0; 3]; rest * order.len()];
+    let color = |at: usize, further: &mut [[i32; 3]]| {
+        let steps = steps(at);
+        let row = &gaussians.sh[3 * (rest + 1) * order[at].1..][..3 * (rest + 1)];
         let coarse = Quantizer { step: steps.sh, dead_zone: quality.dead_zone };
-        symbols.harmonics.extend(row[3..].chunks_exact(3).map(|rgb| difference(coarse, rgb)));
-    }
+        further.iter_mut().zip(row[3..].chunks_exact(3)).for_each(|(to, rgb)| *to = difference(coarse, rgb));
+        let rotation = turned[at].map(|part| bounded(rounded(steps.rotation).symbol(part)));
+        (rotation, difference(rounded(steps.dc), &row[..3]))
+    };
+    let further = split_rows(&mut harmonics, rest, order.len());
+    let (rotations, colors) = further.into_par_iter().enumerate().map(|(at, row)| color(at, row)).unzip();
+    (symbols.rotations, symbols.colors, symbols.harmonics) = (rotations, colors, harmonics);
     Ok((head, symbols, order.into_iter().map(|(_, i)| i).collect()))
+}
+
+/// The rows of an array, also where they are empty.
+fn split_rows<T>(mut array: &mut [T], width: usize, count: usize) -> Vec<&mut [T]> {
+    let mut rows = Vec::with_capacity(count);
+    for _ in 0..count {
+        let (row, others) = array.split_at_mut(width);
+        rows.push(row);
+        array = others;
+    }
+    rows
 }
 
 /// Places the grid about all positions.
@@ -230,25 +250,34 @@ impl Head {
 /// Gaussians of symbols that are complete.
 pub(super) fn restore(head: &Head, symbols: &Symbols, degree: usize) -> Gaussians {
     let mut gaussians = Gaussians { degree, ..Gaussians::default() };
-    let rest = gaussians.coefficients() - 1;
+    let (rest, count) = (gaussians.coefficients() - 1, symbols.voxels.len());
     let logs = ln_opacities(head.opacity_levels);
+    let logit = |symbol: u32| {
+        let share = opacity(symbol as i32, head.opacity_levels);
+        ln(share / (1.0 - share)) as f32
+    };
+    let logits: Vec<f32> = (0..=head.opacity_levels).map(logit).collect();
     let step = f64::from(head.scale_step) / UNIT;
-    gaussians.sh.reserve_exact(3 * (rest + 1) * symbols.voxels.len());
-    for (i, &voxel) in symbols.voxels.iter().enumerate() {
-        let (scales, opacity_symbol) = (symbols.scales[i], symbols.opacities[i]);
-        let steps = head.steps(scales, head.shows(scales, opacity_symbol, &logs));
-        gaussians.means.push(head.mean(voxel));
-        gaussians.log_scales.push(scales.map(|s| (f64::from(s) * step) as f32));
-        let share = opacity(opacity_symbol, head.opacity_levels);
-        gaussians.opacity_logits.push(ln(share / (1.0 - share)) as f32);
+    let steps = |i: usize| head.steps(symbols.scales[i], head.shows(symbols.scales[i], symbols.opacities[i], &logs));
+    gaussians.means = symbols.voxels.par_iter().map(|&voxel| head.mean(voxel)).collect();
+    gaussians.log_scales =
+        symbols.scales.par_iter().map(|scales| scales.map(|s| (f64::from(s) * step) as f32)).collect();
+    gaussians.opacity_logits = symbols.opacities.iter().map(|&symbol| logits[symbol as usize]).collect();
+    gaussians.sh = vec![0.0; 3 * (rest + 1) * count];
+    gaussians.quats = vec![[0.0; 4]; count];
+    let rows = gaussians.sh.par_chunks_exact_mut(3 * (rest + 1)).zip(&mut gaussians.quats).enumerate();
+    rows.with_min_len(1024).for_each(|(i, (row, quat))| {
+        let steps = steps(i);
         let part = symbols.rotations[i].map(|s| f64::from(s) * steps.rotation);
-        gaussians.quats.push(with_real_part(part).map(|x| x as f32));
-        let mut color = |[g, r, b]: [i32; 3], step: f64| {
+        *quat = with_real_part(part).map(|x| x as f32);
+        let color = |[g, r, b]: [i32; 3], step: f64| {
             let green = f64::from(g) * step;
-            gaussians.sh.extend([green + f64::from(r) * step, green, green + f64::from(b) * step].map(|x| x as f32));
+            [green + f64::from(r) * step, green, green + f64::from(b) * step].map(|x| x as f32)
         };
-        color(symbols.colors[i], steps.dc);
-        symbols.harmonics[rest * i..][..rest].iter().for_each(|&rgb| color(rgb, steps.sh));
-    }
+        row[..3].copy_from_slice(&color(symbols.colors[i], steps.dc));
+        for (to, &rgb) in row[3..].chunks_exact_mut(3).zip(&symbols.harmonics[rest * i..][..rest]) {
+            to.copy_from_slice(&color(rgb, steps.sh));
+        }
+    });
     gaussians
 }

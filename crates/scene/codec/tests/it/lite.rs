@@ -1,8 +1,9 @@
 //! Scenes: errors bounded by steps, bad input refused, any bytes borne, same bytes at any threads.
 
 use proptest::prelude::*;
-use weaver_codec::lite::{Quality, decode, decode_start, encode};
+use weaver_codec::lite::{Quality, decode, decode_start, encode, order, rounded, rounded_in_place};
 use weaver_codec::{CodecError, Container, Stream};
+use weaver_geometry::glam::{DMat3, DQuat, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_kernels::random::Stream as Random;
 use weaver_scene::{Gaussians, forms};
@@ -256,6 +257,35 @@ proptest! {
         });
         if let Ok(gaussians) = decode(&spoiled) {
             prop_assert!(gaussians.lengths_agree() && gaussians.len() == count);
+        }
+    }
+}
+
+/// The covariance of a Gaussian, row by row.
+fn covariance(gaussians: &Gaussians, i: usize) -> [f64; 9] {
+    let [w, x, y, z] = gaussians.quats[i].map(f64::from);
+    let axes = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
+    let squares = gaussians.log_scales[i].map(|s| (2.0 * f64::from(s)).exp());
+    (axes * DMat3::from_diagonal(DVec3::from(squares)) * axes.transpose()).to_cols_array()
+}
+
+#[test]
+fn rounding_in_place_keeps_order_and_ellipsoids() {
+    let before = cloud(200, 1);
+    for quality in Quality::SETTINGS {
+        let (placed, sorted) = (rounded_in_place(&before, &quality).unwrap(), rounded(&before, &quality).unwrap());
+        let numbers: Vec<usize> = order(&before, &quality).unwrap();
+        for (at, &i) in numbers.iter().enumerate() {
+            assert_eq!(placed.means[i], sorted.means[at]);
+            assert_eq!(placed.opacity_logits[i], sorted.opacity_logits[at]);
+            assert_eq!(placed.sh[12 * i..][..12], sorted.sh[12 * at..][..12]);
+            let (a, b) = (covariance(&placed, i), covariance(&sorted, at));
+            let size = b[0] + b[4] + b[8];
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5 * size), "{a:?} {b:?}");
+            // Axes where they were: the quaternion is near the one before, and of its length.
+            let dot = |a: [f32; 4], b: [f32; 4]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+            let (old, new) = (before.quats[i], placed.quats[i]);
+            assert!((dot(new, new) / dot(old, old) - 1.0).abs() < 1e-4 && dot(old, new) > 0.9 * dot(old, old));
         }
     }
 }

@@ -62,6 +62,11 @@ proptest! {
         let raht = Raht::new(&codes, &weights).unwrap();
         let mut turned = values.clone();
         raht.forward(&mut turned, 3);
+        // Every coefficient once, the mean first.
+        let order = raht.order();
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        prop_assert!(order[0] == 0 && sorted.into_iter().eq(0..codes.len()));
         let energy = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
         prop_assert!((energy(&turned) / energy(&values) - 1.0).abs() < 1e-12);
         raht.inverse(&mut turned, 3);

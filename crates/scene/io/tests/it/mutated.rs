@@ -12,6 +12,7 @@ use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::{Duration, Instant};
+use weaver_codec::{Container, Stream as Coded};
 use weaver_io::realestate::Clip;
 use weaver_io::safetensors::Mapped;
 use weaver_io::safetensors::Tensors;
@@ -82,6 +83,7 @@ fn readers() -> Vec<Reader> {
     let frames = "https://www.youtube.com/watch?v=x\n1000 0.5 0.9 0.5 0.5 0 0 1 0 0 0.5 0 1 0 0 0 0 1 2\n2000 0.5 0.9 0.5 0.5 0 0 1 0 0 0.25 0 1 0 0 0 0 1 2\n";
     let text = |text: &str| text.as_bytes().to_vec();
     let spz: fn(&Path) -> bool = |path| weaver_io::read_gaussians(path).is_ok();
+    let wsz: fn(&Path) -> bool = |path| weaver_io::read_gaussians(path).is_ok();
     let photo: fn(&Path) -> bool = |path| Image::read(path, Background::White).is_ok();
     let shrunk: fn(&Path) -> bool =
         |path| PhotoFile::at(path).and_then(|photo| photo.shrink_from(0).resize_whole(44, 1)).is_ok();
@@ -94,7 +96,8 @@ fn readers() -> Vec<Reader> {
         }),
         one("splat", "a.splat", gaussians("a.splat"), |path| weaver_io::read_gaussians(path).is_ok()),
         one("spz", "a.spz", gaussians("a.spz"), spz),
-        one("wsz", "a.wsz", gaussians("a.wsz"), |path| weaver_io::read_gaussians(path).is_ok()),
+        one("wsz", "a.wsz", gaussians("a.wsz"), wsz),
+        Reader { seal: containing, ..one("wsz content", "a.wsz", contained(&gaussians("a.wsz")), wsz) },
         Reader { seal: gzip, ..one("spz content", "a.spz", gunzip(&gaussians("a.spz")), spz) },
         // A stream names its window, which is reserved.
         Reader { more: MORE + (9 << 20), ..one("spz 4", "a.spz", gaussians("a.v4.spz"), spz) },
@@ -194,6 +197,34 @@ fn gunzip(bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
     GzDecoder::new(bytes).read_to_end(&mut out).unwrap();
     out
+}
+
+/// The sizes and streams of a container without its checksums.
+fn contained(bytes: &[u8]) -> Vec<u8> {
+    let container = Container::read(bytes).unwrap();
+    let mut out = vec![container.coefficients];
+    out.extend((container.gaussians as u32).to_le_bytes());
+    for stream in &container.streams {
+        out.extend(stream.name);
+        [stream.symbols as u32, stream.bytes.len() as u32].iter().for_each(|n| out.extend(n.to_le_bytes()));
+        out.extend(&*stream.bytes);
+    }
+    out
+}
+
+/// A container of what a mutation has changed, with checksums that fit.
+fn containing(bytes: &[u8]) -> Vec<u8> {
+    let word = |at: usize| -> [u8; 4] { std::array::from_fn(|i| bytes.get(at + i).copied().unwrap_or(0)) };
+    // A container is filled up to an eighth of its Gaussians.
+    let gaussians = u64::from(u32::from_le_bytes(word(1)) % (1 << 16));
+    let (mut streams, mut at) = (Vec::new(), 5);
+    while at + 12 <= bytes.len() {
+        let [symbols, length] = [at + 4, at + 8].map(|at| u32::from_le_bytes(word(at)));
+        let end = (at + 12).saturating_add(length as usize).min(bytes.len());
+        streams.push(Coded { name: word(at), symbols: symbols.into(), bytes: (&bytes[at + 12..end]).into() });
+        at = end;
+    }
+    Container { gaussians, coefficients: bytes.first().copied().unwrap_or(0), streams }.write()
 }
 
 /// Gives the chunks of a PNG the checksums of what is in them.

@@ -7,6 +7,7 @@ mod masks;
 mod population;
 mod recovery;
 mod refusals;
+mod rounding;
 mod scenes;
 mod strategies;
 mod transients;

@@ -1,0 +1,37 @@
+//! Training for a compressed file of the scene.
+
+use crate::RunError;
+use std::error::Error;
+use std::path::Path;
+use weaver_codec::lite::{self, Quality};
+use weaver_fit::{Fit, Rounding};
+use weaver_io::atomic_write;
+use weaver_scene::Gaussians;
+
+/// The file.
+pub(crate) const FILE: &str = "scene.wsz";
+
+/// Part of the run from which on the scene is drawn as the file will hold it.
+const FROM: f64 = 0.9;
+
+/// Rounding of the codec.
+#[derive(Clone, Copy, Debug)]
+struct Lite(Quality);
+
+impl Rounding for Lite {
+    fn rounded(&mut self, gaussians: &Gaussians) -> Result<Gaussians, Box<dyn Error + Send + Sync>> {
+        Ok(lite::rounded_in_place(gaussians, &self.0)?)
+    }
+}
+
+/// Draws the last tenth of a fit with the rounding of a level of [`Quality::level`].
+pub(crate) fn train_for(fit: &mut Fit, level: f64) {
+    fit.set_rounding(FROM, Box::new(Lite(Quality::level(level))));
+}
+
+/// Writes the scene at this level.
+pub(crate) fn write(path: &Path, gaussians: &Gaussians, level: f64) -> Result<(), RunError> {
+    let bytes = lite::encode(gaussians, &Quality::level(level))
+        .map_err(|source| weaver_io::Error::Codec { path: path.into(), source })?;
+    Ok(atomic_write(path, |file| file.write_all(&bytes))?)
+}

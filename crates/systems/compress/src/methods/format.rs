@@ -1,0 +1,38 @@
+//! Formats of files as methods.
+
+use crate::{CompressError, Method, Task};
+use weaver_io::{SceneFormat, read_gaussians_from, write_gaussians_to};
+use weaver_scene::Gaussians;
+
+/// A format of scene files, with the constants that it is written with everywhere.
+#[derive(Clone, Copy, Debug)]
+pub struct Format {
+    /// The format, of a single file.
+    pub format: SceneFormat,
+}
+
+impl Method for Format {
+    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
+        encoded(self.format, task.gaussians)
+    }
+
+    fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressError> {
+        Ok(read_gaussians_from(bytes, self.format)?)
+    }
+}
+
+fn encoded(format: SceneFormat, gaussians: &Gaussians) -> Result<Vec<u8>, CompressError> {
+    let mut bytes = Vec::new();
+    write_gaussians_to(&mut bytes, format, gaussians)?;
+    Ok(bytes)
+}
+
+/// The bytes of a PLY.
+pub(super) fn ply(gaussians: &Gaussians) -> Result<Vec<u8>, CompressError> {
+    encoded(weaver_io::SCENE_FORMATS[0], gaussians)
+}
+
+/// The Gaussians of a PLY.
+pub(super) fn from_ply(bytes: &[u8]) -> Result<Gaussians, CompressError> {
+    Ok(read_gaussians_from(bytes, weaver_io::SCENE_FORMATS[0])?)
+}

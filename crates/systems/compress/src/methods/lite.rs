@@ -1,0 +1,34 @@
+//! `lite`, the codec of .wsz files.
+
+use crate::method::Point;
+use crate::{CompressError, Judge, Method, Task, compress};
+use weaver_codec::lite;
+use weaver_scene::Gaussians;
+
+/// Qualities that it is compared at, dB.
+const QUALITIES: [f64; 5] = [50.0, 46.0, 43.0, 40.0, 37.0];
+
+/// Steps measured for a quality of the task's pictures.
+#[derive(Clone, Copy, Debug)]
+pub struct Lite {
+    /// The quality, dB.
+    pub decibels: f64,
+}
+
+impl Lite {
+    pub(crate) fn points() -> Vec<Point> {
+        let point = |decibels| Point { setting: format!("{decibels} dB"), method: Box::new(Self { decibels }) };
+        QUALITIES.map(point).into()
+    }
+}
+
+impl Method for Lite {
+    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
+        let mut judge = Judge::new(task.gaussians, &task.pictures)?;
+        Ok(compress(task.gaussians, self.decibels, &mut judge, |_| {})?.bytes)
+    }
+
+    fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressError> {
+        Ok(lite::decode(bytes)?)
+    }
+}

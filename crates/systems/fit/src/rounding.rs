@@ -1,0 +1,17 @@
+//! Training with quantization: what is drawn is rounded, what is optimized is not.
+
+use std::error::Error;
+use std::fmt::Debug;
+use weaver_scene::Gaussians;
+
+/// A map from the Gaussians that are optimized to those that are drawn in their place.
+///
+/// Gradients with respect to what is drawn are taken for those with respect to what is optimized (the straight-through estimator; Bengio et
+/// al., 2013), so that the optimizer finds Gaussians whose rounded forms look right. [`Fit::set_rounding`](crate::Fit::set_rounding) takes one.
+pub trait Rounding: Debug + Send {
+    /// As many Gaussians of the same degree in the same order.
+    ///
+    /// # Errors
+    /// Gaussians that cannot be rounded.
+    fn rounded(&mut self, gaussians: &Gaussians) -> Result<Gaussians, Box<dyn Error + Send + Sync>>;
+}
