@@ -1,0 +1,376 @@
+"""Drawing Gaussians, with the signature of gsplat."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from dataclasses import dataclass
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, TypedDict, TypeVar
+
+import numpy as np
+
+from . import _splatweaver
+from ._errors import InputError
+
+A = TypeVar("A")
+
+#: Modes of the picture: what its channels are.
+MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
+#: Arguments that have no meaning here, with the values that ask for nothing.
+IGNORED: Mapping[str, Any] = {
+    "packed": False,
+    "tile_size": 16,
+    "channel_chunk": 32,
+    "distributed": False,
+    "segmented": False,
+}
+#: Arguments of gsplat that are not there, with the values that ask for nothing.
+MISSING: Mapping[str, Any] = {
+    "sparse_grad": False,
+    "camera_model": "pinhole",
+    "covars": None,
+    "with_ut": False,
+    "with_eval3d": False,
+    "radial_coeffs": None,
+    "tangential_coeffs": None,
+    "thin_prism_coeffs": None,
+    "ftheta_coeffs": None,
+    "rolling_shutter": None,
+    "viewmats_rs": None,
+}
+_warned: set[str] = set()
+
+
+class Meta(TypedDict):
+    """By-products of a drawing, numpy arrays or tensors as the pictures are."""
+
+    #: Three standard deviations along x and y, pixels rounded up, int32 `[C, N, 2]`; 0 for Gaussians that are not seen.
+    radii: Any
+    #: Projected means, pixels, `[C, N, 2]`. Of tensors, a leaf: after `backward()`, `.grad` has the gradient with respect to them, and with
+    #: `absgrad=True`, `.absgrad` the sums of its absolute values over the pixels.
+    means2d: Any
+    #: Camera z, world units, `[C, N]`.
+    depths: Any
+    width: int
+    height: int
+    n_cameras: int
+
+
+@dataclass
+class Request:
+    """One drawing, as checked arguments."""
+
+    #: Rules of drawing, as the compiled part takes them.
+    settings: Dict[str, Any]
+    #: Colors are features of any number of channels, blended beside the image.
+    as_features: bool
+    mode: str
+    absgrad: bool
+    #: Projected means, radii and depths of all cameras, which drawings fill.
+    splats: Tuple[Any, Any, Any]
+
+
+def rasterization(
+    means: A,
+    quats: A,
+    scales: A,
+    opacities: A,
+    colors: A,
+    viewmats: A,
+    Ks: A,
+    width: int,
+    height: int,
+    near_plane: float = 0.01,
+    far_plane: float = 1e10,
+    radius_clip: float = 0.0,
+    eps2d: float = 0.3,
+    sh_degree: Optional[int] = None,
+    packed: bool = False,
+    tile_size: int = 16,
+    backgrounds: Optional[A] = None,
+    render_mode: str = "RGB",
+    sparse_grad: bool = False,
+    absgrad: bool = False,
+    rasterize_mode: str = "classic",
+    channel_chunk: int = 32,
+    distributed: bool = False,
+    camera_model: str = "pinhole",
+    *,
+    alpha_max: float = 0.999,
+    **others: Any,
+) -> Tuple[A, A, Meta]:
+    """Draw Gaussians from cameras; every input gets a gradient.
+
+    Takes numpy arrays, or torch tensors on the CPU, of float32 or float64, and returns the same kind. Names, shapes, units and order of
+    the arguments are those of gsplat. Arguments of gsplat that mean nothing on a CPU are ignored with one warning; others that are not
+    there raise NotImplementedError with their name.
+
+    Args:
+        means: Centers, world units, `[N, 3]`.
+        quats: Rotations wxyz of any length but zero, `[N, 4]`.
+        scales: Standard deviations, world units, `[N, 3]`.
+        opacities: Opacities from 0 to 1, `[N]`.
+        colors: Colors of any number of channels `[N, D]` or `[C, N, D]`; with `sh_degree`, harmonics `[N, K, 3]` or `[C, N, K, 3]`.
+        viewmats: World to camera, OpenCV axes, `[C, 4, 4]`.
+        Ks: Intrinsics, pixels, `[C, 3, 3]`; fx, fy, cx and cy are read.
+        width: Width of the pictures, pixels.
+        height: Height of the pictures, pixels.
+        near_plane: Gaussians nearer than this are not drawn, world units.
+        far_plane: Gaussians farther than this are not drawn, world units.
+        radius_clip: Gaussians of a smaller radius are not drawn, pixels.
+        eps2d: Variance that is added on the image, pixels squared.
+        sh_degree: Degree of the harmonics that is used, 0 to 4; None if colors are colors.
+        packed: Ignored.
+        tile_size: Ignored.
+        backgrounds: Colors behind everything, `[C, D]`; None is black.
+        render_mode: "RGB", "D" (depth, summed), "ED" (expected depth), "RGB+D" or "RGB+ED".
+        sparse_grad: Not there.
+        absgrad: `meta["means2d"].absgrad` is computed with the gradients.
+        rasterize_mode: "classic", or "antialiased": opacities are lowered where a Gaussian is widened by eps2d.
+        channel_chunk: Ignored.
+        distributed: Ignored.
+        camera_model: "pinhole".
+        alpha_max: Largest alpha of one Gaussian at a pixel: 0.999 is gsplat's, the command line draws with 0.99.
+
+    Returns:
+        The pictures `[C, H, W, X]`, their alphas `[C, H, W, 1]`, and `Meta`.
+
+    Raises:
+        InputError: Shapes or number types that do not fit, with what was expected and what was found.
+        NotImplementedError: An argument that is not there.
+
+    >>> import numpy as np
+    >>> from splatweaver import rasterization
+    >>> K = np.array([[[10, 0, 1.5], [0, 10, 1.5], [0, 0, 1]]])
+    >>> picture, alpha, meta = rasterization(
+    ...     means=np.array([[0, 0, 2.0]]), quats=np.array([[1.0, 0, 0, 0]]), scales=np.full((1, 3), 0.5),
+    ...     opacities=np.array([0.8]), colors=np.array([[1, 0.5, 0]]), viewmats=np.eye(4)[None], Ks=K, width=3, height=3)
+    >>> picture.shape, picture[0, 1, 1].round(3).tolist()
+    ((1, 3, 3, 3), [0.8, 0.4, 0.0])
+    """
+    given = {
+        "packed": packed,
+        "tile_size": tile_size,
+        "channel_chunk": channel_chunk,
+        "distributed": distributed,
+        "sparse_grad": sparse_grad,
+        "camera_model": camera_model,
+        **others,
+    }
+    _check_others(given)
+    if render_mode not in MODES:
+        raise InputError(f"render_mode: expected one of {', '.join(MODES)}, found {render_mode!r}")
+    if rasterize_mode not in ("classic", "antialiased"):
+        raise InputError(f"rasterize_mode: expected classic or antialiased, found {rasterize_mode!r}")
+    arrays = {
+        "means": means,
+        "quats": quats,
+        "scales": scales,
+        "opacities": opacities,
+        "colors": colors,
+        "viewmats": viewmats,
+        "Ks": Ks,
+        **({} if backgrounds is None else {"backgrounds": backgrounds}),
+    }
+    if _is_torch(arrays.values()):
+        from . import _torch as backend
+    else:
+        backend = sys.modules[__name__]  # type: ignore[assignment]
+    arrays = backend.taken(arrays)
+    channels = _check_shapes(arrays, sh_degree)
+    settings = {
+        "width": _pixels("width", width),
+        "height": _pixels("height", height),
+        "views": 1,
+        "near": float(near_plane),
+        "far": float(far_plane),
+        "eps2d": float(eps2d),
+        "alpha_max": float(alpha_max),
+        "antialiased": rasterize_mode == "antialiased",
+        "radius_clip": float(radius_clip) if radius_clip > 0 else None,
+        "degree": sh_degree if "RGB" in render_mode else None,
+        "depth": "D" in render_mode,
+    }
+    splats = backend.unseen(arrays)
+    request = Request(settings, "RGB" in render_mode and channels != 3, render_mode, absgrad, splats)
+    return _of_cameras(arrays, request, sh_degree, backend)
+
+
+def _of_cameras(arrays: Dict[str, Any], request: Request, sh_degree: Optional[int], backend: Any) -> Tuple[Any, Any, Meta]:
+    """Draws all cameras at once, or one after the other where each has colors of its own."""
+    cameras = arrays["viewmats"].shape[0]
+    colors = arrays["colors"]
+    if sh_degree is not None:
+        colors = colors[..., : (sh_degree + 1) ** 2, :]
+    if len(colors.shape) == (3 if sh_degree is None else 4):
+        parts = [
+            _drawn(
+                {
+                    **arrays,
+                    "colors": colors[c],
+                    **{name: arrays[name][c : c + 1] for name in ("viewmats", "Ks", "backgrounds") if name in arrays},
+                },
+                request,
+                slice(c, c + 1),
+                backend,
+            )
+            for c in range(cameras)
+        ]
+        pictures, alphas = zip(*parts)
+        picture, alpha = backend.joined(pictures), backend.joined(alphas)
+    else:
+        request.settings["views"] = cameras
+        picture, alpha = _drawn({**arrays, "colors": colors}, request, slice(0, cameras), backend)
+    means2d, radii, depths = request.splats
+    meta: Meta = {
+        "radii": radii,
+        "means2d": means2d,
+        "depths": depths,
+        "width": request.settings["width"],
+        "height": request.settings["height"],
+        "n_cameras": cameras,
+    }
+    return picture, alpha, meta
+
+
+def _drawn(arrays: Dict[str, Any], request: Request, at: slice, backend: Any) -> Tuple[Any, Any]:
+    """The pictures of the cameras `at` in their mode, and their alphas."""
+    means, colors = arrays["means"], arrays["colors"]
+    n, cameras = means.shape[0], arrays["viewmats"].shape[0]
+    none = backend.zeros((n, 0), means)
+    black = backend.zeros((cameras, 3), means)
+    background = arrays.get("backgrounds")
+    plain = "RGB" in request.mode and not request.as_features
+    image, alpha, depth, features = backend.draw(
+        (
+            means,
+            arrays["quats"],
+            arrays["scales"],
+            arrays["opacities"],
+            colors if plain else none,
+            colors if request.as_features else none,
+            arrays["viewmats"],
+            arrays["Ks"],
+            background if plain and background is not None else black,
+        ),
+        request,
+        at,
+    )
+    planes: List[Any] = []
+    if request.as_features:
+        behind = 0 if background is None else (1 - alpha) * background[:, None, None, :]
+        planes.append(features + behind)
+    elif plain:
+        planes.append(image)
+    if request.mode.endswith("ED"):
+        planes.append(depth / backend.at_least(alpha, 1e-10))
+    elif request.mode.endswith("D"):
+        planes.append(depth)
+    return (planes[0] if len(planes) == 1 else backend.side_by_side(planes)), alpha
+
+
+def _check_others(given: Mapping[str, Any]) -> None:
+    for name, value in given.items():
+        if name in MISSING:
+            if value is not None and value != MISSING[name]:
+                raise NotImplementedError(f"rasterization: {name} is not there: expected {MISSING[name]!r}, found {value!r}")
+        elif name not in IGNORED:
+            raise TypeError(f"rasterization() got an unexpected keyword argument {name!r}")
+    ignored = [name for name, value in IGNORED.items() if given.get(name, value) != value and name not in _warned]
+    if ignored:
+        _warned.update(ignored)
+        warnings.warn(f"rasterization: no meaning on a CPU, ignored: {', '.join(ignored)}", stacklevel=3)
+
+
+def _is_torch(arrays: Any) -> bool:
+    torch = sys.modules.get("torch")
+    return torch is not None and any(isinstance(array, torch.Tensor) for array in arrays)
+
+
+def _pixels(name: str, value: Any) -> int:
+    try:
+        pixels = int(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected a number of pixels, found {value!r}") from None
+    if pixels != value or not 1 <= pixels <= 1 << 20:
+        raise InputError(f"{name}: expected 1 to {1 << 20} pixels, found {value!r}")
+    return pixels
+
+
+def _check_shapes(arrays: Mapping[str, Any], sh_degree: Optional[int]) -> int:
+    """The number of channels of colors, if all shapes fit together."""
+    shapes = {name: tuple(array.shape) for name, array in arrays.items()}
+    n = shapes["means"][0] if shapes["means"] else 0
+    c = shapes["viewmats"][0] if shapes["viewmats"] else 0
+    if c == 0:
+        raise InputError(f"viewmats: expected [C, 4, 4] with at least one camera, found {list(shapes['viewmats'])}")
+    if sh_degree is None:
+        last = shapes["colors"][-1:]
+        colors, form = ((n, *last), (c, n, *last)), f"[{n}, D] or [{c}, {n}, D]"
+        fits = len(last) == 1 and last[0] > 0
+    else:
+        if not isinstance(sh_degree, int) or not 0 <= sh_degree <= 4:
+            raise InputError(f"sh_degree: expected 0 to 4, found {sh_degree!r}")
+        k = shapes["colors"][-2] if len(shapes["colors"]) > 2 else 0
+        colors, form = ((n, k, 3), (c, n, k, 3)), f"[{n}, K, 3] or [{c}, {n}, K, 3] with K of at least {(sh_degree + 1) ** 2}"
+        fits = k >= (sh_degree + 1) ** 2
+    if not fits or shapes["colors"] not in colors:
+        raise InputError(f"colors: expected {form}, found {list(shapes['colors'])}")
+    channels = shapes["colors"][-1]
+    expected: Dict[str, Sequence[int]] = {
+        "means": (n, 3),
+        "quats": (n, 4),
+        "scales": (n, 3),
+        "opacities": (n,),
+        "viewmats": (c, 4, 4),
+        "Ks": (c, 3, 3),
+        "backgrounds": (c, channels),
+    }
+    for name, shape in expected.items():
+        if name in shapes and shapes[name] != shape:
+            raise InputError(f"{name}: expected {list(shape)}, found {list(shapes[name])}")
+    return int(channels)
+
+
+# The side of numpy; `_torch` has the same functions for tensors.
+
+
+def taken(arrays: Mapping[str, Any]) -> Dict[str, Any]:
+    """Arrays of one number type, that of the means; integers are converted."""
+    found = {name: np.asarray(array) for name, array in arrays.items()}
+    wanted = found["means"].dtype
+    if wanted not in (np.float32, np.float64):
+        raise InputError(f"means: expected float32 or float64, found {wanted}")
+    for name, array in found.items():
+        if array.dtype != wanted and array.dtype.kind not in "iub":
+            raise InputError(f"{name}: expected {wanted}, the number type of means, found {array.dtype}")
+    return {name: np.ascontiguousarray(array, dtype=wanted).reshape(array.shape) for name, array in found.items()}
+
+
+def zeros(shape: Tuple[int, ...], like: Any) -> Any:
+    return np.zeros(shape, like.dtype)
+
+
+def joined(parts: Sequence[Any]) -> Any:
+    return np.concatenate(parts)
+
+
+def unseen(arrays: Mapping[str, Any]) -> Tuple[Any, Any, Any]:
+    """Projected means, radii and depths before anything is drawn."""
+    views, n, kind = arrays["viewmats"].shape[0], arrays["means"].shape[0], arrays["means"].dtype
+    return np.zeros((views, n, 2), kind), np.zeros((views, n, 2), np.int32), np.zeros((views, n), kind)
+
+
+def side_by_side(planes: Sequence[Any]) -> Any:
+    return np.concatenate(planes, axis=-1)
+
+
+def at_least(array: Any, least: float) -> Any:
+    return np.maximum(array, array.dtype.type(least))
+
+
+def draw(arrays: Tuple[Any, ...], request: Request, at: slice) -> Tuple[Any, ...]:
+    *planes, drawing = _splatweaver.rasterize(tuple(np.ascontiguousarray(array) for array in arrays), request.settings)
+    for kept, drawn in zip(request.splats, drawing.splats()):
+        kept[at] = drawn
+    return tuple(planes)
