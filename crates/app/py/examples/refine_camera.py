@@ -19,7 +19,7 @@ def turned(viewmat, twist):
     return torch.cat([top, viewmat[3:]])[None]
 
 
-def main(steps=150, seed=0):
+def main(steps=300, seed=0):
     random = np.random.default_rng(seed)
     n = 400
     scene = [

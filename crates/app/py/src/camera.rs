@@ -11,7 +11,7 @@ use weaver_scene::Frame;
 
 /// A camera as a file describes it.
 #[pyclass(frozen, module = "splatweaver._splatweaver")]
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Camera(pub Frame);
 
 #[pymethods]

@@ -6,9 +6,9 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use std::ffi::OsString;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use weaver_cli::{Console, FailureKind, Interrupt, Refusal};
 
@@ -37,7 +37,7 @@ pub fn run_command(
     let work = Work::begin(words, callback.is_some())?;
     let mut listener = Listener { work: &work, log, callback, reason: None };
     loop {
-        let heard = py.detach(|| work.events.recv_timeout(PAUSE));
+        let heard = py.detach(|| lock(&work.events).recv_timeout(PAUSE));
         match heard {
             Ok(Event::Line(line)) => {
                 let called = listener.log.call1((line,)).map(drop);
@@ -60,9 +60,14 @@ pub fn run_command(
     }
 }
 
+/// One thread listens.
+fn lock(events: &Mutex<Receiver<Event>>) -> MutexGuard<'_, Receiver<Event>> {
+    events.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// A command on a thread of its own.
 struct Work {
-    events: Receiver<Event>,
+    events: Mutex<Receiver<Event>>,
     interrupt: Arc<Interrupt>,
     abandoned: Arc<AtomicBool>,
 }
@@ -93,7 +98,7 @@ impl Work {
         };
         let thread = std::thread::Builder::new().name("splatweaver".into()).spawn(work);
         thread.map_err(|error| Failed::new(FailureKind::Other, format!("threads: {error}")))?;
-        Ok(Self { events, interrupt, abandoned })
+        Ok(Self { events: Mutex::new(events), interrupt, abandoned })
     }
 }
 

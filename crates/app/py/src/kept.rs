@@ -11,18 +11,21 @@ use weaver_splat::{Cotangents, GaussianStatistics, Gradients, Session, Target, W
 
 /// A drawing: what its gradients need, and where its Gaussians are on the image.
 #[pyclass(frozen, module = "splatweaver._splatweaver")]
+#[derive(Debug)]
 pub struct Drawing {
     kept: Kept,
     settings: Settings,
 }
 
 /// The memory of a drawing, of either number type.
+#[derive(Debug)]
 pub enum Kept {
     Single(Mutex<Shelved<f32>>),
     Double(Mutex<Shelved<f64>>),
 }
 
 /// A workspace that goes back to where the next drawing finds it.
+#[derive(Debug)]
 pub struct Shelved<T: Scalar>(Option<Workspace<T>>);
 
 /// Workspaces kept for later drawings, at most.
@@ -131,8 +134,9 @@ where
     let views = settings.views(arrays)?;
     let gaussians = settings.gaussians(arrays)?;
     let cameras = settings.cameras(arrays, &views)?;
-    let [image, alpha, depth, features] =
-        cotangents.each_ref().map(|cotangent| cotangent.as_ref().map(|cotangent| slice("cotangent", cotangent)).transpose());
+    let [image, alpha, depth, features] = cotangents
+        .each_ref()
+        .map(|cotangent| cotangent.as_ref().map(|cotangent| slice("cotangent", cotangent)).transpose());
     let cotangents = Cotangents { image: image?, alpha: alpha?, depth: depth?, features: features? };
     let (shapes, raster) = (arrays.shapes(), settings.raster());
     let n = gaussians.opacities.len();
@@ -146,16 +150,27 @@ where
             out.each_mut().map(|values| values.as_mut().map(|values| Target::write(values)));
         let mut sums = vec![GaussianStatistics::default(); if statistics { n } else { 0 }];
         let statistics = statistics.then_some(&mut sums[..]);
-        let targets =
-            Gradients { means, quats, scales, opacities, colors, features, viewmats, intrinsics, background, statistics };
+        let targets = Gradients {
+            means,
+            quats,
+            scales,
+            opacities,
+            colors,
+            features,
+            viewmats,
+            intrinsics,
+            background,
+            statistics,
+        };
         workspace.backward(&gaussians, &cameras, &raster, &cotangents, targets)?;
         out[7] = out[7].take().map(|intrinsics| matrices(&intrinsics));
         Ok(out)
     })?;
     let shapes = arrays.shapes();
-    let gradients = gradients.into_iter().zip(shapes).map(|(gradient, shape)| {
-        gradient.map(|gradient| shaped(py, gradient, shape)).transpose()
-    });
+    let gradients = gradients
+        .into_iter()
+        .zip(shapes)
+        .map(|(gradient, shape)| gradient.map(|gradient| shaped(py, gradient, shape)).transpose());
     PyTuple::new(py, gradients.collect::<PyResult<Vec<_>>>()?)
 }
 
@@ -181,7 +196,7 @@ fn splats<'py, T: Scalar>(py: Python<'py>, mut kept: MutexGuard<'_, Shelved<T>>,
         }
         Ok::<_, Failed>((centers, radii, depths))
     })?;
-    let n = depths.len() / settings.views.max(1);
+    let n = depths.len() / settings.views;
     let (views, depths) = (settings.views, shaped(py, depths, &[settings.views, n])?);
     let (centers, radii) = (shaped(py, centers, &[views, n, 2])?, shaped(py, radii, &[views, n, 2])?);
     (centers, radii, depths).into_pyobject(py)

@@ -34,7 +34,7 @@ type Read<'py, T> = PyReadonlyArrayDyn<'py, T>;
 
 /// Gaussians and cameras as arrays: means `[N, 3]`, quats `[N, 4]`, scales `[N, 3]`, opacities `[N]`, colors `[N, 3]`, `[N, K, 3]` or
 /// `[N, 0]`, features `[N, F]`, viewmats `[C, 4, 4]`, Ks `[C, 3, 3]`, background `[C, 3]`.
-#[derive(FromPyObject)]
+#[derive(Debug, FromPyObject)]
 #[allow(clippy::type_complexity)]
 pub struct Arrays<'py, T: Element>(
     (
@@ -164,8 +164,11 @@ where
     weaver_splat::Extent::of(&gaussians, &cameras, &raster, settings.depth).map_err(Failed::from)?;
     let wanted_depth = settings.depth;
     let pixels = cameras.views() * settings.width * settings.height;
-    weaver_command::memory::check(pixels as u64 * size_of::<T>() as u64 * (colors + 2 + channels) as u64, "fewer pixels take less")
-        .map_err(|failure| Failed::new(weaver_cli::FailureKind::Memory, failure.line().unwrap_or_default()))?;
+    weaver_command::memory::check(
+        pixels as u64 * size_of::<T>() as u64 * (colors + 2 + channels) as u64,
+        "fewer pixels take less",
+    )
+    .map_err(|failure| Failed::new(weaver_cli::FailureKind::Memory, failure.line().unwrap_or_default()))?;
     let (planes, kept) = compute(py, move || {
         let mut kept = Shelved::<T>::take();
         let plane = |channels: usize| vec![T::ZERO; channels * pixels];

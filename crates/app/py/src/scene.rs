@@ -19,6 +19,7 @@ use weaver_view::{HtmlOptions, Look, Shot, Subject, html};
 
 /// Gaussians, and how they are to be drawn.
 #[pyclass(frozen, module = "splatweaver._splatweaver")]
+#[derive(Debug)]
 pub struct SceneData {
     gaussians: Gaussians,
     settings: RasterSettings,
@@ -74,7 +75,11 @@ impl SceneData {
             sh: slice("sh", &sh)?.to_vec(),
             degree,
         };
-        Ok(Self { gaussians, settings: RasterSettings { antialiased, ..RasterSettings::default() }, background: [1.0; 3] })
+        Ok(Self {
+            gaussians,
+            settings: RasterSettings { antialiased, ..RasterSettings::default() },
+            background: [1.0; 3],
+        })
     }
 
     /// Reads a file; what a summary.json beside it says about drawing is followed, as the command line does.
@@ -83,8 +88,8 @@ impl SceneData {
         compute(py, || {
             let file = read_scene(&path)?;
             let beside = DrawingOptions::default().beside(&path, file.drawing);
-            let (background, settings) =
-                beside.map_err(|failure| Failed::new(weaver_cli::FailureKind::File, failure.line().unwrap_or_default()))?;
+            let (background, settings) = beside
+                .map_err(|failure| Failed::new(weaver_cli::FailureKind::File, failure.line().unwrap_or_default()))?;
             Ok(Self { gaussians: file.gaussians, settings, background })
         })
     }
@@ -181,8 +186,10 @@ impl SceneData {
 
     /// The Gaussians of this scene and of others.
     fn merged(&self, others: Vec<Py<SceneData>>) -> Self {
-        let parts: Vec<Gaussians> =
-            std::iter::once(&self.gaussians).chain(others.iter().map(|other| &other.get().gaussians)).cloned().collect();
+        let parts: Vec<Gaussians> = std::iter::once(&self.gaussians)
+            .chain(others.iter().map(|other| &other.get().gaussians))
+            .cloned()
+            .collect();
         self.with(Gaussians::joined(&parts))
     }
 
@@ -192,8 +199,9 @@ impl SceneData {
         py: Python<'py>,
         cameras: Vec<Py<Camera>>,
         background: [f32; 3],
-        (near, alpha_max, antialiased): (f64, f64, bool),
+        drawing: (f64, f64, bool),
     ) -> PyResult<Vec<Bound<'py, PyArrayDyn<f32>>>> {
+        let (near, alpha_max, antialiased) = drawing;
         let cameras: Vec<_> = cameras.iter().map(|camera| camera.get().0.camera).collect();
         let settings = RasterSettings { near, alpha_max, antialiased, ..self.settings };
         let pictures = compute(py, || {

@@ -91,6 +91,19 @@ def test_cameras_may_have_colors_of_their_own():
             np.testing.assert_array_equal(meta[key][c], alone_meta[key][0])
 
 
+@pytest.mark.parametrize("batch", [(2,), (1, 3)])
+def test_several_scenes_at_once(batch):
+    count = int(np.prod(batch))
+    scenes = [scene(seed) for seed in range(count)]
+    arrays = {k: np.stack([s[k] for s in scenes]).reshape(*batch, *v.shape) for k, v in scenes[0].items() if hasattr(v, "shape")}
+    picture, alpha, meta = rasterization(**arrays, width=12, height=10)
+    assert picture.shape == (*batch, 2, 10, 12, 3) and meta["radii"].shape == (*batch, 2, 12, 2)
+    for b, one in enumerate(scenes):
+        alone = rasterization(**one)
+        np.testing.assert_array_equal(picture.reshape(count, 2, 10, 12, 3)[b], alone[0])
+        np.testing.assert_array_equal(meta["means2d"].reshape(count, 2, 12, 2)[b], alone[2]["means2d"])
+
+
 def test_harmonics_beyond_the_degree_are_not_used():
     arguments = scene(4, degree=3)
     picture = rasterization(**{**arguments, "sh_degree": 1})[0]
@@ -131,7 +144,7 @@ def test_arrays_may_be_strided_and_lists_integer():
         ({"opacities": np.zeros((12, 1))}, r"opacities: expected \[12\], found \[12, 1\]"),
         ({"colors": np.zeros((5, 3))}, r"colors: expected \[12, D\] or \[2, 12, D\], found \[5, 3\]"),
         ({"colors": np.zeros((12, 0))}, r"colors: expected"),
-        ({"colors": np.zeros((12, 3, 3)), "sh_degree": 1}, r"colors: expected .*K of at least 4, found \[12, 3, 3\]"),
+        ({"colors": np.zeros((12, 3, 3)), "sh_degree": 1}, r"colors: expected .*K of at least 4, 3\], found \[12, 3, 3\]"),
         ({"sh_degree": 5}, "sh_degree: expected 0 to 4, found 5"),
         ({"viewmats": np.zeros((0, 4, 4))}, "viewmats: expected .* at least one camera"),
         ({"viewmats": np.zeros((2, 3, 4))}, r"viewmats: expected \[2, 4, 4\], found \[2, 3, 4\]"),

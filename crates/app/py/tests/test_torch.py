@@ -143,6 +143,21 @@ def test_screen_gradients_arrive_in_meta(shared):
         np.testing.assert_array_equal(meta[key].detach().numpy(), plain[key])
 
 
+def test_several_scenes_at_once_have_gradients():
+    scenes = [scene(seed, n=3) for seed in (20, 21)]
+    stacked = {k: np.stack([s[k] for s in scenes]) for k, v in scenes[0].items() if isinstance(v, np.ndarray)}
+    given = tensors({**scenes[0], **stacked})
+    picture, _, meta = rasterization(**given, absgrad=True)
+    picture.square().sum().backward()
+    for b, one in enumerate(scenes):
+        alone = tensors(one)
+        drawn, _, own = rasterization(**alone, absgrad=True)
+        drawn.square().sum().backward()
+        torch.testing.assert_close(given["means"].grad[b], alone["means"].grad)
+        torch.testing.assert_close(meta["means2d"].grad[b], own["means2d"].grad)
+        torch.testing.assert_close(meta["means2d"].absgrad[b], own["means2d"].absgrad)
+
+
 def test_several_backward_passes_add_up_and_numbers_must_not_change_in_between():
     given = tensors(scene(10))
     picture, _, meta = rasterization(**given, absgrad=True)
@@ -177,7 +192,7 @@ def test_bad_tensors_are_named():
     with pytest.raises(InputError, match=r"scales: expected \[12, 3\], found \[12\]"):
         rasterization(**{**given, "scales": given["scales"][:, 0]})
     picture = rasterization(**given)[0]
-    (gradient,) = torch.autograd.grad(picture.sum(), given["means"], create_graph=True)
+    (gradient,) = torch.autograd.grad(picture.square().sum(), given["means"], create_graph=True)
     with pytest.raises(RuntimeError, match="once_differentiable"):
         gradient.sum().backward()
 

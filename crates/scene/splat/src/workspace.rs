@@ -39,7 +39,13 @@ pub struct Timings {
 impl<T: Real> Workspace<T> {
     /// An empty workspace.
     pub fn new() -> Self {
-        Self { drawn: None, tiles: Tiles::new(), camera_sums: Vec::new(), timings: Timings::default(), differentiated: None }
+        Self {
+            drawn: None,
+            tiles: Tiles::new(),
+            camera_sums: Vec::new(),
+            timings: Timings::default(),
+            differentiated: None,
+        }
     }
 
     /// The sizes and settings of the last forward.

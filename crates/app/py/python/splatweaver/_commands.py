@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import shutil
 import tempfile
 from pathlib import Path as Folder
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional
@@ -220,11 +221,17 @@ def _listed(paths: Paths) -> List[Path]:
 def _into_folder(
     command: str, positional: List[Path], out: Optional[Path], options: Mapping[str, Any], callback: Optional[Callback]
 ) -> Run:
-    kept = tempfile.TemporaryDirectory(prefix="splatweaver-") if out is None else None
-    folder = Folder(kept.name) / command if kept is not None else Folder(os.fspath(out or ""))
+    temporary = tempfile.mkdtemp(prefix="splatweaver-") if out is None else None
+    folder = Folder(os.fspath(out)) if out is not None else Folder(temporary or "") / command
     # A comparison is not printed as JSON.
     json = options.get("compare") is None
-    return Run(folder, _run(command, positional, {"out": folder, **options}, callback, json), kept)
+    try:
+        text = _run(command, positional, {"out": folder, **options}, callback, json)
+    except BaseException:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+        raise
+    return Run(folder, text, temporary)
 
 
 def _run(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from dataclasses import dataclass
@@ -162,7 +163,7 @@ def rasterization(
         raise InputError(f"render_mode: expected one of {', '.join(MODES)}, found {render_mode!r}")
     if rasterize_mode not in ("classic", "antialiased"):
         raise InputError(f"rasterize_mode: expected classic or antialiased, found {rasterize_mode!r}")
-    arrays = {
+    arrays: Dict[str, Any] = {
         "means": means,
         "quats": quats,
         "scales": scales,
@@ -172,13 +173,10 @@ def rasterization(
         "Ks": Ks,
         **({} if backgrounds is None else {"backgrounds": backgrounds}),
     }
-    if _is_torch(arrays.values()):
-        from . import _torch as backend
-    else:
-        backend = sys.modules[__name__]  # type: ignore[assignment]
+    backend = _backend(arrays)
     arrays = backend.taken(arrays)
     channels = _check_shapes(arrays, sh_degree)
-    settings = {
+    settings: Dict[str, Any] = {
         "width": _pixels("width", width),
         "height": _pixels("height", height),
         "views": 1,
@@ -193,44 +191,50 @@ def rasterization(
     }
     splats = backend.unseen(arrays)
     request = Request(settings, "RGB" in render_mode and channels != 3, render_mode, absgrad, splats)
-    return _of_cameras(arrays, request, sh_degree, backend)
-
-
-def _of_cameras(arrays: Dict[str, Any], request: Request, sh_degree: Optional[int], backend: Any) -> Tuple[Any, Any, Meta]:
-    """Draws all cameras at once, or one after the other where each has colors of its own."""
-    cameras = arrays["viewmats"].shape[0]
-    colors = arrays["colors"]
-    if sh_degree is not None:
-        colors = colors[..., : (sh_degree + 1) ** 2, :]
-    if len(colors.shape) == (3 if sh_degree is None else 4):
-        parts = [
-            _drawn(
-                {
-                    **arrays,
-                    "colors": colors[c],
-                    **{name: arrays[name][c : c + 1] for name in ("viewmats", "Ks", "backgrounds") if name in arrays},
-                },
-                request,
-                slice(c, c + 1),
-                backend,
-            )
-            for c in range(cameras)
+    cameras, batch = arrays["viewmats"].shape[-3], tuple(arrays["means"].shape[:-2])
+    if batch:
+        flat = {name: array.reshape(-1, *array.shape[len(batch) :]) for name, array in arrays.items()}
+        scenes = range(flat["means"].shape[0])
+        drawn = [
+            _of_cameras({name: array[b] for name, array in flat.items()}, request, sh_degree, (b * cameras, backend))
+            for b in scenes
         ]
-        pictures, alphas = zip(*parts)
-        picture, alpha = backend.joined(pictures), backend.joined(alphas)
+        flat_pictures = [backend.joined(part) for part in zip(*drawn)]
+        picture, alpha = (part.reshape(*batch, cameras, *part.shape[1:]) for part in flat_pictures)
     else:
-        request.settings["views"] = cameras
-        picture, alpha = _drawn({**arrays, "colors": colors}, request, slice(0, cameras), backend)
-    means2d, radii, depths = request.splats
+        picture, alpha = _of_cameras(arrays, request, sh_degree, (0, backend))
+    means2d, radii, depths = splats
     meta: Meta = {
         "radii": radii,
         "means2d": means2d,
         "depths": depths,
-        "width": request.settings["width"],
-        "height": request.settings["height"],
+        "width": settings["width"],
+        "height": settings["height"],
         "n_cameras": cameras,
     }
     return picture, alpha, meta
+
+
+def _of_cameras(
+    arrays: Dict[str, Any], request: Request, sh_degree: Optional[int], place: Tuple[int, Any]
+) -> Tuple[Any, Any]:
+    """Draws all cameras at once, or one after the other where each has colors of its own; `place` is the number of the first one."""
+    first, backend = place
+    cameras = arrays["viewmats"].shape[0]
+    colors = arrays["colors"]
+    if sh_degree is not None:
+        colors = colors[..., : (sh_degree + 1) ** 2, :]
+    if len(colors.shape) == (2 if sh_degree is None else 3):
+        request.settings["views"] = cameras
+        return _drawn({**arrays, "colors": colors}, request, slice(first, first + cameras), backend)
+    request.settings["views"] = 1
+    own = ("viewmats", "Ks", "backgrounds")
+    parts = []
+    for c in range(cameras):
+        one = {name: array[c : c + 1] if name in own else array for name, array in arrays.items()}
+        parts.append(_drawn({**one, "colors": colors[c]}, request, slice(first + c, first + c + 1), backend))
+    pictures, alphas = zip(*parts)
+    return backend.joined(pictures), backend.joined(alphas)
 
 
 def _drawn(arrays: Dict[str, Any], request: Request, at: slice, backend: Any) -> Tuple[Any, Any]:
@@ -282,9 +286,14 @@ def _check_others(given: Mapping[str, Any]) -> None:
         warnings.warn(f"rasterization: no meaning on a CPU, ignored: {', '.join(ignored)}", stacklevel=3)
 
 
-def _is_torch(arrays: Any) -> bool:
+def _backend(arrays: Mapping[str, Any]) -> Any:
+    """The module that draws: the one for tensors if any array is one."""
     torch = sys.modules.get("torch")
-    return torch is not None and any(isinstance(array, torch.Tensor) for array in arrays)
+    if torch is not None and any(isinstance(array, torch.Tensor) for array in arrays.values()):
+        from . import _torch
+
+        return _torch
+    return sys.modules[__name__]
 
 
 def _pixels(name: str, value: Any) -> int:
@@ -300,24 +309,27 @@ def _pixels(name: str, value: Any) -> int:
 def _check_shapes(arrays: Mapping[str, Any], sh_degree: Optional[int]) -> int:
     """The number of channels of colors, if all shapes fit together."""
     shapes = {name: tuple(array.shape) for name, array in arrays.items()}
-    n = shapes["means"][0] if shapes["means"] else 0
-    c = shapes["viewmats"][0] if shapes["viewmats"] else 0
-    if c == 0:
+    if len(shapes["means"]) < 2:
+        raise InputError(f"means: expected [N, 3], found {list(shapes['means'])}")
+    *batch, n, _ = shapes["means"]
+    c = shapes["viewmats"][-3] if len(shapes["viewmats"]) > 2 else 0
+    if c == 0 or (batch and 0 in batch):
         raise InputError(f"viewmats: expected [C, 4, 4] with at least one camera, found {list(shapes['viewmats'])}")
     if sh_degree is None:
-        last = shapes["colors"][-1:]
-        colors, form = ((n, *last), (c, n, *last)), f"[{n}, D] or [{c}, {n}, D]"
-        fits = len(last) == 1 and last[0] > 0
+        tail: Tuple[int, ...] = shapes["colors"][-1:]
+        form, fits = "D", len(tail) == 1 and tail[0] > 0
     else:
         if not isinstance(sh_degree, int) or not 0 <= sh_degree <= 4:
             raise InputError(f"sh_degree: expected 0 to 4, found {sh_degree!r}")
-        k = shapes["colors"][-2] if len(shapes["colors"]) > 2 else 0
-        colors, form = ((n, k, 3), (c, n, k, 3)), f"[{n}, K, 3] or [{c}, {n}, K, 3] with K of at least {(sh_degree + 1) ** 2}"
-        fits = k >= (sh_degree + 1) ** 2
-    if not fits or shapes["colors"] not in colors:
-        raise InputError(f"colors: expected {form}, found {list(shapes['colors'])}")
-    channels = shapes["colors"][-1]
-    expected: Dict[str, Sequence[int]] = {
+        least = (sh_degree + 1) ** 2
+        tail = (*shapes["colors"][-2:-1], 3)
+        form, fits = f"K of at least {least}, 3", len(tail) == 2 and tail[0] >= least
+    front = "".join(f"{size}, " for size in batch)
+    if not fits or shapes["colors"] not in ((*batch, n, *tail), (*batch, c, n, *tail)):
+        expected = f"[{front}{n}, {form}] or [{front}{c}, {n}, {form}]"
+        raise InputError(f"colors: expected {expected}, found {list(shapes['colors'])}")
+    channels = tail[-1]
+    for name, shape in {
         "means": (n, 3),
         "quats": (n, 4),
         "scales": (n, 3),
@@ -325,10 +337,9 @@ def _check_shapes(arrays: Mapping[str, Any], sh_degree: Optional[int]) -> int:
         "viewmats": (c, 4, 4),
         "Ks": (c, 3, 3),
         "backgrounds": (c, channels),
-    }
-    for name, shape in expected.items():
-        if name in shapes and shapes[name] != shape:
-            raise InputError(f"{name}: expected {list(shape)}, found {list(shapes[name])}")
+    }.items():
+        if name in shapes and shapes[name] != (*batch, *shape):
+            raise InputError(f"{name}: expected {[*batch, *shape]}, found {list(shapes[name])}")
     return int(channels)
 
 
@@ -357,8 +368,8 @@ def joined(parts: Sequence[Any]) -> Any:
 
 def unseen(arrays: Mapping[str, Any]) -> Tuple[Any, Any, Any]:
     """Projected means, radii and depths before anything is drawn."""
-    views, n, kind = arrays["viewmats"].shape[0], arrays["means"].shape[0], arrays["means"].dtype
-    return np.zeros((views, n, 2), kind), np.zeros((views, n, 2), np.int32), np.zeros((views, n), kind)
+    shape, kind = (*arrays["viewmats"].shape[:-2], arrays["means"].shape[-2]), arrays["means"].dtype
+    return np.zeros((*shape, 2), kind), np.zeros((*shape, 2), np.int32), np.zeros(shape, kind)
 
 
 def side_by_side(planes: Sequence[Any]) -> Any:
@@ -369,8 +380,15 @@ def at_least(array: Any, least: float) -> Any:
     return np.maximum(array, array.dtype.type(least))
 
 
+def rows(kept: Any, rank: int) -> Any:
+    """By-products `[C, ..]` of this rank, those of several scenes one after the other."""
+    shape = kept.shape
+    front = len(shape) - rank + 1
+    return kept.reshape(math.prod(shape[:front]), *shape[front:])
+
+
 def draw(arrays: Tuple[Any, ...], request: Request, at: slice) -> Tuple[Any, ...]:
     *planes, drawing = _splatweaver.rasterize(tuple(np.ascontiguousarray(array) for array in arrays), request.settings)
     for kept, drawn in zip(request.splats, drawing.splats()):
-        kept[at] = drawn
+        rows(kept, drawn.ndim)[at] = drawn
     return tuple(planes)

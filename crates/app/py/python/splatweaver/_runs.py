@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
+import shutil
+import weakref
 from pathlib import Path as Folder
 from typing import Any, Callable, Dict, NamedTuple, Optional
 
@@ -33,13 +34,14 @@ Callback = Callable[[Progress], Optional[bool]]
 class Run:
     """A folder of results, of `reconstruct`, `fit`, `infer`, `cameras`, or of the command line."""
 
-    def __init__(self, folder: Path, text: str = "", kept: Optional[tempfile.TemporaryDirectory[str]] = None) -> None:
+    def __init__(self, folder: Path, text: str = "", temporary: Optional[str] = None) -> None:
         #: The folder.
         self.folder = Folder(os.fspath(folder))
         #: What the command printed.
         self.text = text
         # A temporary folder lives as long as its run.
-        self._kept = kept
+        if temporary is not None:
+            weakref.finalize(self, shutil.rmtree, temporary, ignore_errors=True)
 
     @property
     def scene(self) -> Scene:

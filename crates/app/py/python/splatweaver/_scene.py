@@ -60,8 +60,9 @@ class Scene:
     def __init__(
         self, means: Any, log_scales: Any, quats: Any, opacity_logits: Any, sh: Any, antialiased: bool = False
     ) -> None:
-        arrays = [_float32(array) for array in (means, log_scales, quats, opacity_logits, sh)]
-        self._data = _splatweaver.SceneData(*arrays, antialiased)
+        self._data = _splatweaver.SceneData(
+            _float32(means), _float32(log_scales), _float32(quats), _float32(opacity_logits), _float32(sh), antialiased
+        )
 
     @classmethod
     def _of(cls, data: _splatweaver.SceneData) -> Scene:

@@ -9,7 +9,7 @@ import torch
 
 from . import _splatweaver
 from ._errors import InputError
-from ._rasterization import Request
+from ._rasterization import Request, rows
 
 
 class _Rasterize(torch.autograd.Function):
@@ -20,7 +20,7 @@ class _Rasterize(torch.autograd.Function):
         arrays = tuple(tensor.detach().numpy() for tensor in tensors)
         *planes, drawing = _splatweaver.rasterize(arrays, request.settings)
         for kept, drawn in zip(request.splats, drawing.splats()):
-            kept.data[at] = torch.from_numpy(drawn)
+            rows(kept.data, drawn.ndim)[at] = torch.from_numpy(drawn)
         ctx.save_for_backward(*tensors)
         ctx.drawing, ctx.request, ctx.at = drawing, request, at
         ctx.set_materialize_grads(False)
@@ -29,6 +29,8 @@ class _Rasterize(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx: Any, *cotangents: Any) -> Tuple[Any, ...]:
+        if all(gradient is None for gradient in cotangents):
+            return (None,) * len(ctx.needs_input_grad)
         arrays = tuple(tensor.detach().numpy() for tensor in ctx.saved_tensors)
         given = tuple(None if gradient is None else gradient.contiguous().numpy() for gradient in cotangents)
         _, _, screen, *wanted = ctx.needs_input_grad
@@ -37,13 +39,13 @@ class _Rasterize(torch.autograd.Function):
         if screen:
             plain, absolute = ctx.drawing.screen_gradients()
             means2d = ctx.request.splats[0]
-            shape = means2d[ctx.at].shape
+            shape = rows(means2d, 3)[ctx.at].shape
             centers = torch.from_numpy(plain).reshape(shape)
             if absolute is not None:
                 # Sums over backward passes, as .grad does.
                 if not hasattr(means2d, "absgrad"):
                     means2d.absgrad = torch.zeros_like(means2d, requires_grad=False)
-                means2d.absgrad[ctx.at] += torch.from_numpy(absolute).reshape(shape)
+                rows(means2d.absgrad, 3)[ctx.at] += torch.from_numpy(absolute).reshape(shape)
         return (None, None, centers, *(None if g is None else torch.from_numpy(g) for g in gradients))
 
 
@@ -75,10 +77,10 @@ def joined(parts: Sequence[Any]) -> Any:
 
 def unseen(arrays: Mapping[str, Any]) -> Tuple[Any, Any, Any]:
     """Projected means, a leaf where anything is differentiated, radii and depths before anything is drawn."""
-    views, n, kind = arrays["viewmats"].shape[0], arrays["means"].shape[0], arrays["means"].dtype
+    shape, kind = (*arrays["viewmats"].shape[:-2], arrays["means"].shape[-2]), arrays["means"].dtype
     differentiated = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in arrays.values())
-    means2d = torch.zeros((views, n, 2), dtype=kind, requires_grad=differentiated)
-    return means2d, torch.zeros((views, n, 2), dtype=torch.int32), torch.zeros((views, n), dtype=kind)
+    means2d = torch.zeros((*shape, 2), dtype=kind, requires_grad=differentiated)
+    return means2d, torch.zeros((*shape, 2), dtype=torch.int32), torch.zeros(shape, dtype=kind)
 
 
 def side_by_side(planes: Sequence[Any]) -> Any:
@@ -91,5 +93,6 @@ def at_least(array: Any, least: float) -> Any:
 
 def draw(arrays: Tuple[Any, ...], request: Request, at: slice) -> Tuple[Any, ...]:
     tensors = (tensor.contiguous() for tensor in arrays)
-    drawn: Tuple[Any, ...] = _Rasterize.apply(request, at, request.splats[0][at], *tensors)  # type: ignore[no-untyped-call]
+    means2d = rows(request.splats[0], 3)
+    drawn: Tuple[Any, ...] = _Rasterize.apply(request, at, means2d[at], *tensors)
     return drawn
