@@ -45,8 +45,10 @@ pub fn run_command(
             }
             Ok(Event::Part(part, answer)) => {
                 let told = listener.told((part.label, part.done, part.total, part.note));
+                let noted = listener.note(told);
+                // The work goes on only now, so that it sees a wish to stop at this very step.
                 let _ = answer.send(());
-                listener.note(told)?;
+                noted?;
             }
             Ok(Event::End(result)) => return listener.end(result),
             Err(RecvTimeoutError::Timeout) => {}

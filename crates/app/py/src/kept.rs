@@ -1,9 +1,10 @@
 //! State between a drawing and its gradients.
 
 use crate::failed::Failed;
-use crate::rasterize::{AnyArrays, Arrays, Scalar, Settings, slice};
+use crate::rasterize::{AnyArrays, Arrays, Scalar, Settings, slice, slice_mut};
 use crate::threads::compute;
-use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, ndarray::IxDyn};
+use numpy::ndarray::IxDyn;
+use numpy::{Element, IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -53,12 +54,38 @@ impl<T: Scalar> Drop for Shelved<T> {
 
 type Answer<'py> = PyResult<Bound<'py, PyTuple>>;
 type Cotangent<'py, T> = Option<PyReadonlyArrayDyn<'py, T>>;
+type FourCotangents<'py, T> = (Cotangent<'py, T>, Cotangent<'py, T>, Cotangent<'py, T>, Cotangent<'py, T>);
+type Write<'py, T> = Option<PyReadwriteArrayDyn<'py, T>>;
 
 /// Gradients with respect to image, alpha, depth and features.
 #[derive(FromPyObject)]
 pub enum AnyCotangents<'py> {
-    Single((Cotangent<'py, f32>, Cotangent<'py, f32>, Cotangent<'py, f32>, Cotangent<'py, f32>)),
-    Double((Cotangent<'py, f64>, Cotangent<'py, f64>, Cotangent<'py, f64>, Cotangent<'py, f64>)),
+    Single(FourCotangents<'py, f32>),
+    Double(FourCotangents<'py, f64>),
+}
+
+/// Memory for the gradients of the arrays that were drawn.
+#[derive(FromPyObject)]
+#[allow(clippy::type_complexity)]
+pub struct NineGradients<'py, T: Element>(
+    (
+        Write<'py, T>,
+        Write<'py, T>,
+        Write<'py, T>,
+        Write<'py, T>,
+        Write<'py, T>,
+        Write<'py, T>,
+        Write<'py, T>,
+        Write<'py, T>,
+        Write<'py, T>,
+    ),
+);
+
+/// [`NineGradients`] of either number type.
+#[derive(FromPyObject)]
+pub enum AnyGradients<'py> {
+    Single(NineGradients<'py, f32>),
+    Double(NineGradients<'py, f64>),
 }
 
 impl Drawing {
@@ -69,7 +96,7 @@ impl Drawing {
 
 #[pymethods]
 impl Drawing {
-    /// Gradients in the order of the arrays that were drawn; None for those that are not wanted.
+    /// Writes gradients into arrays, in the order and with the shapes of those that were drawn; None for what is not wanted.
     ///
     /// With `statistics`, absolute screen gradients are summed as well.
     fn backward<'py>(
@@ -77,25 +104,31 @@ impl Drawing {
         py: Python<'py>,
         arrays: AnyArrays<'py>,
         cotangents: AnyCotangents<'py>,
-        wanted: [bool; 9],
+        into: AnyGradients<'py>,
         statistics: bool,
-    ) -> Answer<'py> {
-        match (&self.kept, arrays, cotangents) {
-            (Kept::Single(kept), AnyArrays::Single(arrays), AnyCotangents::Single((a, b, c, d))) => {
-                differentiated(py, lock(kept), &arrays, [a, b, c, d], (&self.settings, wanted, statistics))
-            }
-            (Kept::Double(kept), AnyArrays::Double(arrays), AnyCotangents::Double((a, b, c, d))) => {
-                differentiated(py, lock(kept), &arrays, [a, b, c, d], (&self.settings, wanted, statistics))
-            }
-            _ => Err(Failed::input("backward: expected numbers of the type that was drawn").into()),
+    ) -> Result<(), Failed> {
+        match (&self.kept, arrays, cotangents, into) {
+            (
+                Kept::Single(kept),
+                AnyArrays::Single(arrays),
+                AnyCotangents::Single(given),
+                AnyGradients::Single(into),
+            ) => differentiate(py, lock(kept), (&arrays, given, into), (&self.settings, statistics)),
+            (
+                Kept::Double(kept),
+                AnyArrays::Double(arrays),
+                AnyCotangents::Double(given),
+                AnyGradients::Double(into),
+            ) => differentiate(py, lock(kept), (&arrays, given, into), (&self.settings, statistics)),
+            _ => Err(Failed::input("backward: expected numbers of the type that was drawn")),
         }
     }
 
-    /// Centers `[C, N, 2]`, radii `[C, N, 2]` and depths `[C, N]` on the image; zeros for Gaussians that are not seen.
+    /// Centers `[C, N, 2]`, radii `[C, N, 2]` and depths `[C, N]` on the image, as rows of numbers; zeros for Gaussians that are not seen.
     fn splats<'py>(&self, py: Python<'py>) -> Answer<'py> {
         match &self.kept {
-            Kept::Single(kept) => splats(py, lock(kept), &self.settings),
-            Kept::Double(kept) => splats(py, lock(kept), &self.settings),
+            Kept::Single(kept) => splats(py, lock(kept)),
+            Kept::Double(kept) => splats(py, lock(kept)),
         }
     }
 
@@ -121,85 +154,66 @@ pub fn shaped<'py, T: numpy::Element>(
     values.into_pyarray(py).reshape(IxDyn(shape))
 }
 
-fn differentiated<'py, T: Scalar>(
-    py: Python<'py>,
+fn differentiate<T: Scalar>(
+    py: Python<'_>,
     mut kept: MutexGuard<'_, Shelved<T>>,
-    arrays: &Arrays<'py, T>,
-    cotangents: [Cotangent<'py, T>; 4],
-    (settings, wanted, statistics): (&Settings, [bool; 9], bool),
-) -> Answer<'py>
+    (arrays, given, mut into): (&Arrays<'_, T>, FourCotangents<'_, T>, NineGradients<'_, T>),
+    (settings, statistics): (&Settings, bool),
+) -> Result<(), Failed>
 where
     Workspace<T>: Session<T>,
 {
     let views = settings.views(arrays)?;
     let gaussians = settings.gaussians(arrays)?;
     let cameras = settings.cameras(arrays, &views)?;
-    let [image, alpha, depth, features] = cotangents
-        .each_ref()
+    let [image, alpha, depth, features] = [&given.0, &given.1, &given.2, &given.3]
         .map(|cotangent| cotangent.as_ref().map(|cotangent| slice("cotangent", cotangent)).transpose());
     let cotangents = Cotangents { image: image?, alpha: alpha?, depth: depth?, features: features? };
-    let (shapes, raster) = (arrays.shapes(), settings.raster());
+    let raster = settings.raster();
     let n = gaussians.opacities.len();
+    let NineGradients((a, b, c, d, e, f, g, h, i)) = &mut into;
+    let [means, quats, scales, opacities, colors, features, viewmats, background] =
+        [a, b, c, d, e, f, g, i].map(|array| array.as_mut().map(|array| slice_mut("gradient", array)).transpose());
+    let matrices = h.as_mut().map(|array| slice_mut("gradient", array)).transpose()?;
+    let target = |values: Result<Option<&mut [T]>, Failed>| Ok::<_, Failed>(values?.map(Target::write));
+    let mut intrinsics = vec![T::ZERO; 4 * cameras.views()];
+    let mut sums = vec![GaussianStatistics::default(); if statistics { n } else { 0 }];
+    let targets = Gradients {
+        means: target(means)?,
+        quats: target(quats)?,
+        scales: target(scales)?,
+        opacities: target(opacities)?,
+        colors: target(colors)?,
+        features: target(features)?,
+        viewmats: target(viewmats)?,
+        intrinsics: matrices.is_some().then(|| Target::write(&mut intrinsics)),
+        background: target(background)?,
+        statistics: statistics.then_some(&mut sums[..]),
+    };
     let workspace = kept.workspace();
-    let gradients = compute(py, move || {
-        let mut out: [Option<Vec<T>>; 9] = std::array::from_fn(|i| {
-            let length = if i == 7 { 4 * cameras.views() } else { shapes[i].iter().product() };
-            wanted[i].then(|| vec![T::ZERO; length])
-        });
-        let [means, quats, scales, opacities, colors, features, viewmats, intrinsics, background] =
-            out.each_mut().map(|values| values.as_mut().map(|values| Target::write(values)));
-        let mut sums = vec![GaussianStatistics::default(); if statistics { n } else { 0 }];
-        let statistics = statistics.then_some(&mut sums[..]);
-        let targets = Gradients {
-            means,
-            quats,
-            scales,
-            opacities,
-            colors,
-            features,
-            viewmats,
-            intrinsics,
-            background,
-            statistics,
-        };
-        workspace.backward(&gaussians, &cameras, &raster, &cotangents, targets)?;
-        out[7] = out[7].take().map(|intrinsics| matrices(&intrinsics));
-        Ok(out)
-    })?;
-    let shapes = arrays.shapes();
-    let gradients = gradients
-        .into_iter()
-        .zip(shapes)
-        .map(|(gradient, shape)| gradient.map(|gradient| shaped(py, gradient, shape)).transpose());
-    PyTuple::new(py, gradients.collect::<PyResult<Vec<_>>>()?)
+    compute(py, move || Ok(workspace.backward(&gaussians, &cameras, &raster, &cotangents, targets)?))?;
+    if let Some(matrices) = matrices {
+        put_intrinsics(&intrinsics, matrices);
+    }
+    Ok(())
 }
 
-/// Gradients of fx, fy, cx and cy where they are in matrices of intrinsics, `[C, 3, 3]`.
-fn matrices<T: Scalar>(intrinsics: &[T]) -> Vec<T> {
+/// Puts gradients of fx, fy, cx and cy where they are in matrices of intrinsics, `[C, 3, 3]`.
+fn put_intrinsics<T: Scalar>(intrinsics: &[T], matrices: &mut [T]) {
     let zero = T::ZERO;
-    let matrix = |k: &[T]| [k[0], zero, k[2], zero, k[1], k[3], zero, zero, zero];
-    intrinsics.chunks_exact(4).flat_map(matrix).collect()
+    for (matrix, k) in matrices.chunks_exact_mut(9).zip(intrinsics.chunks_exact(4)) {
+        matrix.copy_from_slice(&[k[0], zero, k[2], zero, k[1], k[3], zero, zero, zero]);
+    }
 }
 
-fn splats<'py, T: Scalar>(py: Python<'py>, mut kept: MutexGuard<'_, Shelved<T>>, settings: &Settings) -> Answer<'py> {
+fn splats<'py, T: Scalar>(py: Python<'py>, mut kept: MutexGuard<'_, Shelved<T>>) -> Answer<'py> {
     let workspace = kept.workspace();
-    let (centers, radii, depths) = py.detach(|| {
-        let all = workspace.splats().map_err(Failed::from)?;
-        let mut centers = Vec::with_capacity(2 * all.len());
-        let mut radii = Vec::with_capacity(2 * all.len());
-        let mut depths = Vec::with_capacity(all.len());
-        for splat in all {
-            let known = splat.unwrap_or_default();
-            centers.extend(known.center);
-            radii.extend(known.radii.map(|radius| radius.to_f64().ceil() as i32));
-            depths.push(known.depth);
-        }
-        Ok::<_, Failed>((centers, radii, depths))
-    })?;
-    let n = depths.len() / settings.views;
-    let (views, depths) = (settings.views, shaped(py, depths, &[settings.views, n])?);
-    let (centers, radii) = (shaped(py, centers, &[views, n, 2])?, shaped(py, radii, &[views, n, 2])?);
-    (centers, radii, depths).into_pyobject(py)
+    let all = py.detach(|| workspace.splats()).map_err(Failed::from)?;
+    let known = || all.iter().map(|splat| splat.unwrap_or_default());
+    let centers: Vec<T> = known().flat_map(|splat| splat.center).collect();
+    let radii: Vec<i32> = known().flat_map(|splat| splat.radii).map(|radius| radius.to_f64().ceil() as i32).collect();
+    let depths: Vec<T> = known().map(|splat| splat.depth).collect();
+    (centers.into_pyarray(py), radii.into_pyarray(py), depths.into_pyarray(py)).into_pyobject(py)
 }
 
 fn screen_gradients<'py, T: Scalar>(py: Python<'py>, mut kept: MutexGuard<'_, Shelved<T>>) -> Answer<'py> {

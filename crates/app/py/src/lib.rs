@@ -24,7 +24,7 @@ mod _splatweaver {
     #[pymodule_export]
     use super::kept::Drawing;
     #[pymodule_export]
-    use super::rasterize::rasterize;
+    use super::rasterize::{check_memory, rasterize};
     #[pymodule_export]
     use super::scene::{SceneData, formats};
     #[pymodule_export]

@@ -1,12 +1,12 @@
 //! Drawing arrays of Python.
 
 use crate::failed::Failed;
-use crate::kept::{Drawing, Kept, Shelved, shaped};
+use crate::kept::{Drawing, Kept, Shelved};
 use crate::threads::compute;
-use numpy::{Element, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{Element, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
 use std::sync::Mutex;
+use weaver_cli::FailureKind;
 use weaver_kernels::Real;
 use weaver_scene::{CameraSlices, Color, Features, GaussianSlices, Model};
 use weaver_splat::{Images, RasterSettings, Session, Workspace};
@@ -71,7 +71,6 @@ pub enum AnyArrays<'py> {
 pub struct Settings {
     pub width: usize,
     pub height: usize,
-    pub views: usize,
     near: f64,
     far: f64,
     eps2d: f64,
@@ -79,7 +78,6 @@ pub struct Settings {
     antialiased: bool,
     radius_clip: Option<f64>,
     degree: Option<usize>,
-    depth: bool,
 }
 
 /// The numbers of an array in the order of its indices.
@@ -135,22 +133,54 @@ impl Settings {
     }
 }
 
-/// Draws: image `[C, H, W, 3]`, alpha `[C, H, W, 1]`, depth `[C, H, W, 1]` and features `[C, H, W, F]`, None where there are none, and
-/// the drawing.
-#[pyfunction]
-pub fn rasterize<'py>(py: Python<'py>, arrays: AnyArrays<'py>, settings: Settings) -> PyResult<Bound<'py, PyTuple>> {
-    match &arrays {
-        AnyArrays::Single(arrays) => drawn(py, arrays, settings, Kept::Single),
-        AnyArrays::Double(arrays) => drawn(py, arrays, settings, Kept::Double),
-    }
+type Write<'py, T> = Option<PyReadwriteArrayDyn<'py, T>>;
+
+/// Where drawings go: image `[C, H, W, 3]`, alpha `[C, H, W, 1]`, depth `[C, H, W, 1]` and features `[C, H, W, F]`, None where there are none.
+#[derive(Debug, FromPyObject)]
+#[allow(clippy::type_complexity)]
+pub struct Planes<'py, T: Element>((Write<'py, T>, Write<'py, T>, Write<'py, T>, Write<'py, T>));
+
+/// [`Planes`] of either number type.
+#[derive(FromPyObject)]
+pub enum AnyPlanes<'py> {
+    Single(Planes<'py, f32>),
+    Double(Planes<'py, f64>),
 }
 
-fn drawn<'py, T: Scalar>(
+/// The memory of an array.
+pub fn slice_mut<'a, T: Element>(name: &str, array: &'a mut PyReadwriteArrayDyn<'_, T>) -> Result<&'a mut [T], Failed> {
+    array.as_slice_mut().map_err(|error| Failed::input(format!("{name}: {error}")))
+}
+
+/// Refuses arrays of so many bytes where there is no memory for them.
+#[pyfunction]
+pub fn check_memory(bytes: u64) -> Result<(), Failed> {
+    let refused = weaver_command::memory::check(bytes, "fewer pixels or cameras take less").err();
+    refused.map_or(Ok(()), |failure| Err(Failed::new(FailureKind::Memory, failure.line().unwrap_or_default())))
+}
+
+/// Draws into arrays, and returns what gradients need.
+#[pyfunction]
+pub fn rasterize<'py>(
     py: Python<'py>,
-    arrays: &Arrays<'py, T>,
+    arrays: AnyArrays<'py>,
+    planes: AnyPlanes<'py>,
     settings: Settings,
-    keep: impl FnOnce(Mutex<Shelved<T>>) -> Kept,
-) -> PyResult<Bound<'py, PyTuple>>
+) -> PyResult<Drawing> {
+    let kept = match (&arrays, planes) {
+        (AnyArrays::Single(arrays), AnyPlanes::Single(planes)) => Kept::Single(drawn(py, arrays, planes, &settings)?),
+        (AnyArrays::Double(arrays), AnyPlanes::Double(planes)) => Kept::Double(drawn(py, arrays, planes, &settings)?),
+        _ => return Err(Failed::input("rasterize: expected planes of the number type of the arrays").into()),
+    };
+    Ok(Drawing::new(kept, settings))
+}
+
+fn drawn<T: Scalar>(
+    py: Python<'_>,
+    arrays: &Arrays<'_, T>,
+    mut planes: Planes<'_, T>,
+    settings: &Settings,
+) -> Result<Mutex<Shelved<T>>, Failed>
 where
     Workspace<T>: Session<T>,
 {
@@ -158,36 +188,17 @@ where
     let gaussians = settings.gaussians(arrays)?;
     let cameras = settings.cameras(arrays, &views)?;
     let raster = settings.raster();
-    let channels = gaussians.features.map_or(0, |features| features.channels);
-    let colors = if let Color::None = gaussians.color { 0 } else { 3 };
-    // Refused below by its size, whatever it is; no memory is asked for before.
-    weaver_splat::Extent::of(&gaussians, &cameras, &raster, settings.depth).map_err(Failed::from)?;
-    let wanted_depth = settings.depth;
-    let pixels = cameras.views() * settings.width * settings.height;
-    weaver_command::memory::check(
-        pixels as u64 * size_of::<T>() as u64 * (colors + 2 + channels) as u64,
-        "fewer pixels take less",
-    )
-    .map_err(|failure| Failed::new(weaver_cli::FailureKind::Memory, failure.line().unwrap_or_default()))?;
-    let (planes, kept) = compute(py, move || {
+    let (image, alpha, depth, features) = &mut planes.0;
+    let empty = || Ok::<_, Failed>(&mut [][..]);
+    let images = Images {
+        image: image.as_mut().map_or_else(empty, |array| slice_mut("image", array))?,
+        alpha: alpha.as_mut().map_or_else(empty, |array| slice_mut("alpha", array))?,
+        depth: depth.as_mut().map(|array| slice_mut("depth", array)).transpose()?,
+        features: features.as_mut().map(|array| slice_mut("features", array)).transpose()?,
+    };
+    compute(py, move || {
         let mut kept = Shelved::<T>::take();
-        let plane = |channels: usize| vec![T::ZERO; channels * pixels];
-        let [mut image, mut alpha, mut depth, mut features] =
-            [colors, 1, usize::from(wanted_depth), channels].map(plane);
-        let images = Images {
-            image: &mut image,
-            alpha: &mut alpha,
-            depth: wanted_depth.then_some(&mut depth[..]),
-            features: (channels > 0).then_some(&mut features[..]),
-        };
         kept.workspace().forward(&gaussians, &cameras, &raster, images)?;
-        Ok(([image, alpha, depth, features], kept))
-    })?;
-    let (width, height) = (settings.width, settings.height);
-    let shapes = [colors, 1, usize::from(wanted_depth), channels];
-    let planes = planes.into_iter().zip(shapes).map(|(plane, channels)| {
-        (channels > 0).then(|| shaped(py, plane, &[settings.views, height, width, channels])).transpose()
-    });
-    let [image, alpha, depth, features] = planes.collect::<PyResult<Vec<_>>>()?.try_into().expect("four planes");
-    (image, alpha, depth, features, Drawing::new(keep(Mutex::new(kept)), settings.clone())).into_pyobject(py)
+        Ok(Mutex::new(kept))
+    })
 }

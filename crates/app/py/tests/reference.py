@@ -3,7 +3,6 @@
 import inspect
 import re
 import textwrap
-from typing import get_type_hints
 
 import splatweaver
 
@@ -88,10 +87,9 @@ def page():
     parts += ["## set_threads\n", "```python\nset_threads(count)\n```\n", prose(splatweaver.set_threads.__doc__)]
     for name in CLASSES:
         parts += class_section(name)
-    for name in ("Progress", "Meta"):
-        item = getattr(splatweaver, name)
-        fields = ", ".join(f"`{field}`" for field in get_type_hints(item))
-        parts += [f"## {name}\n", prose(item.__doc__), f"Fields: {fields}.\n"]
+    parts += ["## Meta\n", prose(splatweaver.Meta.__doc__)]
+    fields = ", ".join(f"`{field}`" for field in splatweaver.Progress._fields)
+    parts += ["## Progress\n", prose(splatweaver.Progress.__doc__), f"Fields: {fields}.\n"]
     rows = [f"| `{name}` | {' '.join(getattr(splatweaver, name).__doc__.split())} |" for name in ERRORS]
     parts += ["## Errors\n", "\n".join(["| exception | |", "|---|---|", *rows]) + "\n"]
     return "\n".join(parts).rstrip("\n").replace("\n\n\n", "\n\n") + "\n"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, TypedDict, TypeVar
+from dataclasses import dataclass, field
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, TypeVar
 
 import numpy as np
 
@@ -40,21 +40,42 @@ MISSING: Mapping[str, Any] = {
     "viewmats_rs": None,
 }
 _warned: set[str] = set()
+#: Numbers of pictures from which on memory is looked at.
+LARGE = 1 << 26
 
 
-class Meta(TypedDict):
-    """By-products of a drawing, numpy arrays or tensors as the pictures are."""
+class Meta(Mapping[str, Any]):
+    """By-products of a drawing by their names, numpy arrays or tensors as the pictures are; what is on the image is found when it is
+    first asked for.
 
-    #: Three standard deviations along x and y, pixels rounded up, int32 `[C, N, 2]`; 0 for Gaussians that are not seen.
-    radii: Any
-    #: Projected means, pixels, `[C, N, 2]`. Of tensors, a leaf: after `backward()`, `.grad` has the gradient with respect to them, and with
-    #: `absgrad=True`, `.absgrad` the sums of its absolute values over the pixels.
-    means2d: Any
-    #: Camera z, world units, `[C, N]`.
-    depths: Any
-    width: int
-    height: int
-    n_cameras: int
+    | key | |
+    |---|---|
+    | `radii` | three standard deviations along x and y, pixels rounded up, int32 `[C, N, 2]`; 0 for Gaussians that are not seen |
+    | `means2d` | projected means, pixels, `[C, N, 2]`. Of tensors, a leaf: after `backward()`, `.grad` has the gradient with respect to them and, with `absgrad=True`, `.absgrad` the sums of its absolute values over the pixels |
+    | `depths` | camera z, world units, `[C, N]` |
+    | `width`, `height`, `n_cameras` | as given |
+    """
+
+    def __init__(self, request: Request, cameras: int) -> None:
+        self._request = request
+        width, height = request.settings["width"], request.settings["height"]
+        self._plain = {"width": width, "height": height, "n_cameras": cameras}
+
+    def __getitem__(self, key: str) -> Any:
+        if key in self._plain:
+            return self._plain[key]
+        splats = dict(zip(("means2d", "radii", "depths"), self._request.splats))
+        if key in splats:
+            for at, drawing in self._request.drawings:
+                self._request.backend.fill(self._request.splats, at, drawing.splats())
+            self._request.drawings.clear()
+        return splats[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(("radii", "means2d", "depths", *self._plain))
+
+    def __len__(self) -> int:
+        return 3 + len(self._plain)
 
 
 @dataclass
@@ -67,8 +88,12 @@ class Request:
     as_features: bool
     mode: str
     absgrad: bool
-    #: Projected means, radii and depths of all cameras, which drawings fill.
+    #: The module that draws.
+    backend: Any
+    #: Projected means, radii and depths of all cameras.
     splats: Tuple[Any, Any, Any]
+    #: Drawings that have not told theirs yet, and the cameras that they are of.
+    drawings: List[Tuple[slice, _splatweaver.Drawing]] = field(default_factory=list)
 
 
 def rasterization(
@@ -103,8 +128,8 @@ def rasterization(
     """Draw Gaussians from cameras; every input gets a gradient.
 
     Takes numpy arrays, or torch tensors on the CPU, of float32 or float64, and returns the same kind. Names, shapes, units and order of
-    the arguments are those of gsplat. Arguments of gsplat that mean nothing on a CPU are ignored with one warning; others that are not
-    there raise NotImplementedError with their name.
+    the arguments are those of gsplat; all arrays may have further dimensions in front, for several scenes at once. Arguments of gsplat
+    that mean nothing on a CPU are ignored with one warning; others that are not there raise NotImplementedError with their name.
 
     Args:
         means: Centers, world units, `[N, 3]`.
@@ -179,7 +204,6 @@ def rasterization(
     settings: Dict[str, Any] = {
         "width": _pixels("width", width),
         "height": _pixels("height", height),
-        "views": 1,
         "near": float(near_plane),
         "far": float(far_plane),
         "eps2d": float(eps2d),
@@ -187,58 +211,44 @@ def rasterization(
         "antialiased": rasterize_mode == "antialiased",
         "radius_clip": float(radius_clip) if radius_clip > 0 else None,
         "degree": sh_degree if "RGB" in render_mode else None,
-        "depth": "D" in render_mode,
     }
-    splats = backend.unseen(arrays)
-    request = Request(settings, "RGB" in render_mode and channels != 3, render_mode, absgrad, splats)
+    features = "RGB" in render_mode and channels != 3
+    request = Request(settings, features, render_mode, absgrad, backend, backend.unseen(arrays))
     cameras, batch = arrays["viewmats"].shape[-3], tuple(arrays["means"].shape[:-2])
     if batch:
         flat = {name: array.reshape(-1, *array.shape[len(batch) :]) for name, array in arrays.items()}
         scenes = range(flat["means"].shape[0])
         drawn = [
-            _of_cameras({name: array[b] for name, array in flat.items()}, request, sh_degree, (b * cameras, backend))
+            _of_cameras({name: array[b] for name, array in flat.items()}, request, sh_degree, b * cameras)
             for b in scenes
         ]
         flat_pictures = [backend.joined(part) for part in zip(*drawn)]
         picture, alpha = (part.reshape(*batch, cameras, *part.shape[1:]) for part in flat_pictures)
     else:
-        picture, alpha = _of_cameras(arrays, request, sh_degree, (0, backend))
-    means2d, radii, depths = splats
-    meta: Meta = {
-        "radii": radii,
-        "means2d": means2d,
-        "depths": depths,
-        "width": settings["width"],
-        "height": settings["height"],
-        "n_cameras": cameras,
-    }
-    return picture, alpha, meta
+        picture, alpha = _of_cameras(arrays, request, sh_degree, 0)
+    return picture, alpha, Meta(request, cameras)
 
 
-def _of_cameras(
-    arrays: Dict[str, Any], request: Request, sh_degree: Optional[int], place: Tuple[int, Any]
-) -> Tuple[Any, Any]:
-    """Draws all cameras at once, or one after the other where each has colors of its own; `place` is the number of the first one."""
-    first, backend = place
+def _of_cameras(arrays: Dict[str, Any], request: Request, sh_degree: Optional[int], first: int) -> Tuple[Any, Any]:
+    """Draws all cameras at once, or one after the other where each has colors of its own; `first` is the number of the first one."""
     cameras = arrays["viewmats"].shape[0]
     colors = arrays["colors"]
     if sh_degree is not None:
         colors = colors[..., : (sh_degree + 1) ** 2, :]
     if len(colors.shape) == (2 if sh_degree is None else 3):
-        request.settings["views"] = cameras
-        return _drawn({**arrays, "colors": colors}, request, slice(first, first + cameras), backend)
-    request.settings["views"] = 1
+        return _drawn({**arrays, "colors": colors}, request, slice(first, first + cameras))
     own = ("viewmats", "Ks", "backgrounds")
     parts = []
     for c in range(cameras):
         one = {name: array[c : c + 1] if name in own else array for name, array in arrays.items()}
-        parts.append(_drawn({**one, "colors": colors[c]}, request, slice(first + c, first + c + 1), backend))
+        parts.append(_drawn({**one, "colors": colors[c]}, request, slice(first + c, first + c + 1)))
     pictures, alphas = zip(*parts)
-    return backend.joined(pictures), backend.joined(alphas)
+    return request.backend.joined(pictures), request.backend.joined(alphas)
 
 
-def _drawn(arrays: Dict[str, Any], request: Request, at: slice, backend: Any) -> Tuple[Any, Any]:
+def _drawn(arrays: Dict[str, Any], request: Request, at: slice) -> Tuple[Any, Any]:
     """The pictures of the cameras `at` in their mode, and their alphas."""
+    backend = request.backend
     means, colors = arrays["means"], arrays["colors"]
     n, cameras = means.shape[0], arrays["viewmats"].shape[0]
     none = backend.zeros((n, 0), means)
@@ -380,15 +390,36 @@ def at_least(array: Any, least: float) -> Any:
     return np.maximum(array, array.dtype.type(least))
 
 
+def empty(shape: Tuple[int, ...], like: Any) -> Any:
+    return np.empty(shape, like.dtype)
+
+
+def fill(splats: Tuple[Any, Any, Any], at: slice, drawn: Tuple[Any, ...]) -> None:
+    for kept, numbers, rank in zip(splats, drawn, (2, 2, 1)):
+        place = rows(kept, rank)[at]
+        place[...] = numbers.reshape(place.shape)
+
+
 def rows(kept: Any, rank: int) -> Any:
-    """By-products `[C, ..]` of this rank, those of several scenes one after the other."""
-    shape = kept.shape
-    front = len(shape) - rank + 1
-    return kept.reshape(math.prod(shape[:front]), *shape[front:])
+    """By-products of cameras, `rank` dimensions each, those of several scenes one after the other."""
+    front = len(kept.shape) - rank
+    return kept.reshape(math.prod(kept.shape[:front]), *kept.shape[front:])
 
 
 def draw(arrays: Tuple[Any, ...], request: Request, at: slice) -> Tuple[Any, ...]:
-    *planes, drawing = _splatweaver.rasterize(tuple(np.ascontiguousarray(array) for array in arrays), request.settings)
-    for kept, drawn in zip(request.splats, drawing.splats()):
-        rows(kept, drawn.ndim)[at] = drawn
-    return tuple(planes)
+    contiguous = tuple(np.ascontiguousarray(array) for array in arrays)
+    planes = planes_of(contiguous, request)
+    request.drawings.append((at, _splatweaver.rasterize(contiguous, planes, request.settings)))
+    return planes
+
+
+def planes_of(arrays: Tuple[Any, ...], request: Request) -> Tuple[Any, ...]:
+    """Memory for image, alpha, depth and features, None for what is not drawn."""
+    cameras, height, width = arrays[6].shape[0], request.settings["height"], request.settings["width"]
+    colors, features = arrays[4], arrays[5].shape[-1]
+    channels = (3 if colors.shape[-1] else 0, 1, int("D" in request.mode), features)
+    numbers = cameras * height * width * sum(channels)
+    if numbers > LARGE:
+        _splatweaver.check_memory(8 * numbers)
+    shapes = [(cameras, height, width, count) if count else None for count in channels]
+    return tuple(None if shape is None else request.backend.empty(shape, arrays[0]) for shape in shapes)

@@ -9,7 +9,7 @@ import torch
 
 from . import _splatweaver
 from ._errors import InputError
-from ._rasterization import Request, rows
+from ._rasterization import Request, planes_of, rows
 
 
 class _Rasterize(torch.autograd.Function):
@@ -18,13 +18,14 @@ class _Rasterize(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, request: Request, at: slice, means2d: Any, *tensors: Any) -> Tuple[Any, ...]:
         arrays = tuple(tensor.detach().numpy() for tensor in tensors)
-        *planes, drawing = _splatweaver.rasterize(arrays, request.settings)
-        for kept, drawn in zip(request.splats, drawing.splats()):
-            rows(kept.data, drawn.ndim)[at] = torch.from_numpy(drawn)
+        planes = planes_of(tensors, request)
+        views = tuple(None if plane is None else plane.numpy() for plane in planes)
+        drawing = _splatweaver.rasterize(arrays, views, request.settings)
+        request.drawings.append((at, drawing))
         ctx.save_for_backward(*tensors)
         ctx.drawing, ctx.request, ctx.at = drawing, request, at
         ctx.set_materialize_grads(False)
-        return tuple(None if plane is None else torch.from_numpy(plane) for plane in planes)
+        return planes
 
     @staticmethod
     @torch.autograd.function.once_differentiable
@@ -34,19 +35,21 @@ class _Rasterize(torch.autograd.Function):
         arrays = tuple(tensor.detach().numpy() for tensor in ctx.saved_tensors)
         given = tuple(None if gradient is None else gradient.contiguous().numpy() for gradient in cotangents)
         _, _, screen, *wanted = ctx.needs_input_grad
-        gradients = ctx.drawing.backward(arrays, given, wanted, ctx.request.absgrad)
+        gradients = tuple(torch.empty_like(tensor) if want else None for tensor, want in zip(ctx.saved_tensors, wanted))
+        into = tuple(None if gradient is None else gradient.numpy() for gradient in gradients)
+        ctx.drawing.backward(arrays, given, into, ctx.request.absgrad)
         centers: Optional[torch.Tensor] = None
         if screen:
             plain, absolute = ctx.drawing.screen_gradients()
             means2d = ctx.request.splats[0]
-            shape = rows(means2d, 3)[ctx.at].shape
+            shape = rows(means2d, 2)[ctx.at].shape
             centers = torch.from_numpy(plain).reshape(shape)
             if absolute is not None:
                 # Sums over backward passes, as .grad does.
                 if not hasattr(means2d, "absgrad"):
                     means2d.absgrad = torch.zeros_like(means2d, requires_grad=False)
-                rows(means2d.absgrad, 3)[ctx.at] += torch.from_numpy(absolute).reshape(shape)
-        return (None, None, centers, *(None if g is None else torch.from_numpy(g) for g in gradients))
+                rows(means2d.absgrad, 2)[ctx.at] += torch.from_numpy(absolute).reshape(shape)
+        return (None, None, centers, *gradients)
 
 
 def taken(arrays: Mapping[str, Any]) -> Dict[str, Any]:
@@ -71,6 +74,16 @@ def zeros(shape: Tuple[int, ...], like: Any) -> Any:
     return torch.zeros(shape, dtype=like.dtype)
 
 
+def empty(shape: Tuple[int, ...], like: Any) -> Any:
+    return torch.empty(shape, dtype=like.dtype)
+
+
+def fill(splats: Tuple[Any, Any, Any], at: slice, drawn: Tuple[Any, ...]) -> None:
+    for kept, numbers, rank in zip(splats, drawn, (2, 2, 1)):
+        place = rows(kept.data, rank)[at]
+        place.copy_(torch.from_numpy(numbers).reshape(place.shape))
+
+
 def joined(parts: Sequence[Any]) -> Any:
     return torch.cat(list(parts))
 
@@ -93,6 +106,6 @@ def at_least(array: Any, least: float) -> Any:
 
 def draw(arrays: Tuple[Any, ...], request: Request, at: slice) -> Tuple[Any, ...]:
     tensors = (tensor.contiguous() for tensor in arrays)
-    means2d = rows(request.splats[0], 3)
+    means2d = rows(request.splats[0], 2)
     drawn: Tuple[Any, ...] = _Rasterize.apply(request, at, means2d[at], *tensors)
     return drawn
