@@ -175,7 +175,6 @@ where
     let [means, quats, scales, opacities, colors, features, viewmats, background] =
         [a, b, c, d, e, f, g, i].map(|array| array.as_mut().map(|array| slice_mut("gradient", array)).transpose());
     let matrices = h.as_mut().map(|array| slice_mut("gradient", array)).transpose()?;
-    let target = |values: Result<Option<&mut [T]>, Failed>| Ok::<_, Failed>(values?.map(Target::write));
     let mut intrinsics = vec![T::ZERO; 4 * cameras.views()];
     let mut sums = vec![GaussianStatistics::default(); if statistics { n } else { 0 }];
     let targets = Gradients {
@@ -196,6 +195,11 @@ where
         put_intrinsics(&intrinsics, matrices);
     }
     Ok(())
+}
+
+/// A gradient's memory as the rasterizer takes it.
+fn target<T: Scalar>(values: Result<Option<&mut [T]>, Failed>) -> Result<Option<Target<'_, T>>, Failed> {
+    Ok(values?.map(Target::write))
 }
 
 /// Puts gradients of fx, fy, cx and cy where they are in matrices of intrinsics, `[C, 3, 3]`.
