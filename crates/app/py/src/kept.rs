@@ -1,7 +1,7 @@
 //! State between a drawing and its gradients.
 
+use crate::arrays::{AnyArrays, Arrays, Scalar, Settings, slice, slice_mut};
 use crate::failed::Failed;
-use crate::rasterize::{AnyArrays, Arrays, Scalar, Settings, slice, slice_mut};
 use crate::threads::compute;
 use numpy::ndarray::IxDyn;
 use numpy::{Element, IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn};

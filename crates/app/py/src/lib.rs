@@ -3,6 +3,7 @@
 //! Python's side checks shapes and gives names their meaning; here arrays become slices, without a copy, and the lock of the
 //! interpreter is released while anything is computed.
 
+mod arrays;
 mod camera;
 mod command;
 mod events;

@@ -1,9 +1,9 @@
 //! Scenes of Gaussians in their stored form.
 
+use crate::arrays::slice;
 use crate::camera::Camera;
 use crate::failed::Failed;
 use crate::kept::shaped;
-use crate::rasterize::slice;
 use crate::threads::compute;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
