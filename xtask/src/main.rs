@@ -11,6 +11,7 @@ mod study;
 mod test;
 mod tidy;
 mod valgrind;
+mod wheel;
 
 use std::process::{Command, ExitCode};
 
@@ -30,6 +31,7 @@ const USAGE: &str = "usage: cargo xtask <command>
   dial            the picture of the README's dial, drawn anew from its table in docs/results/density.md
   embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2
+  wheel           [DIR]: the Python package built by maturin, installed where nothing else is, and tested there
   walk            --out DIR [--photos N] [--size PIXELS] [--seed N] [--facade]: photos along a generated street that comes back past its
                   beginning, or along a building whose windows repeat, with exact cameras";
 
@@ -47,6 +49,7 @@ fn main() -> ExitCode {
         "embed" => embed::run(),
         "walk" => cargo_run(&["--release", "--package", "weaver-data", "--example", "walk"], rest),
         "valgrind" => valgrind::run(),
+        "wheel" => wheel::run(rest),
         _ => Err(USAGE.into()),
     };
     match done {

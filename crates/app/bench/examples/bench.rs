@@ -13,7 +13,7 @@ struct Line {
 
 fn main() -> ExitCode {
     let (mut stdout, mut stderr) = (std::io::stdout(), std::io::stderr());
-    let mut console = Console { stdout: &mut stdout, stderr: &mut stderr, terminal: false };
+    let mut console = Console::new(&mut stdout, &mut stderr, false);
     match run(&Line::parse().bench, &mut console) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

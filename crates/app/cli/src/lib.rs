@@ -6,6 +6,7 @@ mod clip;
 mod command_line;
 mod commands;
 mod estimate;
+mod failure_kind;
 mod ffmpeg;
 mod flags;
 mod gif;
@@ -18,6 +19,7 @@ pub use ffmpeg::end_all as end_programs;
 pub use weaver_command::{Console, Interrupt};
 
 pub use command_line::{Flag, flags};
+pub use failure_kind::FailureKind;
 pub use reference::reference;
 
 use command_line::CommandLine;
@@ -44,6 +46,42 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
         console.note(&format!("error: {line}"));
     }
     failure.exit_code()
+}
+
+/// Reason why a command line was not carried out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refusal {
+    /// The exit code of the program.
+    pub code: u8,
+    /// Kind of the failure.
+    pub kind: FailureKind,
+    /// The message in one line; `None` where nobody reads it.
+    pub line: Option<String>,
+}
+
+impl Refusal {
+    fn of(failure: &Failure) -> Self {
+        Self { code: failure.exit_code(), kind: FailureKind::of(failure), line: failure.line() }
+    }
+}
+
+/// Runs one command line as [`run`] does, for programs that have no exit code: `--json` and what else is printed goes to the console.
+///
+/// # Errors
+/// The reason that [`run`] prints; wrong usage in one line, without the help.
+pub fn execute(
+    arguments: impl IntoIterator<Item = OsString>,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<(), Refusal> {
+    let usage = |line: String| Refusal { code: 2, kind: FailureKind::Input, line: Some(line) };
+    let line = CommandLine::of(arguments).map_err(|error| {
+        let text = error.render().to_string();
+        let told = text.split("\n\n").next().unwrap_or_default().trim_start_matches("error: ");
+        usage(told.split_whitespace().collect::<Vec<_>>().join(" "))
+    })?;
+    simd::requested_level().map_err(usage)?;
+    line.command.run(console, interrupt).map_err(|failure| Refusal::of(&failure))
 }
 
 /// Checks the words of one command line, whose first is the program's name, without running it.

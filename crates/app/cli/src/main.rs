@@ -29,7 +29,7 @@ fn main() -> ExitCode {
     handle_file_size_limit();
     let (mut stdout, mut stderr) = (io::stdout(), io::stderr());
     let terminal = stderr.is_terminal();
-    let mut console = Console { stdout: &mut stdout, stderr: &mut stderr, terminal };
+    let mut console = Console::new(&mut stdout, &mut stderr, terminal);
     let run = AssertUnwindSafe(|| weaver_cli::run(std::env::args_os(), &mut console, &INTERRUPT));
     ExitCode::from(panic::catch_unwind(run).unwrap_or(1))
 }

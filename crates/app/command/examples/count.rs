@@ -17,7 +17,7 @@ struct Count {
 fn main() -> ExitCode {
     let arguments = Count::parse();
     let (mut stdout, mut stderr) = (std::io::stdout(), std::io::stderr());
-    let mut console = Console { stdout: &mut stdout, stderr: &mut stderr, terminal: false };
+    let mut console = Console::new(&mut stdout, &mut stderr, false);
     match in_pool(arguments.threads.count(), || count(&arguments, &mut console)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

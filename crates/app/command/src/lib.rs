@@ -14,7 +14,7 @@ pub mod memory;
 mod progress;
 mod threads;
 
-pub use console::Console;
+pub use console::{Console, Part};
 pub use drawing::DrawingOptions;
 pub use drawing_flags::{DrawingFlags, Rgb, background, distance, fraction};
 pub use failure::Failure;

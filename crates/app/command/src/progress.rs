@@ -1,6 +1,6 @@
 //! Progress of a command: a bar on a terminal, a line every few seconds elsewhere.
 
-use crate::Console;
+use crate::{Console, Part};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt::Write;
 use std::time::{Duration, Instant};
@@ -21,7 +21,7 @@ pub struct Progress {
 impl Progress {
     /// Starts at part `done` of `total` of the job called `label`.
     pub fn new(label: &'static str, done: usize, total: usize, console: &Console) -> Self {
-        let bar = console.terminal.then(|| {
+        let bar = (console.terminal && console.watcher.is_none()).then(|| {
             let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(8));
             let style = ProgressStyle::with_template(BAR).expect("a template that indicatif knows");
             let style = style.progress_chars("=> ").with_key("rate", rate);
@@ -35,6 +35,9 @@ impl Progress {
 
     /// Shows that `done` of `total` parts are done; `note` is called only when something is shown.
     pub fn at(&mut self, done: usize, total: usize, note: impl FnOnce() -> String, console: &mut Console) {
+        if let Some(watcher) = &mut console.watcher {
+            return watcher(&Part { label: self.label, done, total, note: note() });
+        }
         if let Some(bar) = &self.bar {
             bar.set_length(total as u64);
             bar.set_message(note());
@@ -80,7 +83,7 @@ mod tests {
     #[test]
     fn lines_come_only_after_a_while() {
         let (mut out, mut err) = (Vec::new(), Vec::new());
-        let mut console = Console { stdout: &mut out, stderr: &mut err, terminal: false };
+        let mut console = Console::new(&mut out, &mut err, false);
         let mut progress = Progress::new("render", 10, 30, &console);
         progress.at(11, 30, String::new, &mut console);
         progress.mark.0 -= 2 * PAUSE;
@@ -90,6 +93,18 @@ mod tests {
         assert_eq!(text.lines().count(), 1, "{text}");
         assert!(text.starts_with("render 20/30, 1.00/s, 10 s left"), "{text}");
         assert!(text.contains("loss 1") && out.is_empty());
+    }
+
+    #[test]
+    fn a_watcher_is_told_of_every_part() {
+        let (mut out, mut err, mut told) = (Vec::new(), Vec::new(), Vec::new());
+        let mut watch = |part: &Part| told.push(format!("{} {}/{} {}", part.label, part.done, part.total, part.note));
+        let mut console = Console { watcher: Some(&mut watch), ..Console::new(&mut out, &mut err, true) };
+        let mut progress = Progress::new("render", 0, 2, &console);
+        (1..=2).for_each(|done| progress.at(done, 2, || format!("part {done}"), &mut console));
+        progress.finish();
+        assert_eq!(told, ["render 1/2 part 1", "render 2/2 part 2"]);
+        assert!(err.is_empty());
     }
 
     #[test]

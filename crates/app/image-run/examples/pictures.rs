@@ -13,7 +13,7 @@ struct Line {
 fn main() {
     let line = Line::parse();
     let (mut out, mut notes) = (std::io::stdout(), std::io::stderr());
-    let mut console = Console { stdout: &mut out, stderr: &mut notes, terminal: false };
+    let mut console = Console::new(&mut out, &mut notes, false);
     if let Err(failure) = run(&line.pictures, &mut console, &Interrupt::new()) {
         eprintln!("{}", failure.line().unwrap_or_default());
         std::process::exit(failure.exit_code().into());

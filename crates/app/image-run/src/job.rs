@@ -118,7 +118,7 @@ impl PicturesJob {
         }
         // What is said of it was said when the run began, or is in the report.
         let mut quiet = (std::io::sink(), std::io::sink());
-        let mut console = Console { stdout: &mut quiet.0, stderr: &mut quiet.1, terminal: false };
+        let mut console = Console::new(&mut quiet.0, &mut quiet.1, false);
         let picture = read(path, &mut console)?;
         let settings = self.settings.method.settings(self.settings.method.count(&picture));
         let fit = match self.left.take() {

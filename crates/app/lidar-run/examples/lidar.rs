@@ -21,7 +21,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let (mut out, mut notes) = (std::io::stdout(), std::io::stderr());
-    let mut console = Console { stdout: &mut out, stderr: &mut notes, terminal: false };
+    let mut console = Console::new(&mut out, &mut notes, false);
     let done = match Line::parse().command {
         Command::Lidar(arguments) => run(&arguments, &mut console, &Interrupt::new()),
         Command::Mesh(arguments) => mesh(&arguments, &mut console),

@@ -14,7 +14,7 @@ fn main() {
     let seeds: Vec<String> = std::env::args().skip(1).collect();
     let line = Line::parse_from(["demo", "--demo"].into_iter().chain(seeds.iter().map(String::as_str)));
     let (mut stdout, mut stderr) = (std::io::stdout(), std::io::stderr());
-    let mut console = Console { stdout: &mut stdout, stderr: &mut stderr, terminal: false };
+    let mut console = Console::new(&mut stdout, &mut stderr, false);
     if let Err(failure) = lift(&line.lift, &mut console) {
         eprintln!("error: {}", failure.line().unwrap_or_default());
     }

@@ -77,7 +77,7 @@ pub fn rasterize<T: Real>(
 ) -> Result<RasterStats, RasterError> {
     let extent = Extent::of(gaussians, cameras, settings, images.depth.is_some())?;
     extent.check_images(&images)?;
-    workspace.drawn = None;
+    (workspace.drawn, workspace.differentiated) = (None, None);
     let start = Instant::now();
     let tiles = &mut workspace.tiles;
     let grid = Grid::new(extent.region, settings.tile);

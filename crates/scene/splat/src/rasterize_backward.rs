@@ -48,6 +48,7 @@ pub fn rasterize_backward<T: Real>(
         ));
     }
     extent.check_backward(cameras, cotangents, &gradients)?;
+    workspace.differentiated = None;
     let start = Instant::now();
     let Workspace { tiles, camera_sums, .. } = workspace;
     let pass = BackwardPass {
@@ -67,6 +68,7 @@ pub fn rasterize_backward<T: Real>(
     sums.fill(Row::default());
     GaussianPass { gaussians, cameras, settings, extent: &extent, tiles }.run(&mut gradients, sums);
     camera_gradients(cameras, &extent, sums, &mut gradients);
+    workspace.differentiated = Some(pass.statistics);
     workspace.timings.backward = start.elapsed();
     Ok(())
 }

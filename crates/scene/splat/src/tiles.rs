@@ -131,6 +131,12 @@ impl<T: Real> Tiles<T> {
         &self.records[v * self.per_view + n]
     }
 
+    /// True if primitive `n` covers no tile of view `v`.
+    pub(crate) fn is_unseen(&self, v: usize, n: usize) -> bool {
+        let (chunk, i) = self.chunk(v, n);
+        chunk.places(i).is_empty()
+    }
+
     /// The sums over pixels of list entries.
     pub(crate) fn moments(&self) -> &[Row<T>] {
         &self.moments

@@ -19,6 +19,8 @@ pub struct Workspace<T> {
     /// Camera gradients of chunks of Gaussians.
     pub(crate) camera_sums: Vec<Row<T>>,
     pub(crate) timings: Timings,
+    /// True if a backward pass since the last forward collected statistics, false if one did not; `None` without one.
+    pub(crate) differentiated: Option<bool>,
 }
 
 /// Times of the stages of the last calls.
@@ -37,7 +39,13 @@ pub struct Timings {
 impl<T: Real> Workspace<T> {
     /// An empty workspace.
     pub fn new() -> Self {
-        Self { drawn: None, tiles: Tiles::new(), camera_sums: Vec::new(), timings: Timings::default() }
+        Self {
+            drawn: None,
+            tiles: Tiles::new(),
+            camera_sums: Vec::new(),
+            timings: Timings::default(),
+            differentiated: None,
+        }
     }
 
     /// The sizes and settings of the last forward.

@@ -16,7 +16,7 @@ pub fn splatweaver(arguments: &[&dyn AsRef<OsStr>]) -> Outcome {
     let mut line: Vec<OsString> = vec!["splatweaver".into()];
     line.extend(arguments.iter().map(|a| a.as_ref().to_owned()));
     let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
-    let mut console = Console { stdout: &mut stdout, stderr: &mut stderr, terminal: false };
+    let mut console = Console::new(&mut stdout, &mut stderr, false);
     let code = weaver_cli::run(line, &mut console, &Interrupt::new());
     let text = |bytes| String::from_utf8(bytes).unwrap();
     Outcome { code, stdout: text(stdout), stderr: text(stderr) }

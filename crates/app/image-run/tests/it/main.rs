@@ -23,7 +23,7 @@ fn told_by(folder: &Path, words: &str, interrupt: &Interrupt) -> Result<String, 
     let line = Line::try_parse_from(std::iter::once("image".to_string()).chain(words));
     let line = line.map_err(|error| Failure::Usage(error.to_string()))?;
     let (mut out, mut notes) = (Vec::new(), Vec::new());
-    let mut console = Console { stdout: &mut out, stderr: &mut notes, terminal: false };
+    let mut console = Console::new(&mut out, &mut notes, false);
     run(&line.pictures, &mut console, interrupt)?;
     Ok(String::from_utf8([notes, out].concat()).unwrap())
 }

@@ -37,7 +37,7 @@ pub fn scans(folder: &Path, count: usize) {
 pub fn command(words: &[&str]) -> (Result<(), String>, String, String) {
     let line = Line::parse_from([&["lidar"], words].concat());
     let (mut out, mut notes) = (Vec::new(), Vec::new());
-    let mut console = Console { stdout: &mut out, stderr: &mut notes, terminal: false };
+    let mut console = Console::new(&mut out, &mut notes, false);
     let result = run(&line.lidar, &mut console, &Interrupt::new());
     let texts = [out, notes].map(|text| String::from_utf8(text).unwrap());
     let [out, notes] = texts;
@@ -68,7 +68,7 @@ fn a_run_leaves_all_its_files_and_is_compared() {
     }
     let compared = Compared::parse_from(["eval-trajectory", &at("run/trajectory.txt"), &poses]);
     let (mut out, mut notes) = (Vec::new(), Vec::new());
-    let mut console = Console { stdout: &mut out, stderr: &mut notes, terminal: false };
+    let mut console = Console::new(&mut out, &mut notes, false);
     eval_trajectory(&compared.line, &mut console).unwrap();
     let line = String::from_utf8(out).unwrap();
     let ate: f64 = line.split_whitespace().nth(1).unwrap().parse().unwrap();

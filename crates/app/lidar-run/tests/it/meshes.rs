@@ -28,7 +28,7 @@ fn a_map_becomes_a_mesh_near_the_room() {
     command(&[&[scans.as_str(), "--poses", &poses, "--out", &out][..], &SMALL].concat()).0.unwrap();
     let print = |run: &dyn Fn(&mut Console)| -> String {
         let (mut out, mut notes) = (Vec::new(), Vec::new());
-        run(&mut Console { stdout: &mut out, stderr: &mut notes, terminal: false });
+        run(&mut Console::new(&mut out, &mut notes, false));
         String::from_utf8(out).unwrap()
     };
     let meshing = MeshLine::parse_from(["mesh", &out, "--out", &at("mesh.ply"), "--voxel", "0.15"]);

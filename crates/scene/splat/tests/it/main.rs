@@ -14,6 +14,7 @@ mod rules;
 mod scene;
 mod seam;
 mod spherical;
+mod splats;
 mod surfels;
 mod twin;
 mod visit;

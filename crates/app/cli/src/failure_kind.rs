@@ -1,0 +1,118 @@
+//! Kinds of failures, for callers who treat them differently.
+
+use std::error::Error;
+use weaver_command::Failure;
+
+/// Kind of a failure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FailureKind {
+    /// Arguments that mean nothing, or do not belong together.
+    Input,
+    /// A file that cannot be read or written, or does not hold what it should.
+    File,
+    /// More memory than there is.
+    Memory,
+    /// Numbers that grew beyond all bounds.
+    Numeric,
+    /// Anything else.
+    Other,
+}
+
+impl FailureKind {
+    /// The kind of a command's failure.
+    pub fn of(failure: &Failure) -> Self {
+        match failure {
+            Failure::Usage(_) => Self::Input,
+            Failure::OutputClosed => Self::File,
+            Failure::Error(error) => of_error(error.as_ref()),
+        }
+    }
+}
+
+/// The kind of an error, or of the first of its causes that has one.
+fn of_error(error: &(dyn Error + 'static)) -> FailureKind {
+    let kind = of_inference(error).or_else(|| of_run(error)).or_else(|| of_library(error));
+    match (kind, error.source()) {
+        (Some(kind), _) => kind,
+        (None, Some(cause)) => of_error(cause),
+        (None, None) => FailureKind::Other,
+    }
+}
+
+/// Errors of the crates below, which stand for themselves.
+fn of_library(error: &(dyn Error + 'static)) -> Option<FailureKind> {
+    use weaver_data::Error as Data;
+    use weaver_fit::FitError;
+    use weaver_splat::RasterError;
+    if error.is::<weaver_io::Error>() || error.is::<std::io::Error>() {
+        Some(FailureKind::File)
+    } else if error.is::<weaver_command::memory::TooLittle>() {
+        Some(FailureKind::Memory)
+    } else if let Some(error) = error.downcast_ref::<FitError>() {
+        Some(if let FitError::Diverged { .. } = error { FailureKind::Numeric } else { FailureKind::Input })
+    } else if let Some(error) = error.downcast_ref::<RasterError>() {
+        Some(if let RasterError::TooMany(_) = error { FailureKind::Memory } else { FailureKind::Input })
+    } else {
+        error.downcast_ref::<Data>().map(|error| match error {
+            Data::Views { .. } | Data::Scale { .. } => FailureKind::Input,
+            _ => FailureKind::File,
+        })
+    }
+}
+
+/// Errors of runs, which pass on those of others.
+fn of_run(error: &(dyn Error + 'static)) -> Option<FailureKind> {
+    use weaver_fit_run::RunError as Fit;
+    use weaver_run::Error as Run;
+    if let Some(error) = error.downcast_ref::<Fit>() {
+        return match error {
+            Fit::Fit(inner) => of_library(inner),
+            Fit::Raster(inner) => of_library(inner),
+            Fit::Capture(inner) => of_library(inner),
+            Fit::Run(inner) => of_run(inner),
+            Fit::View(_) | Fit::Photos { .. } => Some(FailureKind::Input),
+            _ => Some(FailureKind::File),
+        };
+    }
+    match error.downcast_ref::<Run>()? {
+        Run::File(_) => Some(FailureKind::File),
+        _ => Some(FailureKind::Input),
+    }
+}
+
+/// Errors of networks.
+fn of_inference(error: &(dyn Error + 'static)) -> Option<FailureKind> {
+    use weaver_inference::Error as Inference;
+    match error.downcast_ref::<Inference>()? {
+        Inference::Io(_) | Inference::Checkpoint { .. } => Some(FailureKind::File),
+        Inference::Data(inner) => of_library(inner),
+        Inference::Fit(inner) => of_library(inner),
+        Inference::Numeric { .. } => Some(FailureKind::Numeric),
+        Inference::Memory { .. } => Some(FailureKind::Memory),
+        _ => Some(FailureKind::Input),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn failures_have_the_kind_of_their_innermost_error() {
+        let missing = weaver_io::read_text("nothing/here").unwrap_err();
+        let diverged = weaver_fit::FitError::Diverged { step: 1, photo: "a".into(), loss: f64::NAN };
+        let little = weaver_command::memory::TooLittle { needed: 2, available: 1, advice: String::new() };
+        let complete = weaver_run::Error::complete("a");
+        for (failure, kind) in [
+            (Failure::Usage("x".into()), FailureKind::Input),
+            (Failure::message("x"), FailureKind::Other),
+            (weaver_fit_run::RunError::File(missing).into(), FailureKind::File),
+            (weaver_fit_run::RunError::Fit(diverged).into(), FailureKind::Numeric),
+            (weaver_fit_run::RunError::Run(complete).into(), FailureKind::Input),
+            (little.into(), FailureKind::Memory),
+        ] {
+            assert_eq!(FailureKind::of(&failure), kind, "{failure:?}");
+        }
+    }
+}

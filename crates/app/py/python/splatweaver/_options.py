@@ -1,0 +1,140 @@
+"""Further flags of the commands, by name and type. The page of flags says what each does."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, List, Sequence, Tuple, TypedDict, Union
+
+Path = Union[str, "os.PathLike[str]"]
+#: One or several.
+Paths = Union[Path, Sequence[Path]]
+Color = Union[str, Tuple[float, float, float]]
+
+
+class _Shared(TypedDict, total=False):
+    #: Threads; `set_threads` is the default.
+    threads: int
+
+
+class _Matching(_Shared, total=False):
+    #: Focal length of all photos over their longer side.
+    focal: float
+    no_exif: bool
+    own_focal: bool
+    #: "off", "k1" or "k1k2".
+    distortion: str
+    match_size: int
+
+
+class CamerasOptions(_Matching, total=False):
+    frames: int
+    compare: Path
+
+
+class ReconstructOptions(_Matching, total=False):
+    frames: int
+    #: "listed", "none" or every so many.
+    hold_out: Union[str, int]
+    no_html: bool
+    live: bool
+
+
+class FitOptions(_Matching, total=False):
+    least_steps: int
+    init: Path
+    resume: Path
+    dry_run: bool
+    save_every: float
+    device: str
+    long_side: int
+    hold_out: Union[str, int]
+    max_photos: int
+    masks: bool
+    background: Color
+    exposure: bool
+    cameras: str
+    refine_cameras: bool
+    refine_focal: bool
+    sh: int
+    antialiased: bool
+    strategy: str
+    also: Sequence[str]
+    no_html: bool
+    live: bool
+    lpips: Path
+    config: Path
+    #: Settings as "key=value".
+    set: Sequence[str]
+
+
+class InferOptions(_Matching, total=False):
+    size: Union[int, str]
+    keep_aspect: bool
+    geometry: bool
+    bf16_products: bool
+    cameras: Path
+    masks: bool
+    budget: float
+    allocation: str
+    refine: float
+    refine_steps: int
+    refine_size: int
+    refine_in_place: bool
+    light: Path
+    to: Path
+    light_steps: int
+    device: str
+    no_html: bool
+
+
+class LiftOptions(_Shared, total=False):
+    mask_dir: Path
+    demo: Sequence[int]
+    demo_gaussians: str
+    run: Path
+    passes: int
+    conjugate: bool
+    mu: float
+    tikhonov: float
+    least_alpha: float
+    unit: bool
+    block: int
+    width: int
+    height: int
+    aggregate: Path
+    smallest: int
+    overlap: float
+    dry_run: bool
+
+
+class CompressOptions(_Shared, total=False):
+    background: Color
+    antialiased: bool
+    near: float
+    alpha_max: float
+
+
+def words(options: Any, switches: Sequence[str]) -> List[Path]:
+    """Words of a command line: `refine_cameras=True` is `--refine-cameras`, `gaussians=5` is `--gaussians=5`; None is left out."""
+    found: List[Path] = []
+    for name, value in options.items():
+        flag = name.replace("_", "-")
+        if value is None or (flag in switches and value is False):
+            continue
+        if flag in switches and value is True:
+            found.append(f"--{flag}")
+        elif name in ("also", "set"):
+            found += [f"--{flag}={one}" for one in ([value] if isinstance(value, str) else value)]
+        elif name == "demo":
+            found += [f"--{flag}", *map(str, value)]
+        else:
+            found.append(f"--{flag}={_text(value)}")
+    return found
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (tuple, list)):
+        return ",".join(map(_text, value))
+    return os.fspath(value) if isinstance(value, os.PathLike) else str(value)

@@ -1,0 +1,153 @@
+//! Commands of the command line, run for Python.
+
+use crate::events::{Event, Lines, Voice};
+use crate::failed::Failed;
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use weaver_cli::{Console, FailureKind, Interrupt, Refusal};
+
+/// Time between looks for Ctrl-C.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// The flags of a command with the names of their values, None for switches.
+#[pyfunction]
+pub fn flags(command: &str) -> Vec<(String, Option<String>)> {
+    let flags = weaver_cli::flags().into_iter().filter(|flag| flag.command == command);
+    flags.map(|flag| (flag.name, flag.value)).collect()
+}
+
+/// Runs a command line without the program's name, and returns what it prints on standard output.
+///
+/// `log` gets the lines of standard error, `callback` the label, done, total and note of each part that is done; an answer of False
+/// stops the work as Ctrl-C does.
+#[pyfunction]
+pub fn run_command(
+    py: Python<'_>,
+    words: Vec<PathBuf>,
+    log: Bound<'_, PyAny>,
+    callback: Option<Bound<'_, PyAny>>,
+) -> PyResult<String> {
+    let words = std::iter::once("splatweaver".into()).chain(words.into_iter().map(OsString::from)).collect();
+    let work = Work::begin(words, callback.is_some())?;
+    let mut listener = Listener { work: &work, log, callback, reason: None };
+    loop {
+        let heard = py.detach(|| lock(&work.events).recv_timeout(PAUSE));
+        match heard {
+            Ok(Event::Line(line)) => {
+                let called = listener.log.call1((line,)).map(drop);
+                listener.note(called)?;
+            }
+            Ok(Event::Part(part, answer)) => {
+                let told = listener.told((part.label, part.done, part.total, part.note));
+                let noted = listener.note(told);
+                // The work goes on only now, so that it sees a wish to stop at this very step.
+                let _ = answer.send(());
+                noted?;
+            }
+            Ok(Event::End(result)) => return listener.end(result),
+            Err(RecvTimeoutError::Timeout) => {}
+            // The thread ended without a word.
+            Err(RecvTimeoutError::Disconnected) => {
+                let message = "internal error in a command; please report what standard error says";
+                return Err(Failed::new(FailureKind::Other, message).into());
+            }
+        }
+        listener.note(py.check_signals())?;
+    }
+}
+
+/// One thread listens.
+fn lock(events: &Mutex<Receiver<Event>>) -> MutexGuard<'_, Receiver<Event>> {
+    events.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A command on a thread of its own.
+struct Work {
+    events: Mutex<Receiver<Event>>,
+    interrupt: Arc<Interrupt>,
+    abandoned: Arc<AtomicBool>,
+}
+
+// Whoever waited is gone: the work ends at its next word.
+impl Drop for Work {
+    fn drop(&mut self) {
+        self.abandoned.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Work {
+    fn begin(words: Vec<OsString>, watched: bool) -> Result<Self, Failed> {
+        let (sender, events) = channel();
+        let (interrupt, abandoned) = (Arc::new(Interrupt::new()), Arc::new(AtomicBool::new(false)));
+        let (voice, asked) = (Voice::new(sender, abandoned.clone()), interrupt.clone());
+        let work = move || {
+            let mut printed = Vec::new();
+            let mut lines = Lines::new(voice.clone());
+            let mut told = |part: &weaver_command::Part| voice.part(part);
+            let mut console = Console::new(&mut printed, &mut lines, false);
+            if watched {
+                console.watcher = Some(&mut told);
+            }
+            let result = weaver_cli::execute(words, &mut console, &asked);
+            let text = String::from_utf8_lossy(&printed).into_owned();
+            voice.say(Event::End(result.map(|()| text)));
+        };
+        let thread = std::thread::Builder::new().name("splatweaver".into()).spawn(work);
+        thread.map_err(|error| Failed::new(FailureKind::Other, format!("threads: {error}")))?;
+        Ok(Self { events: Mutex::new(events), interrupt, abandoned })
+    }
+}
+
+/// The side of Python.
+struct Listener<'py, 'w> {
+    work: &'w Work,
+    log: Bound<'py, PyAny>,
+    callback: Option<Bound<'py, PyAny>>,
+    /// Why the work was asked to stop: an exception, or nothing but the wish.
+    reason: Option<Option<PyErr>>,
+}
+
+impl Listener<'_, '_> {
+    /// Tells the callback of a part; it may wish to stop, or fail.
+    fn told(&mut self, part: (&str, usize, usize, String)) -> PyResult<()> {
+        let Some(callback) = self.callback.as_ref().filter(|_| self.reason.is_none()) else { return Ok(()) };
+        let answer = callback.call1(part)?;
+        if !answer.is_none() && !answer.is_truthy()? {
+            self.stop(None)?;
+        }
+        Ok(())
+    }
+
+    /// Asks the work to stop after an exception; a second one is not waited for.
+    fn note(&mut self, called: PyResult<()>) -> PyResult<()> {
+        called.or_else(|error| self.stop(Some(error)))
+    }
+
+    fn stop(&mut self, error: Option<PyErr>) -> PyResult<()> {
+        if self.work.interrupt.request() {
+            self.reason = Some(error);
+            return Ok(());
+        }
+        // It has nothing to save, or was asked before: it ends at once.
+        weaver_cli::end_programs();
+        let stopped = || Failed::new(FailureKind::Other, "stopped before there was anything to write").into();
+        Err(error.unwrap_or_else(stopped))
+    }
+
+    fn end(self, result: Result<String, Refusal>) -> PyResult<String> {
+        match (result, self.reason.flatten()) {
+            (_, Some(error)) => Err(error),
+            (Ok(text), None) => Ok(text),
+            (Err(Refusal { kind, line, .. }), None) => match line {
+                Some(line) => Err(Failed::new(kind, line).into()),
+                None => Err(PyKeyboardInterrupt::new_err("interrupted")),
+            },
+        }
+    }
+}

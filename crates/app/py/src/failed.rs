@@ -1,0 +1,57 @@
+//! Failures as exceptions of the package.
+
+use pyo3::prelude::*;
+use pyo3::types::PyType;
+use std::fmt::Display;
+use weaver_cli::FailureKind;
+use weaver_splat::RasterError;
+
+/// A failure that becomes an exception of `splatweaver`.
+#[derive(Debug)]
+pub struct Failed {
+    kind: FailureKind,
+    message: String,
+}
+
+impl Failed {
+    pub fn new(kind: FailureKind, message: impl Display) -> Self {
+        Self { kind, message: message.to_string() }
+    }
+
+    /// Arguments that mean nothing.
+    pub fn input(message: impl Display) -> Self {
+        Self::new(FailureKind::Input, message)
+    }
+}
+
+impl From<RasterError> for Failed {
+    fn from(error: RasterError) -> Self {
+        let kind = if let RasterError::TooMany(_) = error { FailureKind::Memory } else { FailureKind::Input };
+        Self::new(kind, error)
+    }
+}
+
+impl From<weaver_io::Error> for Failed {
+    fn from(error: weaver_io::Error) -> Self {
+        Self::new(FailureKind::File, error)
+    }
+}
+
+impl From<Failed> for PyErr {
+    fn from(Failed { kind, message }: Failed) -> Self {
+        let name = match kind {
+            FailureKind::Input => "InputError",
+            FailureKind::File => "FileError",
+            FailureKind::Memory => "MemoryPlanError",
+            FailureKind::Numeric => "NumericError",
+            _ => "Error",
+        };
+        Python::attach(|py| {
+            let class = py.import("splatweaver._errors").and_then(|module| module.getattr(name));
+            match class.and_then(|class| Ok(class.cast_into::<PyType>()?)) {
+                Ok(class) => PyErr::from_type(class, (message,)),
+                Err(error) => error,
+            }
+        })
+    }
+}
