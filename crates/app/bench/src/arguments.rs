@@ -147,7 +147,7 @@ pub enum Passes {
 #[command(after_help = "Examples:
   splatweaver bench compress scene.ply
   splatweaver bench compress scene.ply --methods lite,spz4,sog --cameras transforms.json --html table.html
-  splatweaver bench compress fern/scene.ply --data fern --methods lite,lightgaussian --steps 500 --geometry")]
+  splatweaver bench compress fern/scene.ply --data fern --methods lite,lightgaussian --steps 500 --chamfer")]
 pub struct BenchCompress {
     /// Files of Gaussians
     #[arg(value_name = "SCENE", required = true)]
@@ -169,7 +169,7 @@ pub struct BenchCompress {
     pub seed: u64,
     /// Also compares surfaces: Chamfer distance of meshes of the drawn depth, in thousandths of the cameras' distance
     #[arg(long)]
-    pub geometry: bool,
+    pub chamfer: bool,
     /// Writes the table and curves as one page
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,

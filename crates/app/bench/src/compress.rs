@@ -43,7 +43,7 @@ pub fn run(arguments: &BenchCompress, console: &mut Console) -> Result<(), Failu
         let gaussians = read_scene(path)?.gaussians;
         let views = views(arguments, &gaussians)?;
         let named = |error: CompressError| Failure::message(format!("{}: {error}", path.display()));
-        let mut bench = Bench::new(path, &gaussians, &views, arguments.geometry).map_err(named)?;
+        let mut bench = Bench::new(path, &gaussians, &views, arguments.chamfer).map_err(named)?;
         for (name, point) in &points {
             let pictures = pictures(&views.training);
             let (steps, seed, photos) = (arguments.steps, arguments.seed, &views.photos[0]);

@@ -132,3 +132,46 @@ impl Gradients {
 pub(crate) fn adam(rate: f32) -> AdamW<f32> {
     AdamW { rate, beta1: 0.9, beta2: 0.999, eps: 1e-15, weight_decay: 0.0, gradient_scale: 1.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_scene::Gaussians;
+
+    /// promise: as many Gaussians are dropped as said, the mean opacity stays, and gradients of logits are those of what is drawn.
+    #[test]
+    fn dropped_gaussians() {
+        const COUNT: usize = 20_000;
+        let gaussians = Gaussians {
+            means: vec![[0.0; 3]; COUNT],
+            log_scales: vec![[0.0; 3]; COUNT],
+            quats: vec![[1.0, 0.0, 0.0, 0.0]; COUNT],
+            opacity_logits: (0..COUNT).map(|n| -3.0 + 6.0 * n as f32 / COUNT as f32).collect(),
+            sh: vec![0.0; 3 * COUNT],
+            degree: 0,
+        };
+        let population = Population::new(&gaussians);
+        let drawn = |logit: f32, factor: f32| (factor / (1.0 + (-logit).exp())).min(1.0);
+        let mut activated = Activated::default();
+        activated.update(&population);
+        activated.drop_part(0.2, Stream::new(1, 2, "test"));
+        let dropped = activated.dropped.iter().filter(|opacity| **opacity == 0.0).count();
+        assert!((dropped as f64 / COUNT as f64 - 0.2).abs() < 0.01, "{dropped}");
+        let mut gradients = Gradients { opacities: vec![1.0; COUNT], ..Gradients::default() };
+        gradients.pull_back(&activated);
+        for (n, logit) in gaussians.opacity_logits.iter().enumerate().step_by(97) {
+            let factor = activated.factors[n];
+            assert_eq!(activated.slices(&population).opacities[n], activated.dropped[n]);
+            assert!((activated.dropped[n] - drawn(*logit, factor)).abs() < 1e-6);
+            if (drawn(*logit, factor) - 1.0).abs() > 1e-3 {
+                let slope = (drawn(logit + 1e-2, factor) - drawn(logit - 1e-2, factor)) / 2e-2;
+                assert!((gradients.opacities[n] - slope).abs() < 1e-3, "{n}: {} {slope}", gradients.opacities[n]);
+            }
+        }
+        // Where nothing is cut off, what is left makes up for what is dropped.
+        let clear = |of: &[f32]| of[..COUNT / 2].iter().map(|o| f64::from(*o)).sum::<f64>();
+        assert!((clear(&activated.dropped) / clear(&activated.opacities) - 1.0).abs() < 0.02);
+        activated.update(&population);
+        assert_eq!(activated.slices(&population).opacities, &activated.opacities[..]);
+    }
+}

@@ -21,6 +21,7 @@ mod evaluate;
 mod exposure;
 mod fit;
 mod gradients;
+mod host_step;
 pub mod init;
 mod objective;
 mod photos;
