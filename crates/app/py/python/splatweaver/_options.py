@@ -35,6 +35,8 @@ class ReconstructOptions(_Matching, total=False):
     frames: int
     #: "listed", "none" or every so many.
     hold_out: Union[str, int]
+    #: Level of scene.wsz that the end of the fit is trained for.
+    compress: float
     no_html: bool
     live: bool
 
@@ -59,6 +61,8 @@ class FitOptions(_Matching, total=False):
     antialiased: bool
     strategy: str
     also: Sequence[str]
+    #: Level of scene.wsz that the end of the fit is trained for.
+    compress: float
     no_html: bool
     live: bool
     lpips: Path
