@@ -7,6 +7,7 @@
 //! - [`Rounding`] trains with quantization: rounded Gaussians are drawn in place of those that are optimized.
 //! - [`FitRasterizer`] is what draws; one on a device may keep the Gaussians there ([`DeviceFit`]).
 //! - Cameras go toward where their photos fit the scene, if asked: [`Poses`].
+//! - [`Transients`] are what one photo alone shows; they are found and left out, if asked.
 //! - [`init`] makes the Gaussians to start from.
 //!
 //! Everything is on slices, without a tape and without files. The same seed gives the same bits at any number of threads.

@@ -5,8 +5,8 @@
 //! shiny, and stays. Sources of the idea that residuals tell transients: RobustNeRF (Sabour et al., 2023), SpotLessSplats (2024); the
 //! comparison with the other photos' residuals at the same place is our own, and needs no trained features.
 
+use crate::FitError;
 use crate::fit::Fit;
-use crate::{Exposure, FitError};
 use std::borrow::Cow;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec2;
@@ -108,7 +108,7 @@ impl Fit {
         let [mut image, alpha, mut depths] = self.draw(&camera)?;
         let residuals_of = |image: &[f32]| residuals(image, &photo);
         let hidden = self.transients(index).map_or(Vec::new(), |t| t.at_size(camera.width, camera.height));
-        if let Some(exposure) = self.exposure(index).map(Exposure::clone) {
+        if let Some(exposure) = self.exposure(index).copied() {
             let drawn = image.clone();
             exposure.apply(&drawn, &mut image);
         }
