@@ -30,7 +30,7 @@ fn world(planted: bool) -> (Vec<Photo>, PointCloud) {
         }
         let cells = (0..SIZE[0] * SIZE[1]).filter(|at| planted && i == PLANTED && in_thing(*at));
         for at in cells {
-            let dark = (at % SIZE[0] / 8 + at / SIZE[0] / 8) % 2 == 0;
+            let dark = (at % SIZE[0] / 8 + at / SIZE[0] / 8).is_multiple_of(2);
             rgb[3 * at..3 * at + 3].copy_from_slice(if dark { &[20, 0, 60] } else { &[250, 240, 0] });
         }
         Photo { name: view.name.clone(), camera: view.camera, rgb, mask: None }
