@@ -108,7 +108,7 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
     Ok(page)
 }
 
-/// What photos alone show, the most first.
+/// Parts of photos that no other shows, the most first.
 fn transients(run: &Fitting, outcome: &Outcome, page: &mut Page) {
     let part = |photo: &usize| run.fit().transients(*photo).map_or(0.0, weaver_fit::Transients::part);
     let mut with: Vec<usize> = (0..run.fit().photos()).filter(|photo| part(photo) > 0.0).collect();

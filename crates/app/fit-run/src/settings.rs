@@ -26,7 +26,7 @@ pub struct RunSettings {
     /// True if the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor for
     /// all photos; it stays as given where a lens is a fisheye.
     pub focal: bool,
-    /// What the photos decide.
+    /// Settings that the photos decide.
     #[serde(skip)]
     pub by_photos: ByPhotos,
     /// Where the Gaussians begin.

@@ -70,7 +70,7 @@ pub struct Fit {
     order: Vec<usize>,
     pub(crate) poses: Vec<Pose>,
     pub(crate) exposures: Vec<Exposure>,
-    /// What each photo alone shows.
+    /// Parts of each photo that no other shows.
     pub(crate) transients: Vec<Option<Transients>>,
     pub(crate) population: Population,
     pub(crate) statistics: Vec<GaussianStatistics<f32>>,

@@ -34,6 +34,7 @@ mod settings;
 mod state;
 pub mod strategy;
 mod timing;
+mod transient_search;
 mod transients;
 mod view;
 

@@ -117,7 +117,7 @@ pub fn gaussians_of(state: &Tensors) -> Result<Gaussians> {
     })
 }
 
-/// What each photo alone shows; nothing in states that are older than these.
+/// Parts of each photo that no other shows; nothing in states that are older than these.
 fn transients_of(state: &Tensors, photos: usize) -> Result<Vec<Option<Transients>>> {
     let mut transients = vec![None; photos];
     let Some(rows) = state.get("transients.sizes").ok().and_then(|sizes| sizes.shape.first().copied()) else {

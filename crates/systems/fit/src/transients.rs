@@ -5,23 +5,20 @@
 //! shiny, and stays. Sources of the idea that residuals tell transients: RobustNeRF (Sabour et al., 2023), SpotLessSplats (2024); the
 //! comparison with the other photos' residuals at the same place is our own, and needs no trained features.
 
-use crate::FitError;
-use crate::fit::Fit;
 use std::borrow::Cow;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec2;
-use weaver_kernels::parallel;
 use weaver_scene::Photo;
 
 /// Parts of a run after which photos are searched.
-const MOMENTS: [f64; 6] = [0.15, 0.25, 0.35, 0.45, 0.55, 0.65];
+pub(crate) const MOMENTS: [f64; 6] = [0.15, 0.25, 0.35, 0.45, 0.55, 0.65];
 /// Photos that a photo is compared with: the nearest.
 const NEIGHBORS: usize = 12;
 /// Fewer photos that see a place say nothing about it.
-const LEAST_OTHERS: usize = 3;
+pub(crate) const LEAST_OTHERS: usize = 3;
 /// Largest difference of depths, relative, at which two photos are taken to show the same place.
 const SAME_DEPTH: f64 = 0.1;
-/// What is hidden begins where a residual is so large, and so many times that of the other photos ...
+/// A hidden region begins where a residual is so large, and so many times that of the other photos ...
 const STRONG: [f32; 2] = [0.12, 4.0];
 /// ... and goes on to neighbors where it is at least this.
 const WEAK: [f32; 2] = [0.06, 2.0];
@@ -65,63 +62,18 @@ pub(crate) fn counted<'p>(photo: &'p Photo, transients: Option<&Transients>) -> 
 }
 
 /// A photo beside the scene as it is, both small.
-struct Seen {
-    camera: Camera,
+pub(crate) struct Seen {
+    pub camera: Camera,
     /// Mean absolute difference of colors around each pixel; NaN where the photo's own mask is.
-    residuals: Vec<f32>,
+    pub residuals: Vec<f32>,
     /// Depth, world units; 0 where nothing is.
-    depths: Vec<f32>,
-    /// What is left out now, if anything: there, a photo is no evidence.
-    hidden: Vec<bool>,
-}
-
-impl Fit {
-    /// The pixels of a photo that were found to show what no other photo does; `None` where nothing was found.
-    pub fn transients(&self, photo: usize) -> Option<&Transients> {
-        self.transients.get(photo).and_then(Option::as_ref)
-    }
-
-    /// Which pixels of a photo count: those that its own mask takes, but for [transients](Self::transients); `None` if all do.
-    pub fn counted(&self, photo: usize) -> Option<Cow<'_, [bool]>> {
-        counted(self.photo(photo), self.transients(photo))
-    }
-
-    /// Searches the photos where that is due at this step.
-    pub(crate) fn search_transients(&mut self) -> Result<(), FitError> {
-        let due = |part: f64| (part * self.settings.steps as f64).ceil() as usize == self.step;
-        if self.settings.transients && MOMENTS.into_iter().any(due) && self.photos.len() > LEAST_OTHERS {
-            self.transients = self.find_transients()?;
-        }
-        Ok(())
-    }
-
-    fn find_transients(&mut self) -> Result<Vec<Option<Transients>>, FitError> {
-        let seen = (0..self.photos.len()).map(|photo| self.seen(photo)).collect::<Result<Vec<_>, _>>()?;
-        let extent = self.extent();
-        let mut found = vec![None; seen.len()];
-        parallel::for_chunks(&mut found, 1, |photo, found| found[0] = hidden(photo, &seen, extent));
-        Ok(found)
-    }
-
-    fn seen(&mut self, index: usize) -> Result<Seen, FitError> {
-        let (photo, camera) = self.small(index);
-        let [mut image, alpha, mut depths] = self.draw(&camera)?;
-        let residuals_of = |image: &[f32]| residuals(image, &photo);
-        let hidden = self.transients(index).map_or(Vec::new(), |t| t.at_size(camera.width, camera.height));
-        if let Some(exposure) = self.exposure(index).copied() {
-            let drawn = image.clone();
-            exposure.apply(&drawn, &mut image);
-        }
-        depths
-            .iter_mut()
-            .zip(&alpha)
-            .for_each(|(depth, alpha)| *depth = if *alpha < 0.5 { 0.0 } else { *depth / alpha });
-        Ok(Seen { camera, residuals: residuals_of(&image), depths, hidden })
-    }
+    pub depths: Vec<f32>,
+    /// True where the photo is left out now, if anywhere: there, it is no evidence.
+    pub hidden: Vec<bool>,
 }
 
 /// Mean absolute differences over 3 x 3 pixels and the channels.
-fn residuals(image: &[f32], photo: &Photo) -> Vec<f32> {
+pub(crate) fn residuals(image: &[f32], photo: &Photo) -> Vec<f32> {
     let Camera { width, height, .. } = photo.camera;
     let counts = |at: usize| photo.mask.as_ref().is_none_or(|mask| mask[at]);
     let at = |at: usize| -> f32 {
@@ -140,7 +92,7 @@ fn residuals(image: &[f32], photo: &Photo) -> Vec<f32> {
 }
 
 /// The cells of a photo that are hidden in it alone.
-fn hidden(photo: usize, seen: &[Seen], extent: f64) -> Option<Transients> {
+pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64) -> Option<Transients> {
     let own = &seen[photo];
     let (width, height) = (own.camera.width, own.camera.height);
     let distance = |other: &Seen| {

@@ -8,9 +8,9 @@ use weaver_splat::Workspace;
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 8, failure_persistence: None, ..Default::default() })]
 
-    /// The slow reference knows sums over the views of lengths, and the largest radius.
+    /// Statistics of the slow reference are sums over the views of lengths, and the largest radius.
     #[test]
-    fn screen_gradients_agree_with_the_statistics_of_the_reference(
+    fn screen_gradients_are_those_of_the_reference(
         seed: u64, n in 0_usize..40, views in 1_usize..4, size in (1_usize..40, 1_usize..40), degree in prop::option::of(0_usize..=3),
     ) {
         let scene = Scene::random(seed, n, views, size, degree);

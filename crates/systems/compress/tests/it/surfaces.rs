@@ -25,7 +25,7 @@ fn ball(radius: f32) -> Gaussians {
 }
 
 #[test]
-fn a_ball_is_as_far_from_a_larger_one_as_their_radii_differ() {
+fn balls_are_as_far_apart_as_their_radii_differ() {
     let gaussians = ball(1.0);
     let cameras = orbit(&gaussians, 12, [96, 96]).unwrap();
     let surface = Surface::new(&gaussians, &pictures(&cameras)).unwrap();

@@ -1,0 +1,52 @@
+//! The search for what photos alone show, while a scene is fitted.
+
+use crate::FitError;
+use crate::fit::Fit;
+use crate::transients::{LEAST_OTHERS, MOMENTS, Seen, Transients, counted, hidden, residuals};
+use std::borrow::Cow;
+use weaver_kernels::parallel;
+
+impl Fit {
+    /// The pixels of a photo that were found to show what no other photo does; `None` where nothing was found.
+    pub fn transients(&self, photo: usize) -> Option<&Transients> {
+        self.transients.get(photo).and_then(Option::as_ref)
+    }
+
+    /// Which pixels of a photo count: those that its own mask takes, but for [transients](Self::transients); `None` if all do.
+    pub fn counted(&self, photo: usize) -> Option<Cow<'_, [bool]>> {
+        counted(self.photo(photo), self.transients(photo))
+    }
+
+    /// Searches the photos where that is due at this step.
+    pub(crate) fn search_transients(&mut self) -> Result<(), FitError> {
+        let due = |part: f64| (part * self.settings.steps as f64).ceil() as usize == self.step;
+        if self.settings.transients && MOMENTS.into_iter().any(due) && self.photos.len() > LEAST_OTHERS {
+            self.transients = self.find_transients()?;
+        }
+        Ok(())
+    }
+
+    fn find_transients(&mut self) -> Result<Vec<Option<Transients>>, FitError> {
+        let seen = (0..self.photos.len()).map(|photo| self.seen(photo)).collect::<Result<Vec<_>, _>>()?;
+        let extent = self.extent();
+        let mut found = vec![None; seen.len()];
+        parallel::for_chunks(&mut found, 1, |photo, found| found[0] = hidden(photo, &seen, extent));
+        Ok(found)
+    }
+
+    fn seen(&mut self, index: usize) -> Result<Seen, FitError> {
+        let (photo, camera) = self.small(index);
+        let [mut image, alpha, mut depths] = self.draw(&camera)?;
+        let residuals_of = |image: &[f32]| residuals(image, &photo);
+        let hidden = self.transients(index).map_or(Vec::new(), |t| t.at_size(camera.width, camera.height));
+        if let Some(exposure) = self.exposure(index).copied() {
+            let drawn = image.clone();
+            exposure.apply(&drawn, &mut image);
+        }
+        depths
+            .iter_mut()
+            .zip(&alpha)
+            .for_each(|(depth, alpha)| *depth = if *alpha < 0.5 { 0.0 } else { *depth / alpha });
+        Ok(Seen { camera, residuals: residuals_of(&image), depths, hidden })
+    }
+}
