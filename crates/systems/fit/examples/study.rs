@@ -26,6 +26,7 @@ struct Variant {
     even: bool,
     planted: Option<usize>,
     by_photos: bool,
+    dense: Option<Value>,
     settings: Value,
 }
 
@@ -84,7 +85,8 @@ fn variant(argument: &str) -> Result<Variant, Failure> {
     let even = own.remove("even").is_some_and(|v| v == true);
     let planted = own.remove("planted").and_then(|v| v.as_u64()).map(|v| v as usize);
     let by_photos = own.remove("by_photos").is_some_and(|v| v == true);
-    Ok(Variant { name: name.into(), views, even, planted, by_photos, settings })
+    let dense = own.remove("dense");
+    Ok(Variant { name: name.into(), views, even, planted, by_photos, dense, settings })
 }
 
 /// Fits a capture, and returns how well the held-out photos are met and the pairs, in millions, of the last step.
@@ -120,6 +122,33 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
         initial = init::divided(&initial, settings.gaussians, settings.seed);
     }
     let visible: Vec<_> = capture.photos.iter().filter(|p| !p.held_out).map(|p| p.visible.clone()).collect();
+    if let Some(dense) = &variant.dense {
+        let n = |key: &str, usual: usize| dense.get(key).and_then(Value::as_u64).map_or(usual, |n| n as usize);
+        let options = weaver_stereo::StereoSettings {
+            long_side: n("side", 200),
+            sources: n("sources", 3),
+            seed: settings.seed,
+        };
+        let start = std::time::Instant::now();
+        let stereo = weaver_stereo::Stereo::of(&training, &capture.points, &visible, &options);
+        let coverage = stereo.coverage();
+        let seconds = start.elapsed().as_secs_f64();
+        let room = init::room(&settings);
+        let sparse = init::from_points(&stereo.unexplained(), &settings).unwrap_or_default();
+        let surface = stereo.surface();
+        let part = dense.get("part").and_then(Value::as_f64).unwrap_or(1.0);
+        let dense = surface.gaussians(((room - sparse.means.len()) as f64 * part) as usize);
+        eprintln!(
+            "{}: stereo {seconds:.1} s, all {:.1} s, coverage {:.2}, {} sparse, {} owned, {} dense",
+            capture.name,
+            start.elapsed().as_secs_f64(),
+            coverage.iter().sum::<f64>() / coverage.len() as f64,
+            sparse.means.len(),
+            surface.len(),
+            dense.means.len()
+        );
+        initial = weaver_scene::Gaussians::joined(&[dense, sparse]);
+    }
     let agreement = (visible.len() == training.len()).then(|| ColorAgreement::of(&training, &capture.points, &visible));
     let mut fit = Fit::new(training, &initial, settings)?;
     if let Some(agreement) = agreement {
