@@ -30,6 +30,7 @@ mod results;
 mod run;
 mod settings;
 mod sources;
+mod start;
 mod view;
 
 pub use error::RunError;

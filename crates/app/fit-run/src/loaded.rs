@@ -3,10 +3,12 @@
 use crate::compressed;
 use crate::matching::Matching;
 use crate::sources::Sources;
-use crate::{Initial, RunError, RunSettings};
+use crate::{ByPhotos, Initial, RunError, RunSettings};
+use crate::start::{Seen, Start};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto};
-use weaver_fit::{ColorAgreement, Fit, FitRasterizer, FitSettings, init, mean_color};
+use weaver_fit::{ColorAgreement, Fit, FitRasterizer, FitSettings, mean_color};
 use weaver_geometry::Camera;
 use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
 
@@ -31,6 +33,10 @@ pub(crate) struct Loaded {
     pub matching: Option<Matching>,
     /// True if photos agree about colors.
     pub colors: ColorAgreement,
+    /// Gaussians that the run begins with, where they were found by looking at the photos: they are stored, so that it goes on from them.
+    pub found: Option<Gaussians>,
+    /// Part of photos whose depth two others agree about, by name; empty if they were not asked.
+    pub coverage: BTreeMap<String, f64>,
     /// Checksums of the inputs.
     pub sources: Sources,
     /// Remarks for the user.
@@ -78,7 +84,7 @@ pub(crate) fn load(
     }
     let colors = ColorAgreement::of(&training, &capture.points, &visible);
     // What is decided goes into run.json, so that a run goes on as it began.
-    let undecided = std::mem::take(&mut settings.by_photos);
+    let undecided = settings.by_photos;
     settings.fit.exposure |= undecided.exposure && colors.differ();
     if undecided.background && !capture.transparent {
         settings.fit.background = mean_color(&training);
@@ -99,11 +105,8 @@ pub(crate) fn load(
             *distortion = distortion.and_then(|distortion| distortion.refocused(focal));
         }
     }
-    let initial = match (settings.init, capture.points.is_empty()) {
-        (Initial::Given, _) => init::from_gaussians(given.unwrap_or(&Gaussians::default()), &settings.fit)?,
-        (Initial::Random, _) | (Initial::Auto, true) => init::random(&training, &settings.fit)?,
-        (Initial::Points | Initial::Auto, _) => init::from_points(&capture.points, &settings.fit)?,
-    };
+    let seen = Seen { photos: &training, points: &capture.points, visible: &visible };
+    let start = Start::of(settings, seen, given)?;
     let mut remarks = capture.remarks;
     if settings.init == Initial::Auto && capture.points.is_empty() {
         remarks.push(format!(
@@ -112,10 +115,14 @@ pub(crate) fn load(
         ));
     }
     let strategy = settings.fit.density.strategy();
-    let mut fit = Fit::with(rasterizer, strategy, training, &initial, settings.fit.clone())?;
+    let mut fit = Fit::with(rasterizer, strategy, training, &start.gaussians, settings.fit.clone())?;
     fit.begin_exposures(&colors.gains);
     if let Some(level) = settings.compress {
         compressed::train_for(&mut fit, level);
     }
-    Ok(Loaded { fit, held_out, origins, points: capture.points, matching, colors, sources, remarks })
+    settings.by_photos = ByPhotos::default();
+    let Start { gaussians, coverage } = start;
+    let found = (settings.init == Initial::Dense && given.is_none()).then_some(gaussians);
+    let points = capture.points;
+    Ok(Loaded { fit, held_out, origins, points, matching, colors, found, coverage, sources, remarks })
 }

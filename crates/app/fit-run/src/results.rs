@@ -86,6 +86,7 @@ impl Fitting {
             background: self.settings.fit.background,
             exposures: self.exposures(test),
             transients: self.transients(),
+            coverage: self.capture.coverage.clone(),
             outliers: outliers(train),
         }
     }

@@ -2,8 +2,9 @@
 
 use crate::compressed;
 use crate::fitting::Fitting;
-use crate::loaded::load;
+use crate::loaded::{Loaded, load};
 use crate::{Matching, RunError, RunFile, RunSettings};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -95,10 +96,12 @@ impl Run {
             job.capture.fit.set_steps(steps);
             job.settings.fit.steps = steps;
         }
-        if let Some(given) = given {
+        if let Some(given) = given.or(job.capture.found.take().as_ref()) {
             weaver_io::write_gaussians(folder.out().file(INIT)?, given)?;
         }
-        let file = RunFile { settings: job.settings.clone(), sources: job.capture.sources.clone() };
+        let Loaded { sources, coverage, .. } = &job.capture;
+        let file =
+            RunFile { settings: job.settings.clone(), sources: sources.clone(), coverage: coverage.clone() };
         folder.store_text(&file.text(folder.path())?)?;
         Ok(Self(weaver_run::Run::begin(folder, job)))
     }
@@ -109,12 +112,13 @@ impl Run {
     /// When there is no run or it is under way elsewhere, its files or its capture cannot be read, or they no longer belong together.
     pub fn resume(folder: &Path, judge: Judge, rasterizer: Arc<dyn FitRasterizer>) -> Result<Self, RunError> {
         let started = Instant::now();
-        let RunFile { mut settings, sources } = RunFile::read(folder)?;
+        let RunFile { mut settings, sources, coverage } = RunFile::read(folder)?;
         let given = folder.join(INIT);
         let further = further(&settings).chain([INIT.into()]);
         let folder = Folder::reopen_with(folder, KIND, further)?;
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
-        let capture = load(&mut settings, given.as_ref(), rasterizer)?;
+        let mut capture = load(&mut settings, given.as_ref(), rasterizer)?;
+        capture.coverage = coverage;
         capture.sources.check(&sources, &settings.capture, &folder.path().join(RunFile::NAME))?;
         Ok(Self(weaver_run::Run::resume(folder, Fitting::new(settings, capture, judge, started))?))
     }
@@ -145,6 +149,12 @@ impl Run {
     /// True if photos agree about the colors of points that they share.
     pub fn colors(&self) -> &ColorAgreement {
         &self.0.job.capture.colors
+    }
+
+    /// Part of photos whose depth two others agree about, by name; empty if they were not asked. Places that one photo alone shows have no
+    /// depth that photos could tell.
+    pub fn coverage(&self) -> &BTreeMap<String, f64> {
+        &self.0.job.capture.coverage
     }
 
     /// Remarks for the user about how the capture was loaded.

@@ -3,6 +3,7 @@
 use crate::RunError;
 use crate::sources::Sources;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::PosedOptions;
@@ -68,11 +69,14 @@ pub struct ByPhotos {
     pub background: bool,
     /// [`FitSettings::dropout`] is the larger the fewer photos there are ([`FitSettings::dropout_for`]).
     pub dropout: bool,
+    /// Gaussians begin on what photos agree about ([`Initial::Dense`]) where that is most of what they show, and is found in a small part of the
+    /// time; with [`Initial::Auto`] alone.
+    pub start: bool,
 }
 
 impl ByPhotos {
     /// Everything that photos can decide.
-    pub const ALL: Self = Self { exposure: true, background: true, dropout: true };
+    pub const ALL: Self = Self { exposure: true, background: true, dropout: true, start: true };
 }
 
 /// Where Gaussians begin.
@@ -84,6 +88,8 @@ pub enum Initial {
     Auto,
     /// On the capture's points.
     Points,
+    /// On surfaces that photos agree about ([`weaver_stereo`]), and on the capture's points that these do not show.
+    Dense,
     /// At random.
     Random,
     /// As given to [`Run::create`](crate::Run::create).
@@ -157,6 +163,9 @@ pub(crate) struct RunFile {
     pub settings: RunSettings,
     #[serde(default)]
     pub sources: Sources,
+    /// Part of photos whose depth two others agree about.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub coverage: BTreeMap<String, f64>,
 }
 
 impl RunFile {
@@ -196,7 +205,7 @@ impl RunFile {
             (Err(_), relative) => relative?,
         };
         let settings = RunSettings { capture: capture.into(), ..self.settings.clone() };
-        let file = Self { settings, sources: self.sources.clone() };
+        let file = Self { settings, sources: self.sources.clone(), coverage: self.coverage.clone() };
         Ok(serde_json::to_string_pretty(&file).expect("settings are plain data") + "\n")
     }
 }

@@ -27,3 +27,8 @@ mod warp;
 
 pub use depth::{Stereo, StereoSettings};
 pub use surface::Surface;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

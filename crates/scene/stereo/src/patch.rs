@@ -149,3 +149,106 @@ fn sum<V: Lanes<Scalar = f32>>(x: V) -> f32 {
     }
     x[0]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_geometry::{Camera, Intrinsics, Pose};
+    use weaver_kernels::lanes::{LaneKernel, run_at};
+    use weaver_kernels::random::Stream;
+    use weaver_kernels::simd::{Level, supported};
+    use weaver_scene::Photo;
+
+    const SIZE: [usize; 2] = [24, 17];
+
+    fn noise(seed: u64) -> Picture {
+        let [width, height] = SIZE;
+        let stream = Stream::new(seed, 0, "noise");
+        let rgb = (0..(width * height) as u64).flat_map(|n| [(stream.uniform::<f64>(n) * 255.0) as u8; 3]).collect();
+        let intrinsics = Intrinsics { fx: 20.0, fy: 20.0, cx: 12.0, cy: 8.0 };
+        let camera = Camera { pose: Pose::IDENTITY, intrinsics, width, height };
+        Picture::of(&Photo { name: String::new(), camera, rgb, mask: None }, 200)
+    }
+
+    struct One<'a>(&'a Patch, [[f32; 3]; 3], &'a Picture);
+
+    impl LaneKernel<f32> for One<'_> {
+        type Output = f32;
+
+        #[inline(always)]
+        fn run<V: Lanes<Scalar = f32>>(self) -> f32 {
+            dissimilarity(self.0, &Offsets::<V>::new(), self.1, self.2)
+        }
+    }
+
+    /// The same sample by sample, in `f64`, straight from the pixels.
+    fn slowly(picture: &Picture, at: usize, warp: [[f32; 3]; 3], other: &Picture) -> f64 {
+        let [width, height] = SIZE;
+        let (x, y) = ((at % width) as i64, (at / width) as i64);
+        let luma = |picture: &Picture, x: i64, y: i64| {
+            f64::from(picture.gray[(y.clamp(0, height as i64 - 1) as usize) * width + x.clamp(0, width as i64 - 1) as usize])
+        };
+        let middle = luma(picture, x, y);
+        let mut samples = Vec::new();
+        for [dx, dy] in OFFSETS {
+            let (sx, sy) = (x + i64::from(dx), y + i64::from(dy));
+            if sx < 0 || sy < 0 || sx >= width as i64 || sy >= height as i64 {
+                continue;
+            }
+            let own = luma(picture, sx, sy);
+            let far = f64::from(dx).powi(2) + f64::from(dy).powi(2);
+            let weight = (-far / (2.0 * 3.5 * 3.5) - (own - middle).powi(2) / (2.0 * 38.25 * 38.25)).exp();
+            let [p, gx, gy] = warp;
+            let place = |i: usize| f64::from(p[i]) + f64::from(gx[i]) * f64::from(dx) + f64::from(gy[i]) * f64::from(dy);
+            let u = (place(0) / place(2) - 0.5).clamp(0.0, width as f64 - 1.0);
+            let v = (place(1) / place(2) - 0.5).clamp(0.0, height as f64 - 1.0);
+            let (ix, iy) = (u.floor() as i64, v.floor() as i64);
+            let (fx, fy) = (u - u.floor(), v - v.floor());
+            let row = |y: i64| luma(other, ix, y) * (1.0 - fx) + luma(other, ix + 1, y) * fx;
+            samples.push((weight, own, row(iy) * (1.0 - fy) + row(iy + 1) * fy));
+        }
+        let all: f64 = samples.iter().map(|s| s.0).sum();
+        let mean = |of: &dyn Fn(&(f64, f64, f64)) -> f64| samples.iter().map(|s| s.0 * of(s)).sum::<f64>() / all;
+        let (a, b) = (mean(&|s| s.1), mean(&|s| s.2));
+        let covariance = mean(&|s| (s.1 - a) * (s.2 - b));
+        let (aa, bb) = (mean(&|s| (s.1 - a).powi(2)), mean(&|s| (s.2 - b).powi(2)));
+        1.0 - covariance / ((aa + 2.0) * (bb + 2.0)).sqrt()
+    }
+
+    /// All instruction sets compute what the slow version does, in the middle, at borders and beyond them.
+    #[test]
+    fn lanes_agree_with_the_slow_version() {
+        let (picture, other) = (noise(1), noise(2));
+        let all = patches(&picture);
+        let stream = Stream::new(7, 0, "warps");
+        for n in 0..200 {
+            let random = |k: u64| 2.0 * stream.uniform::<f32>(16 * n + k) - 1.0;
+            let at = stream.below(16 * n + 15, SIZE[0] * SIZE[1]);
+            let z = 1.0 + 0.2 * random(0);
+            let warp = [
+                [z * (12.0 + 14.0 * random(1)), z * (8.0 + 10.0 * random(2)), z],
+                [1.0 + 0.3 * random(3), 0.3 * random(4), 0.01 * random(5)],
+                [0.3 * random(6), 1.0 + 0.3 * random(7), 0.01 * random(8)],
+            ];
+            let expected = slowly(&picture, at, warp, &other);
+            for level in [Level::Portable, Level::Avx2, Level::Avx512].into_iter().filter(|level| *level <= supported()) {
+                let found = f64::from(run_at(level, One(&all[at], warp, &other)));
+                assert!((found - expected).abs() < 2e-3, "{level:?}, pixel {at}: {found} and {expected}");
+            }
+        }
+    }
+
+    /// A picture is like itself, and unlike its negative.
+    #[test]
+    fn a_picture_is_like_itself() {
+        let picture = noise(3);
+        let at = 8 * SIZE[0] + 12;
+        let warp = [[12.5, 8.5, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let all = patches(&picture);
+        let own = run_at(Level::Portable, One(&all[at], warp, &picture));
+        assert!(own.abs() < 0.01, "{own}");
+        let mut negative = noise(3);
+        negative.quads.iter_mut().for_each(|quad| *quad = !*quad);
+        assert!((run_at(Level::Portable, One(&all[at], warp, &negative)) - 2.0).abs() < 0.01);
+    }
+}

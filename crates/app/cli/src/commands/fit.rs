@@ -53,9 +53,10 @@ pub struct Fit {
     /// Steps, instead of a time; each looks at one photo
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "minutes", help_heading = RUN)]
     pub steps: Option<u32>,
-    /// Where the Gaussians begin: points (the capture's), random, built-in (what the network that comes with the program
-    /// predicts), a run folder (what its network predicts), or a file of Gaussians [default: points if there are any, else random]
-    #[arg(long, value_name = "points|random|built-in|RUN|FILE", help_heading = RUN)]
+    /// Where the Gaussians begin: points (the capture's), dense (surfaces that photos agree about, and points), random, built-in (what the network that comes with the program
+    /// predicts), a run folder (what its network predicts), or a file of Gaussians [default: dense where photos agree about most of what
+    /// they show, and that is found in time; else points if there are any, else random]
+    #[arg(long, value_name = "points|dense|random|built-in|RUN|FILE", help_heading = RUN)]
     pub init: Option<String>,
     /// Seed of everything that is drawn at random [default: 0]
     #[arg(long, value_name = "S", help_heading = RUN)]
@@ -248,6 +249,7 @@ fn settings(arguments: &Fit, (capture, hold_out): (PathBuf, HoldOut), initial: &
         exposure: fit.exposure != other.exposure,
         background: fit.background != other.background,
         dropout: fit.dropout != other.dropout,
+        start: arguments.init.is_none(),
     };
     Ok(RunSettings { by_photos, fit, ..settings })
 }

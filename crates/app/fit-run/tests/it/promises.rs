@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_fit::{Judge, Quality};
-use weaver_fit_run::{ByPhotos, Outcome, Run, RunError, RunSettings};
+use weaver_fit_run::{ByPhotos, Initial, Outcome, Run, RunError, RunSettings};
 use weaver_io::{Image, Transforms};
 use weaver_scene::PointCloud;
 use weaver_splat::{CpuRasterizer, RasterSettings, Workspace, render};
@@ -72,6 +72,54 @@ fn with_points(data: &Path) -> PointCloud {
     let cloud = PointCloud { colors: vec![[90, 120, 200]; positions.len()], positions };
     weaver_io::ply::write_points(data.join("points3D.ply"), &cloud).unwrap();
     cloud
+}
+
+/// Gaussians begin on what photos agree about where nothing else is said, and a run that is cut off before its first checkpoint goes on
+/// from them.
+#[test]
+fn a_dense_start_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, whole, cut) = (folder.path().join("data"), folder.path().join("whole"), folder.path().join("cut"));
+    capture(&data, 10);
+    with_points(&data);
+    let settings = || RunSettings { by_photos: ByPhotos { start: true, ..ByPhotos::default() }, ..settings(&data) };
+    let outcome = fitted(&whole, settings());
+    assert_eq!(outcome.coverage.len(), outcome.train.views);
+    assert!(outcome.coverage.values().all(|part| *part > 0.2), "{:?}", outcome.coverage);
+    let run = Run::create(&cut, settings(), None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
+    assert_eq!(run.settings().init, Initial::Dense);
+    drop(run);
+    let mut run = resumed(&cut).unwrap();
+    run.advance(&AtomicBool::new(false), |_| {}).unwrap();
+    assert_eq!(run.finish().unwrap().coverage, outcome.coverage);
+    let [a, b] = [&whole, &cut].map(|out| std::fs::read(out.join("scene.ply")).unwrap());
+    assert!(a == b, "a run that went on made another scene");
+}
+
+/// Without points, or where photos stand too far apart, Gaussians begin as they did; a dense start that was asked for is refused.
+#[test]
+fn a_dense_start_needs_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    capture(&data, 10);
+    let settings = |init, start| RunSettings {
+        init,
+        by_photos: ByPhotos { start, ..ByPhotos::default() },
+        ..settings(&data)
+    };
+    let create = |name: &str, settings| {
+        Run::create(&folder.path().join(name), settings, None, Judge::default(), Arc::new(CpuRasterizer))
+    };
+    let random = create("random", settings(Initial::Auto, true)).unwrap();
+    assert!(random.coverage().is_empty());
+    assert_eq!(random.settings().init, Initial::Auto);
+    let error = create("dense", settings(Initial::Dense, false)).unwrap_err().to_string();
+    assert!(error.contains("init") && error.contains("points"), "{error}");
+    with_points(&data);
+    let two = RunSettings { views: Some(2), ..settings(Initial::Auto, true) };
+    let few = create("few", two).unwrap();
+    assert_eq!(few.settings().init, Initial::Points);
+    assert!(few.coverage().values().all(|part| *part == 0.0));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Progress, device, duration, memory};
 use weaver_fit::{FitRasterizer, Judge, Quality, gaussians_of};
-use weaver_fit_run::{Folder, Outcome, Run, RunSettings, Views, plan};
+use weaver_fit_run::{Folder, Initial, Outcome, Run, RunSettings, Views, plan};
 use weaver_trainer::evaluate::load_lpips;
 use weaver_view::Look;
 use weaver_view_run::{Exhibit, Followed, Server, Visitors};
@@ -18,6 +18,8 @@ const LIVE: f64 = 3.0;
 pub const VIEW: &str = "view.html";
 /// Fewer points than this say little about cameras.
 const FEW_POINTS: usize = 50;
+/// Less of a photo than this that others agree about is hardly any.
+const ALONE: f64 = 0.1;
 /// Fewer Gaussians than this for each pixel of a photo cannot show much.
 const FEW: f64 = 0.005;
 
@@ -78,6 +80,9 @@ pub fn begin(
         console
             .note(&format!("photos differ in exposure or white balance, by {percent:.0} % in the median; {corrected}"));
     }
+    if !run.coverage().is_empty() {
+        covered(&run, console);
+    }
     if let Some(found) = run.matching() {
         let (points, pixels) = (found.points, found.pixels);
         console
@@ -87,6 +92,24 @@ pub fn begin(
         }
     }
     finish(run, (&folder, live), console, interrupt)
+}
+
+/// Tells what photos agree about, and which of them stand alone.
+fn covered(run: &Run, console: &mut Console) {
+    let coverage = run.coverage();
+    let mean = 100.0 * coverage.values().sum::<f64>() / coverage.len() as f64;
+    let begin = match run.settings().init {
+        Initial::Dense => "Gaussians begin there",
+        _ => "too little to begin there; photos that are closer together would help",
+    };
+    console.note(&format!("two other photos agree about {mean:.0} % of a photo in the mean; {begin}"));
+    let alone: Vec<&str> = coverage.iter().filter(|(_, part)| **part < ALONE).map(|(name, _)| name.as_str()).collect();
+    if !alone.is_empty() {
+        console.note(&format!(
+            "warning: what these photos show, hardly another one does, which leaves its depth open; photos from beside them would help: {}",
+            alone.join(", ")
+        ));
+    }
 }
 
 /// Goes on to the end; a page follows if the fit is live.

@@ -28,6 +28,7 @@ impl Start {
         match text {
             None => Ok(Self::Here(Initial::Auto)),
             Some("points") => Ok(Self::Here(Initial::Points)),
+            Some("dense") => Ok(Self::Here(Initial::Dense)),
             Some("random") => Ok(Self::Here(Initial::Random)),
             Some("built-in") => Ok(Self::Network(None)),
             Some(path) if Path::new(path).is_file() => Ok(Self::File(path.into())),
@@ -35,7 +36,7 @@ impl Start {
                 Ok(Self::Network(Some(RunFolder::at(path))))
             }
             Some(path) => Err(Failure::message(format!(
-                "--init {path}: expected points, random, built-in, a file of Gaussians or the folder of a trained network, found none of them"
+                "--init {path}: expected points, dense, random, built-in, a file of Gaussians or the folder of a trained network, found none of them"
             ))),
         }
     }
