@@ -17,6 +17,7 @@
 //! [`Run`] is such a fit, [`RunSettings`] what is asked of it, [`plan`](fn@plan) what it would take.
 
 mod compressed;
+mod coverage;
 mod error;
 mod fitting;
 mod judged;
@@ -33,6 +34,7 @@ mod sources;
 mod start;
 mod view;
 
+pub use coverage::Coverage;
 pub use error::RunError;
 pub use matching::Matching;
 pub use outcome::{Outcome, PoseChange, Views};

@@ -3,9 +3,8 @@
 use crate::compressed;
 use crate::matching::Matching;
 use crate::sources::Sources;
-use crate::{ByPhotos, Initial, RunError, RunSettings};
 use crate::start::{Seen, Start};
-use std::collections::BTreeMap;
+use crate::{ByPhotos, Coverage, Initial, RunError, RunSettings};
 use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto};
 use weaver_fit::{ColorAgreement, Fit, FitRasterizer, FitSettings, mean_color};
@@ -35,8 +34,7 @@ pub(crate) struct Loaded {
     pub colors: ColorAgreement,
     /// Gaussians that the run begins with, where they were found by looking at the photos: they are stored, so that it goes on from them.
     pub found: Option<Gaussians>,
-    /// Part of photos whose depth two others agree about, by name; empty if they were not asked.
-    pub coverage: BTreeMap<String, f64>,
+    pub coverage: Coverage,
     /// Checksums of the inputs.
     pub sources: Sources,
     /// Remarks for the user.

@@ -1,5 +1,6 @@
 //! What came of a run.
 
+use crate::Coverage;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -41,9 +42,9 @@ pub struct Outcome {
     /// named.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub transients: BTreeMap<String, f64>,
-    /// Part of each training photo whose depth two others agree about, where they were asked.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub coverage: BTreeMap<String, f64>,
+    /// Part of training photos whose depth two others agree about, where they were asked.
+    #[serde(default, skip_serializing_if = "Coverage::is_empty")]
+    pub coverage: Coverage,
     /// Training photos that are met far worse than the others: they may not belong to the scene.
     #[serde(rename = "strangers")]
     pub outliers: Vec<String>,

@@ -83,6 +83,7 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
             "Photos differ in exposure or white balance, by {percent:.0} % in the median. {corrected}"
         ));
     }
+    coverage(outcome, &mut page);
     transients(run, outcome, &mut page);
     if outcome.poses.refined {
         let p = &outcome.poses;
@@ -106,6 +107,24 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
         cameras::section(cameras, &run.settings.capture, &mut page);
     }
     Ok(page)
+}
+
+/// What other photos agree about, and the photos that stand alone.
+fn coverage(outcome: &Outcome, page: &mut Page) {
+    if outcome.coverage.is_empty() {
+        return;
+    }
+    page.paragraph(&format!(
+        "Two other photos agree about the depth of {:.0} % of a photo in the mean. Elsewhere photos do not tell where things are.",
+        100.0 * outcome.coverage.mean()
+    ));
+    let alone = outcome.coverage.alone();
+    if !alone.is_empty() {
+        page.warning(&format!(
+            "What these photos show, hardly another one does, which leaves its depth open; photos from beside them would help: {}.",
+            alone.join(", ")
+        ));
+    }
 }
 
 /// Parts of photos that no other shows, the most first.

@@ -3,8 +3,7 @@
 use crate::compressed;
 use crate::fitting::Fitting;
 use crate::loaded::{Loaded, load};
-use crate::{Matching, RunError, RunFile, RunSettings};
-use std::collections::BTreeMap;
+use crate::{Coverage, Matching, RunError, RunFile, RunSettings};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -100,8 +99,7 @@ impl Run {
             weaver_io::write_gaussians(folder.out().file(INIT)?, given)?;
         }
         let Loaded { sources, coverage, .. } = &job.capture;
-        let file =
-            RunFile { settings: job.settings.clone(), sources: sources.clone(), coverage: coverage.clone() };
+        let file = RunFile { settings: job.settings.clone(), sources: sources.clone(), coverage: coverage.clone() };
         folder.store_text(&file.text(folder.path())?)?;
         Ok(Self(weaver_run::Run::begin(folder, job)))
     }
@@ -151,9 +149,8 @@ impl Run {
         &self.0.job.capture.colors
     }
 
-    /// Part of photos whose depth two others agree about, by name; empty if they were not asked. Places that one photo alone shows have no
-    /// depth that photos could tell.
-    pub fn coverage(&self) -> &BTreeMap<String, f64> {
+    /// How much of each photo others show too.
+    pub fn coverage(&self) -> &Coverage {
         &self.0.job.capture.coverage
     }
 

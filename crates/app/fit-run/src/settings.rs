@@ -1,9 +1,8 @@
 //! What is asked of a run.
 
-use crate::RunError;
 use crate::sources::Sources;
+use crate::{Coverage, RunError};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::PosedOptions;
@@ -164,8 +163,8 @@ pub(crate) struct RunFile {
     #[serde(default)]
     pub sources: Sources,
     /// Part of photos whose depth two others agree about.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub coverage: BTreeMap<String, f64>,
+    #[serde(default, skip_serializing_if = "Coverage::is_empty")]
+    pub coverage: Coverage,
 }
 
 impl RunFile {

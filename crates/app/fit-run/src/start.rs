@@ -1,7 +1,6 @@
 //! Where the Gaussians of a run begin.
 
-use crate::{Initial, RunError, RunSettings};
-use std::collections::BTreeMap;
+use crate::{Coverage, Initial, RunError, RunSettings};
 use std::time::Instant;
 use weaver_fit::{FitSettings, init};
 use weaver_scene::{Gaussians, Photo, PointCloud};
@@ -19,8 +18,7 @@ pub(crate) struct Seen<'a> {
 #[derive(Debug, Default)]
 pub(crate) struct Start {
     pub gaussians: Gaussians,
-    /// Part of photos whose depth two others agree about, by name; empty if they were not asked.
-    pub coverage: BTreeMap<String, f64>,
+    pub coverage: Coverage,
 }
 
 /// Photos whose depth is found, at most.
@@ -42,8 +40,7 @@ impl Start {
         let fit = settings.fit.clone();
         if settings.init == Initial::Auto && settings.by_photos.start && !seen.points.is_empty() {
             let dense = if in_time(settings, seen) { Self::dense(seen, &fit)? } else { Self::default() };
-            let mean = dense.coverage.values().sum::<f64>() / dense.coverage.len().max(1) as f64;
-            settings.init = if mean >= COVERAGE { Initial::Dense } else { Initial::Points };
+            settings.init = if dense.coverage.mean() >= COVERAGE { Initial::Dense } else { Initial::Points };
             let gaussians = match settings.init {
                 Initial::Dense => dense.gaussians,
                 _ => init::from_points(seen.points, &fit)?,
@@ -70,7 +67,7 @@ impl Start {
         let settings = StereoSettings { seed: fit.seed, ..StereoSettings::default() };
         let stereo = Stereo::of(&photos, seen.points, &visible, &settings);
         let names = photos.iter().map(|photo| photo.name.clone());
-        let coverage = names.zip(stereo.coverage()).collect();
+        let coverage = Coverage(names.zip(stereo.coverage()).collect());
         let mut gaussians = stereo.surface().gaussians(init::room(fit));
         let points = stereo.unexplained();
         if gaussians.is_empty() || !points.is_empty() {

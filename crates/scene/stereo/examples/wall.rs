@@ -18,7 +18,12 @@ fn main() {
         let mut errors: Vec<f64> = depth.iter().enumerate().filter(|(_, d)| !d.is_nan()).map(error).collect();
         errors.sort_unstable_by(f64::total_cmp);
         let median = errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN);
-        println!("{}: depth for {:.0} % of pixels, off by {:.3} % in the median", photo.name, 100.0 * coverage, 100.0 * median);
+        println!(
+            "{}: depth for {:.0} % of pixels, off by {:.3} % in the median",
+            photo.name,
+            100.0 * coverage,
+            100.0 * median
+        );
     }
     println!("{} Gaussians on {} pixels", stereo.surface().gaussians(500).len(), stereo.surface().len());
 }

@@ -116,8 +116,10 @@ impl View<'_> {
     fn cell(&self, square: &Square) -> Cell {
         let Sums { pixels, color, place, .. } = self.sums(square);
         let width = self.pictures[square.photo].camera.width;
-        let away = |at: &usize| (at % width).abs_diff((place[0] / pixels).round() as usize).pow(2)
-            + (at / width).abs_diff((place[1] / pixels).round() as usize).pow(2);
+        let away = |at: &usize| {
+            (at % width).abs_diff((place[0] / pixels).round() as usize).pow(2)
+                + (at / width).abs_diff((place[1] / pixels).round() as usize).pow(2)
+        };
         let at = self.pixels(square).min_by_key(away).expect("squares without pixels are left out");
         Cell { photo: square.photo, at, pixels: pixels as usize, color: color.map(|c| (c / pixels) as f32) }
     }

@@ -104,7 +104,8 @@ impl Stereo {
             for point in visible {
                 let n = *point as usize;
                 seen_by[n] += 1;
-                shown[n] |= picture.place(self.points.positions[n]).is_some_and(|(at, w)| (w / map.w[at]).ln().abs() < SHOWN);
+                shown[n] |=
+                    picture.place(self.points.positions[n]).is_some_and(|(at, w)| (w / map.w[at]).ln().abs() < SHOWN);
             }
         }
         let kept = |n: &usize| seen_by[*n] > 1 && !shown[*n];
@@ -125,7 +126,8 @@ impl Picture {
         let at = self.camera.pose.apply(DVec3::from(point.map(f64::from)));
         let pixel = self.camera.intrinsics.project(at);
         let (width, height) = (self.camera.width, self.camera.height);
-        let inside = at.z > 0.0 && pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < width as f64 && pixel.y < height as f64;
+        let inside =
+            at.z > 0.0 && pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < width as f64 && pixel.y < height as f64;
         inside.then(|| (pixel.y as usize * width + pixel.x as usize, (1.0 / at.z) as f32))
     }
 }

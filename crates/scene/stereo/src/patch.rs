@@ -156,7 +156,7 @@ mod tests {
     use weaver_geometry::{Camera, Intrinsics, Pose};
     use weaver_kernels::lanes::{LaneKernel, run_at};
     use weaver_kernels::random::Stream;
-    use weaver_kernels::simd::{Level, supported};
+    use weaver_kernels::simd::{Level, level as best};
     use weaver_scene::Photo;
 
     const SIZE: [usize; 2] = [24, 17];
@@ -186,7 +186,9 @@ mod tests {
         let [width, height] = SIZE;
         let (x, y) = ((at % width) as i64, (at / width) as i64);
         let luma = |picture: &Picture, x: i64, y: i64| {
-            f64::from(picture.gray[(y.clamp(0, height as i64 - 1) as usize) * width + x.clamp(0, width as i64 - 1) as usize])
+            f64::from(
+                picture.gray[(y.clamp(0, height as i64 - 1) as usize) * width + x.clamp(0, width as i64 - 1) as usize],
+            )
         };
         let middle = luma(picture, x, y);
         let mut samples = Vec::new();
@@ -199,7 +201,8 @@ mod tests {
             let far = f64::from(dx).powi(2) + f64::from(dy).powi(2);
             let weight = (-far / (2.0 * 3.5 * 3.5) - (own - middle).powi(2) / (2.0 * 38.25 * 38.25)).exp();
             let [p, gx, gy] = warp;
-            let place = |i: usize| f64::from(p[i]) + f64::from(gx[i]) * f64::from(dx) + f64::from(gy[i]) * f64::from(dy);
+            let place =
+                |i: usize| f64::from(p[i]) + f64::from(gx[i]) * f64::from(dx) + f64::from(gy[i]) * f64::from(dy);
             let u = (place(0) / place(2) - 0.5).clamp(0.0, width as f64 - 1.0);
             let v = (place(1) / place(2) - 0.5).clamp(0.0, height as f64 - 1.0);
             let (ix, iy) = (u.floor() as i64, v.floor() as i64);
@@ -231,7 +234,7 @@ mod tests {
                 [0.3 * random(6), 1.0 + 0.3 * random(7), 0.01 * random(8)],
             ];
             let expected = slowly(&picture, at, warp, &other);
-            for level in [Level::Portable, Level::Avx2, Level::Avx512].into_iter().filter(|level| *level <= supported()) {
+            for level in [Level::Portable, Level::Avx2, Level::Avx512].into_iter().filter(|level| *level <= best()) {
                 let found = f64::from(run_at(level, One(&all[at], warp, &other)));
                 assert!((found - expected).abs() < 2e-3, "{level:?}, pixel {at}: {found} and {expected}");
             }

@@ -50,7 +50,8 @@ impl Picture {
             colors.push(sum.map(|s| ((s + area / 2) / area) as u8));
             counts.push(all);
         }
-        let luma = |c: &[u8; 3]| (0.299 * f32::from(c[0]) + 0.587 * f32::from(c[1]) + 0.114 * f32::from(c[2])).round() as u8;
+        let luma =
+            |c: &[u8; 3]| (0.299 * f32::from(c[0]) + 0.587 * f32::from(c[1]) + 0.114 * f32::from(c[2])).round() as u8;
         let gray: Vec<u8> = colors.iter().map(luma).collect();
         let quad = |(y, x): (usize, usize)| {
             let (right, below) = ((x + 1).min(width - 1), (y + 1).min(height - 1));

@@ -62,7 +62,8 @@ impl<'a> Surface<'a> {
         let ray = intrinsics.unproject(pixel, 1.0);
         let normal = normal(ray, w, map.slope[cell.at].map(f64::from), [intrinsics.fx, intrinsics.fy]);
         // In the plane, the way in which depth grows fastest, and the way in which it stays.
-        let downhill = (ray - normal * ray.dot(normal)).try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
+        let downhill =
+            (ray - normal * ray.dot(normal)).try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
         let across = normal.cross(downhill);
         let cosine = ray.normalize().dot(normal).abs();
         let width = WIDTH * (cell.pixels as f64).sqrt() / (w * intrinsics.fx);

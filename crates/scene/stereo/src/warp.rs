@@ -47,8 +47,8 @@ impl Warp {
     #[inline(always)]
     pub fn along(&self, axis: usize, slope: f32) -> [f32; 3] {
         let mut change = self.columns[axis];
-        for i in 0..3 {
-            change[i] += self.shift[i] * slope;
+        for (change, shift) in change.iter_mut().zip(&self.shift) {
+            *change += shift * slope;
         }
         change
     }

@@ -124,11 +124,8 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
     let visible: Vec<_> = capture.photos.iter().filter(|p| !p.held_out).map(|p| p.visible.clone()).collect();
     if let Some(dense) = &variant.dense {
         let n = |key: &str, usual: usize| dense.get(key).and_then(Value::as_u64).map_or(usual, |n| n as usize);
-        let options = weaver_stereo::StereoSettings {
-            long_side: n("side", 200),
-            sources: n("sources", 3),
-            seed: settings.seed,
-        };
+        let options =
+            weaver_stereo::StereoSettings { long_side: n("side", 200), sources: n("sources", 3), seed: settings.seed };
         let start = std::time::Instant::now();
         let stereo = weaver_stereo::Stereo::of(&training, &capture.points, &visible, &options);
         let coverage = stereo.coverage();

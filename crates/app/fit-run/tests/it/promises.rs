@@ -84,8 +84,8 @@ fn a_dense_start_is_kept() {
     with_points(&data);
     let settings = || RunSettings { by_photos: ByPhotos { start: true, ..ByPhotos::default() }, ..settings(&data) };
     let outcome = fitted(&whole, settings());
-    assert_eq!(outcome.coverage.len(), outcome.train.views);
-    assert!(outcome.coverage.values().all(|part| *part > 0.2), "{:?}", outcome.coverage);
+    assert_eq!(outcome.coverage.0.len(), outcome.train.views);
+    assert!(outcome.coverage.0.values().all(|part| *part > 0.2), "{:?}", outcome.coverage);
     let run = Run::create(&cut, settings(), None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     assert_eq!(run.settings().init, Initial::Dense);
     drop(run);
@@ -102,11 +102,8 @@ fn a_dense_start_needs_points() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     capture(&data, 10);
-    let settings = |init, start| RunSettings {
-        init,
-        by_photos: ByPhotos { start, ..ByPhotos::default() },
-        ..settings(&data)
-    };
+    let settings =
+        |init, start| RunSettings { init, by_photos: ByPhotos { start, ..ByPhotos::default() }, ..settings(&data) };
     let create = |name: &str, settings| {
         Run::create(&folder.path().join(name), settings, None, Judge::default(), Arc::new(CpuRasterizer))
     };
@@ -119,7 +116,7 @@ fn a_dense_start_needs_points() {
     let two = RunSettings { views: Some(2), ..settings(Initial::Auto, true) };
     let few = create("few", two).unwrap();
     assert_eq!(few.settings().init, Initial::Points);
-    assert!(few.coverage().values().all(|part| *part == 0.0));
+    assert!(few.coverage().0.values().all(|part| *part == 0.0));
 }
 
 #[test]

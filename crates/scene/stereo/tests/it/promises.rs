@@ -1,19 +1,22 @@
 //! What the crate promises.
 
-use crate::planted::{NORMAL, inverse_depth, wall};
+use crate::planted::{NORMAL, Planted, inverse_depth, wall};
+use std::sync::LazyLock;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_scene::PointCloud;
 use weaver_stereo::{Stereo, StereoSettings};
 
+static PLANTED: LazyLock<Planted> = LazyLock::new(|| wall(4));
+static STEREO: LazyLock<Stereo> =
+    LazyLock::new(|| Stereo::of(&PLANTED.photos, &PLANTED.points, &PLANTED.visible, &StereoSettings::default()));
+
 /// A slanted wall is found nearly everywhere, to a part of a pixel.
 #[test]
 fn the_depth_of_a_wall_is_found() {
-    let planted = wall(4);
-    let stereo = Stereo::of(&planted.photos, &planted.points, &planted.visible, &StereoSettings::default());
-    let coverage = stereo.coverage();
+    let coverage = STEREO.coverage();
     assert!(coverage.iter().all(|part| *part > 0.7), "{coverage:?}");
-    for (n, photo) in planted.photos.iter().enumerate() {
-        let (depth, [height, width]) = stereo.depth(n);
+    for (n, photo) in PLANTED.photos.iter().enumerate() {
+        let (depth, [height, width]) = STEREO.depth(n);
         assert_eq!([height, width], photo.size());
         let error = |(at, depth): (usize, &f32)| {
             let pixel = DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
@@ -29,9 +32,7 @@ fn the_depth_of_a_wall_is_found() {
 /// Gaussians lie on the wall, flat, each part of it once, and no more than asked for.
 #[test]
 fn gaussians_cover_the_wall_once() {
-    let planted = wall(4);
-    let stereo = Stereo::of(&planted.photos, &planted.points, &planted.visible, &StereoSettings::default());
-    let surface = stereo.surface();
+    let surface = STEREO.surface();
     let pixels = 96 * 72;
     // Four photos show about the same part of the wall: far less than four times as many pixels are left.
     assert!((pixels / 2..2 * pixels).contains(&surface.len()), "{} pixels", surface.len());
@@ -47,7 +48,8 @@ fn gaussians_cover_the_wall_once() {
     };
     let aligned = (0..gaussians.means.len()).filter(|n| along(*n) > 0.9).count();
     assert!(aligned > 400, "{aligned} of 500 lie flat");
-    assert!(stereo.unexplained().len() < 30, "{} points of 300 are not shown", stereo.unexplained().len());
+    let missing = STEREO.unexplained().len();
+    assert!(missing < 30, "{missing} points of 300 are not shown");
 }
 
 /// The same bits at any number of threads, others under another seed.

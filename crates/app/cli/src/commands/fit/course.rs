@@ -18,8 +18,6 @@ const LIVE: f64 = 3.0;
 pub const VIEW: &str = "view.html";
 /// Fewer points than this say little about cameras.
 const FEW_POINTS: usize = 50;
-/// Less of a photo than this that others agree about is hardly any.
-const ALONE: f64 = 0.1;
 /// Fewer Gaussians than this for each pixel of a photo cannot show much.
 const FEW: f64 = 0.005;
 
@@ -96,14 +94,13 @@ pub fn begin(
 
 /// Tells what photos agree about, and which of them stand alone.
 fn covered(run: &Run, console: &mut Console) {
-    let coverage = run.coverage();
-    let mean = 100.0 * coverage.values().sum::<f64>() / coverage.len() as f64;
+    let percent = 100.0 * run.coverage().mean();
     let begin = match run.settings().init {
         Initial::Dense => "Gaussians begin there",
         _ => "too little to begin there; photos that are closer together would help",
     };
-    console.note(&format!("two other photos agree about {mean:.0} % of a photo in the mean; {begin}"));
-    let alone: Vec<&str> = coverage.iter().filter(|(_, part)| **part < ALONE).map(|(name, _)| name.as_str()).collect();
+    console.note(&format!("two other photos agree about {percent:.0} % of a photo in the mean; {begin}"));
+    let alone = run.coverage().alone();
     if !alone.is_empty() {
         console.note(&format!(
             "warning: what these photos show, hardly another one does, which leaves its depth open; photos from beside them would help: {}",
