@@ -14,6 +14,8 @@ use weaver_splat::Workspace;
 
 /// Fewer photos than this leave much of a scene unseen.
 const FEW: usize = 4;
+/// Longest side of pictures of what was left out, pixels.
+const TINTED: usize = 400;
 /// Views with pictures.
 const PICTURES: usize = 6;
 
@@ -147,8 +149,12 @@ fn transients(run: &Fitting, outcome: &Outcome, page: &mut Page) {
 /// A photo with what was left out in red.
 fn tinted(run: &Fitting, photo: usize) -> Image {
     let Photo { camera, rgb, .. } = run.fit().photo(photo);
-    let mut image = Image::from_bytes(camera.width, camera.height, rgb);
-    let hidden = run.fit().transients(photo).map(|it| it.at_size(camera.width, camera.height)).unwrap_or_default();
+    let step = camera.width.max(camera.height).div_ceil(TINTED);
+    let (width, height) = (camera.width.div_ceil(step), camera.height.div_ceil(step));
+    let pixel = |at: usize| 3 * ((at / width) * step * camera.width + (at % width) * step);
+    let bytes: Vec<u8> = (0..width * height).flat_map(|at| rgb[pixel(at)..][..3].iter().copied()).collect();
+    let mut image = Image::from_bytes(width, height, &bytes);
+    let hidden = run.fit().transients(photo).map(|it| it.at_size(width, height)).unwrap_or_default();
     for (pixel, _) in image.pixels.chunks_exact_mut(3).zip(&hidden).filter(|(_, hidden)| **hidden) {
         pixel[0] = 0.5 + 0.5 * pixel[0];
         pixel[1..].iter_mut().for_each(|c| *c *= 0.5);

@@ -104,6 +104,7 @@ impl Fitting {
 
     /// Writes what was left out of photos as masks: white counts, black was left out.
     fn write_transients(&self, out: &OutputFolder) -> Result<(), RunError> {
+        let mut names = Vec::new();
         for photo in 0..self.fit().photos() {
             let Some(transients) = self.fit().transients(photo) else { continue };
             let Photo { name, camera: Camera { width, height, .. }, .. } = self.fit().photo(photo);
@@ -111,9 +112,12 @@ impl Fitting {
             let hidden = transients.at_size(width, height);
             let pixels = hidden.iter().flat_map(|hidden| [if *hidden { 0 } else { u8::MAX }; 3]).collect();
             let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
-            Bitmap { width, height, pixels }.write_png(out.file(format!("{TRANSIENTS}/{photo:04}-{stem}.png"))?)?;
+            let name = format!("{TRANSIENTS}/{photo:04}-{stem}.png");
+            Bitmap { width, height, pixels }.write_png(out.file(&name)?)?;
+            names.push(name);
         }
-        Ok(())
+        // A run that went on may have found other parts before.
+        Ok(out.remove_others(TRANSIENTS, &names)?)
     }
 
     fn pose_change(&self) -> PoseChange {
