@@ -143,6 +143,25 @@ def test_screen_gradients_arrive_in_meta(shared):
         np.testing.assert_array_equal(meta[key].detach().numpy(), plain[key])
 
 
+@pytest.mark.parametrize("shared", [True, False])
+def test_screen_gradients_are_there_whenever_they_are_asked_for(shared):
+    def passes(ask):
+        arguments = scene(14, n=5)
+        if not shared:
+            arguments["colors"] = np.stack([arguments["colors"], 1 - arguments["colors"]])
+        picture, _, meta = rasterization(**tensors(arguments))
+        for step in range(3):
+            if ask == step:
+                meta["means2d"]
+            (picture[step % 2] ** (step + 1)).sum().backward(retain_graph=True)
+        return meta["means2d"].grad
+
+    expected = passes(0)
+    assert expected.abs().sum() > 0
+    for ask in (1, 2, 3):
+        torch.testing.assert_close(passes(ask), expected)
+
+
 def test_several_scenes_at_once_have_gradients():
     scenes = [scene(seed, n=3) for seed in (20, 21)]
     stacked = {k: np.stack([s[k] for s in scenes]) for k, v in scenes[0].items() if isinstance(v, np.ndarray)}
