@@ -63,7 +63,7 @@ def one_blended(pixels, means2d, conics, colors, opacities, order):
         # The Gaussian that would end a pixel is not drawn, nor is any behind it.
         drawn = through > END
         before = torch.cat([left[open_ones, None], through[:, :-1]], -1)
-        picture[open_ones] += (torch.where(drawn, alphas * before, 0)[..., None] * colors[ids]).sum(1)
+        picture[open_ones] += torch.where(drawn, alphas * before, 0) @ colors[ids]
         left[open_ones] = torch.where(drawn, through, math.inf).amin(-1).minimum(left[open_ones])
         open_ones = open_ones[drawn.all(-1)]
         if len(open_ones) == 0:
