@@ -94,6 +94,9 @@ def test_ctrl_c_writes_results_and_is_raised(capture, tmp_path):
         import os, signal, sys
         import splatweaver
 
+        # Processes in the background of a shell ignore it.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
         def interrupt(progress):
             if progress.done == 3:
                 os.kill(os.getpid(), signal.SIGINT)

@@ -1,5 +1,7 @@
 """Drawing tensors: gradients of every input, and what training does with them."""
 
+import threading
+
 import numpy as np
 import pytest
 from conftest import FIXTURES, read_tensors, scene
@@ -224,3 +226,33 @@ def test_strided_tensors_are_copied():
     rasterization(**given)[0].sum().backward()
     rasterization(**{**given, "means": turned})[0].sum().backward()
     torch.testing.assert_close(turned.grad, given["means"].grad)
+
+
+def test_no_gaussians_have_gradients_all_the_same():
+    given = tensors(scene(15, n=0))
+    picture, _, meta = rasterization(**given)
+    picture.sum().backward()
+    assert given["means"].grad.shape == (0, 3) and meta["means2d"].grad.shape == (2, 0, 2)
+    assert (given["backgrounds"].grad == 120).all() and (given["viewmats"].grad == 0).all()
+
+
+def test_two_threads_differentiate_at_once():
+    def gradient(seed):
+        given = tensors(scene(seed, n=50))
+        rasterization(**given)[0].square().sum().backward()
+        return given["means"].grad
+
+    expected = [gradient(seed) for seed in (16, 17)]
+    wrong = []
+
+    def work(which):
+        for _ in range(10):
+            if not torch.equal(gradient(16 + which), expected[which]):
+                wrong.append(which)
+
+    threads = [threading.Thread(target=work, args=(which,)) for which in (0, 1)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong

@@ -32,7 +32,10 @@ Callback = Callable[[Progress], Optional[bool]]
 
 
 class Run:
-    """A folder of results, of `reconstruct`, `fit`, `infer`, `cameras`, or of the command line."""
+    """A folder of results, of `reconstruct`, `fit`, `infer`, `cameras`, or of the command line.
+
+    `.folder` is its path, `.text` what the command printed. Files that the command did not write raise FileError when they are asked for.
+    """
 
     def __init__(self, folder: Path, text: str = "", temporary: Optional[str] = None) -> None:
         #: The folder.
