@@ -243,7 +243,8 @@ def _of_cameras(arrays: Dict[str, Any], request: Request, sh_degree: Optional[in
     """Draws all cameras at once, or one after the other where each has colors of its own; `first` is the number of the first one."""
     cameras = arrays["viewmats"].shape[0]
     colors = arrays["colors"]
-    if sh_degree is not None:
+    # A slice of all of them would be one more operation of autograd.
+    if sh_degree is not None and colors.shape[-2] > (sh_degree + 1) ** 2:
         colors = colors[..., : (sh_degree + 1) ** 2, :]
     if len(colors.shape) == (2 if sh_degree is None else 3):
         return _drawn({**arrays, "colors": colors}, request, slice(first, first + cameras))
