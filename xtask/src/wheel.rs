@@ -17,11 +17,10 @@ pub fn run(arguments: &[String]) -> Result<(), String> {
         return Ok(());
     }
     let builder = venv(&work.join("build"), &["maturin>=1.16,<2"])?;
-    let manifest = root.join(CRATE).join("Cargo.toml");
     let wheels = work.join("wheels");
     clear(&wheels)?;
-    let build = ["-m", "maturin", "build", "--release", "--locked", "--manifest-path"];
-    call(Command::new(&builder).args(build).arg(&manifest).arg("--out").arg(&wheels))?;
+    let build = ["-m", "maturin", "build", "--release", "--locked", "--out"];
+    call(Command::new(&builder).current_dir(&root).args(build).arg(&wheels))?;
     let wheel = only_wheel(&wheels)?;
     let clean = work.join("clean");
     clear(&clean)?;
@@ -30,7 +29,7 @@ pub fn run(arguments: &[String]) -> Result<(), String> {
     clear(&empty)?;
     std::fs::create_dir_all(&empty).map_err(|error| format!("{}: {error}", empty.display()))?;
     let tests = root.join(CRATE).join("tests");
-    let config = root.join(CRATE).join("pyproject.toml");
+    let config = root.join("pyproject.toml");
     let pytest = ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-c"];
     call(Command::new(&python).current_dir(&empty).args(pytest).arg(&config).arg("--rootdir").arg(&empty).arg(&tests))?;
     let mypy = ["-m", "mypy", "--strict", "--config-file"];

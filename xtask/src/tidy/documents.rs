@@ -14,7 +14,6 @@ const LONGEST_PAGES: &[(&str, usize)] = &[
     ("docs/changelog.md", usize::MAX),
     // Generated.
     ("docs/reference/flags.md", usize::MAX),
-    ("docs/reference/python.md", usize::MAX),
 ];
 
 pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {

@@ -70,6 +70,8 @@ pub struct Flag {
     pub name: String,
     /// Name of its value, alternatives with `|` between; `None` for a switch.
     pub value: Option<String>,
+    /// Its value where it is not given, as on the command line; `None` where there is none.
+    pub default: Option<String>,
 }
 
 /// The flags of all commands, from the definition that the program parses by.
@@ -93,13 +95,16 @@ fn add_flags(name: String, command: &clap::Command, found: &mut Vec<Flag>) {
         let values = argument.get_possible_values();
         let named = argument.get_value_names().map(|names| names.join(" "));
         let listed = values.iter().map(|value| value.get_name()).collect::<Vec<_>>().join("|");
-        let value = match (argument.get_action().takes_values(), named) {
+        let takes = argument.get_action().takes_values();
+        let value = match (takes, named) {
             (false, _) => None,
             (true, Some(named)) if values.is_empty() => Some(named),
             (true, None) if values.is_empty() => Some("N".into()),
             (true, _) => Some(listed),
         };
-        found.push(Flag { command: name.clone(), name: long.to_string(), value });
+        let default = argument.get_default_values().first().filter(|_| takes);
+        let default = default.map(|value| value.to_string_lossy().into_owned());
+        found.push(Flag { command: name.clone(), name: long.to_string(), value, default });
     }
 }
 

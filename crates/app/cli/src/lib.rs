@@ -13,6 +13,7 @@ mod gif;
 mod old_names;
 mod reference;
 mod refine;
+mod request;
 mod video;
 
 pub use ffmpeg::end_all as end_programs;
@@ -21,19 +22,19 @@ pub use weaver_command::{Console, Interrupt};
 pub use command_line::{Flag, flags};
 pub use failure_kind::FailureKind;
 pub use reference::reference;
+pub use request::{Request, Value};
 
 use command_line::CommandLine;
 use std::ffi::OsString;
 use weaver_command::Failure;
-use weaver_kernels::simd;
 
 /// Runs one command line, whose first argument is the program's name, and returns the exit code: 0 for success, 1 for an
 /// error, 2 for wrong usage.
 pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console, interrupt: &Interrupt) -> u8 {
     let (arguments, notes) = old_names::current(arguments.into_iter().collect());
     notes.iter().for_each(|note| console.note(note));
-    let result = match CommandLine::of(arguments) {
-        Ok(line) => simd::requested_level().map_err(Failure::Usage).and_then(|_| line.command.run(console, interrupt)),
+    let result = match Request::of_words(arguments) {
+        Ok(request) => request.carry_out(console, interrupt),
         Err(error) if error.use_stderr() => {
             console.note(error.render().to_string().trim_end());
             return 2;
@@ -48,11 +49,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
     failure.exit_code()
 }
 
-/// Reason why a command line was not carried out.
+/// Reason why a request was not carried out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal {
-    /// The exit code of the program.
-    pub code: u8,
     /// Kind of the failure.
     pub kind: FailureKind,
     /// The message in one line; `None` where nobody reads it.
@@ -61,27 +60,8 @@ pub struct Refusal {
 
 impl Refusal {
     fn of(failure: &Failure) -> Self {
-        Self { code: failure.exit_code(), kind: FailureKind::of(failure), line: failure.line() }
+        Self { kind: FailureKind::of(failure), line: failure.line() }
     }
-}
-
-/// Runs one command line as [`run`] does, for programs that have no exit code: `--json` and what else is printed goes to the console.
-///
-/// # Errors
-/// The reason that [`run`] prints; wrong usage in one line, without the help.
-pub fn execute(
-    arguments: impl IntoIterator<Item = OsString>,
-    console: &mut Console,
-    interrupt: &Interrupt,
-) -> Result<(), Refusal> {
-    let usage = |line: String| Refusal { code: 2, kind: FailureKind::Input, line: Some(line) };
-    let line = CommandLine::of(arguments).map_err(|error| {
-        let text = error.render().to_string();
-        let told = text.split("\n\n").next().unwrap_or_default().trim_start_matches("error: ");
-        usage(told.split_whitespace().collect::<Vec<_>>().join(" "))
-    })?;
-    simd::requested_level().map_err(usage)?;
-    line.command.run(console, interrupt).map_err(|failure| Refusal::of(&failure))
 }
 
 /// Checks the words of one command line, whose first is the program's name, without running it.

@@ -4,37 +4,41 @@ use crate::events::{Event, Lines, Voice};
 use crate::failed::Failed;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-use weaver_cli::{Console, FailureKind, Interrupt, Refusal};
+use weaver_cli::{Console, FailureKind, Interrupt, Refusal, Request, Value};
 
 /// Time between looks for Ctrl-C.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// The flags of a command with the names of their values, None for switches.
+/// The flags of a command: name, name of the value, None for switches, and the value where none is given.
 #[pyfunction]
-pub fn flags(command: &str) -> Vec<(String, Option<String>)> {
+pub fn flags(command: &str) -> Vec<(String, Option<String>, Option<String>)> {
     let flags = weaver_cli::flags().into_iter().filter(|flag| flag.command == command);
-    flags.map(|flag| (flag.name, flag.value)).collect()
+    flags.map(|flag| (flag.name, flag.value, flag.default)).collect()
 }
 
-/// Runs a command line without the program's name, and returns what it prints on standard output.
+/// Runs a command with settings by name, None for those that are not given, and returns what it prints on standard output.
 ///
 /// `log` gets the lines of standard error, `callback` the label, done, total and note of each part that is done; an answer of False
 /// stops the work as Ctrl-C does.
 #[pyfunction]
 pub fn run_command(
     py: Python<'_>,
-    words: Vec<PathBuf>,
+    command: &str,
+    settings: &Bound<'_, PyDict>,
     log: Bound<'_, PyAny>,
     callback: Option<Bound<'_, PyAny>>,
 ) -> PyResult<String> {
-    let words = std::iter::once("splatweaver".into()).chain(words.into_iter().map(OsString::from)).collect();
-    let work = Work::begin(words, callback.is_some())?;
+    let given = settings.iter().filter(|(_, value)| !value.is_none());
+    let given = given.map(|(name, value)| Ok((name.extract()?, setting(&value)?))).collect::<PyResult<Vec<_>>>()?;
+    let request = Request::of_settings(command, given).map_err(Failed::from)?;
+    let work = Work::begin(request, callback.is_some())?;
     let mut listener = Listener { work: &work, log, callback, reason: None };
     loop {
         let heard = py.detach(|| lock(&work.events).recv_timeout(PAUSE));
@@ -62,6 +66,26 @@ pub fn run_command(
     }
 }
 
+/// The value of a setting: paths and numbers as text, what else can be gone through as a list.
+fn setting(value: &Bound<'_, PyAny>) -> PyResult<Value> {
+    if let Ok(flag) = value.extract::<bool>() {
+        return Ok(Value::Flag(flag));
+    }
+    match value.try_iter() {
+        Ok(values) if value.extract::<PathBuf>().is_err() => {
+            Ok(Value::List(values.map(|one| text(&one?)).collect::<PyResult<_>>()?))
+        }
+        _ => Ok(Value::Text(text(value)?)),
+    }
+}
+
+fn text(value: &Bound<'_, PyAny>) -> PyResult<OsString> {
+    match value.extract::<PathBuf>() {
+        Ok(path) => Ok(path.into()),
+        Err(_) => value.str()?.extract(),
+    }
+}
+
 /// One thread listens.
 fn lock(events: &Mutex<Receiver<Event>>) -> MutexGuard<'_, Receiver<Event>> {
     events.lock().unwrap_or_else(PoisonError::into_inner)
@@ -82,7 +106,7 @@ impl Drop for Work {
 }
 
 impl Work {
-    fn begin(words: Vec<OsString>, watched: bool) -> Result<Self, Failed> {
+    fn begin(request: Request, watched: bool) -> Result<Self, Failed> {
         let (sender, events) = channel();
         let (interrupt, abandoned) = (Arc::new(Interrupt::new()), Arc::new(AtomicBool::new(false)));
         let (voice, asked) = (Voice::new(sender, abandoned.clone()), interrupt.clone());
@@ -94,7 +118,7 @@ impl Work {
             if watched {
                 console.watcher = Some(&mut told);
             }
-            let result = weaver_cli::execute(words, &mut console, &asked);
+            let result = request.run(&mut console, &asked);
             let text = String::from_utf8_lossy(&printed).into_owned();
             voice.say(Event::End(result.map(|()| text)));
         };
@@ -144,10 +168,8 @@ impl Listener<'_, '_> {
         match (result, self.reason.flatten()) {
             (_, Some(error)) => Err(error),
             (Ok(text), None) => Ok(text),
-            (Err(Refusal { kind, line, .. }), None) => match line {
-                Some(line) => Err(Failed::new(kind, line).into()),
-                None => Err(PyKeyboardInterrupt::new_err("interrupted")),
-            },
+            (Err(Refusal { line: None, .. }), None) => Err(PyKeyboardInterrupt::new_err("interrupted")),
+            (Err(refusal), None) => Err(Failed::from(refusal).into()),
         }
     }
 }

@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use std::fmt::Display;
-use weaver_cli::FailureKind;
+use weaver_cli::{FailureKind, Refusal};
 use weaver_splat::RasterError;
 
 /// A failure that becomes an exception of `splatweaver`.
@@ -28,6 +28,12 @@ impl From<RasterError> for Failed {
     fn from(error: RasterError) -> Self {
         let kind = if let RasterError::TooMany(_) = error { FailureKind::Memory } else { FailureKind::Input };
         Self::new(kind, error)
+    }
+}
+
+impl From<Refusal> for Failed {
+    fn from(Refusal { kind, line }: Refusal) -> Self {
+        Self { kind, message: line.unwrap_or_default() }
     }
 }
 

@@ -49,3 +49,23 @@ def write_capture(folder: Path, count: int = 10) -> Path:
         write_png(folder / camera.name, picture)
     cameras.save(folder / "transforms.json")
     return folder
+
+
+def write_photos(folder: Path, count: int = 5) -> Path:
+    """Photos of a ball of small bright Gaussians, from places near one another, that can be matched."""
+    random = np.random.default_rng(0)
+    n = 3000
+    means = random.normal(size=(n, 3))
+    ball = Scene.from_activated(
+        means=means / np.linalg.norm(means, axis=1, keepdims=True) * random.uniform(0.8, 1.2, (n, 1)),
+        scales=random.uniform(0.01, 0.05, (n, 3)),
+        quats=random.normal(size=(n, 4)),
+        opacities=np.full(n, 0.95),
+        sh=1.5 * random.normal(size=(n, 1, 3)),
+    )
+    folder.mkdir()
+    for i in range(count):
+        angle = 0.12 * i
+        place = (3 * np.sin(angle), -0.3 * np.sin(2 * angle), -3 * np.cos(angle))
+        write_png(folder / f"{i:03}.png", ball.render(Camera.look_at(place, (0, 0, 0), 320, 240)))
+    return folder

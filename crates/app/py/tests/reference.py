@@ -1,18 +1,21 @@
-"""The page of the package, from its docstrings: python tests/reference.py > docs/reference/python.md, with the package installed."""
+"""The pages of the package, from its docstrings: python crates/app/py/tests/reference.py, with the package installed."""
 
 import inspect
 import re
 import textwrap
+from pathlib import Path
 
 import splatweaver
 
+#: Where the pages are.
+FOLDER = Path(__file__).parents[4] / "docs/reference/python"
 HEAD = """# Python
 
-Every function and class of the package `splatweaver`; generated from docstrings by `crates/app/py/tests/reference.py`. [The guide](../python.md)
-begins with what to type. Further flags of commands are on [the page of flags](flags.md).
+The package `splatweaver`, a page for each function and class; generated from docstrings by `crates/app/py/tests/reference.py`.
+[The guide](../../python.md) begins with what to type. Further flags of commands are on [the page of flags](../flags.md).
 """
-FUNCTIONS = ["rasterization", "cameras", "reconstruct", "fit", "infer", "lift", "compress", "open_run", "formats"]
-CLASSES = ["Scene", "Camera", "Cameras", "Run"]
+FUNCTIONS = ["rasterization", "cameras", "reconstruct", "fit", "infer", "lift", "compress", "open_run", "formats", "set_threads"]
+CLASSES = ["Scene", "Camera", "Cameras", "Run", "Meta", "Progress"]
 ERRORS = ["Error", "InputError", "FileError", "MemoryPlanError", "NumericError"]
 
 
@@ -53,47 +56,70 @@ def prose(docstring):
     return re.sub(r"(?ms)^>>> .*?(?=\n\n|\Z)", lambda m: f"```python\n{m[0]}\n```", text) + "\n"
 
 
-def members(cls):
-    """The public methods and properties of a class, in its order."""
+def one_line(item):
+    return " ".join(inspect.cleandoc(item.__doc__).split())
+
+
+def members(cls, kind):
+    """Names of the public properties or methods of a class, in its order."""
     for name, item in vars(cls).items():
-        if not name.startswith("_") and not isinstance(item, str):
-            yield name, item
+        known = isinstance(item, (property, classmethod, staticmethod)) or inspect.isfunction(item)
+        if known and not name.startswith("_") and isinstance(item, property) == (kind is property):
+            yield name
 
 
-def class_section(name):
+def function_page(name):
+    item = getattr(splatweaver, name)
+    return [f"# {name}\n", signature(name, item), prose(item.__doc__)]
+
+
+def class_page(name):
     cls = getattr(splatweaver, name)
-    yield f"## {name}\n"
-    if name not in ("Run",):
-        yield signature(name, cls.__init__)
-    yield prose(cls.__doc__)
+    parts = [f"# {name}\n"]
+    # Of the others, instances are given.
+    if name in ("Scene", "Camera", "Cameras"):
+        parts.append(signature(name, cls.__init__))
+    parts.append(prose(cls.__doc__))
+    if name == "Progress":
+        parts.append(f"Fields: {', '.join(f'`{field}`' for field in cls._fields)}.\n")
+        return parts
+    rows = [f"| `.{member}` | {one_line(getattr(cls, member))} |" for member in members(cls, property)]
+    if rows:
+        parts.append("\n".join(["| property | |", "|---|---|", *rows]) + "\n")
+    for member in members(cls, "method"):
+        function = getattr(cls, member)
+        of_class = isinstance(vars(cls)[member], classmethod)
+        call = signature(f"{name if of_class else name.lower()}.{member}", function)
+        parts += [f"## {name}.{member}\n", call, prose(function.__doc__)]
+    return parts
+
+
+def index():
     rows = []
-    for member, item in members(cls):
-        if isinstance(item, property):
-            rows.append(f"| `.{member}` | {' '.join(inspect.cleandoc(item.__doc__).split())} |")
-    yield "\n".join(["| property | |", "|---|---|", *rows]) + "\n"
-    for member, item in members(cls):
-        if not isinstance(item, property):
-            function = getattr(cls, member)
-            yield f"### {name}.{member}\n"
-            yield signature(f"{name if isinstance(item, classmethod) else name.lower()}.{member}", function)
-            yield prose(function.__doc__)
+    for name, file in [(name, f"{name}.md") for name in FUNCTIONS] + [(name, class_file(name)) for name in CLASSES]:
+        first = inspect.cleandoc(getattr(splatweaver, name).__doc__).split("\n\n")[0]
+        rows.append(f"| [`{name}`]({file}) | {' '.join(first.split())} |")
+    errors = [f"| `{name}` | {one_line(getattr(splatweaver, name))} |" for name in ERRORS]
+    table = "\n".join
+    return [HEAD, table(["| | |", "|---|---|", *rows]) + "\n", "## Errors\n", table(["| exception | |", "|---|---|", *errors]) + "\n"]
 
 
-def page():
-    parts = [HEAD]
-    for name in FUNCTIONS:
-        item = getattr(splatweaver, name)
-        parts += [f"## {name}\n", signature(name, item), prose(item.__doc__)]
-    parts += ["## set_threads\n", "```python\nset_threads(count)\n```\n", prose(splatweaver.set_threads.__doc__)]
-    for name in CLASSES:
-        parts += class_section(name)
-    parts += ["## Meta\n", prose(splatweaver.Meta.__doc__)]
-    fields = ", ".join(f"`{field}`" for field in splatweaver.Progress._fields)
-    parts += ["## Progress\n", prose(splatweaver.Progress.__doc__), f"Fields: {fields}.\n"]
-    rows = [f"| `{name}` | {' '.join(getattr(splatweaver, name).__doc__.split())} |" for name in ERRORS]
-    parts += ["## Errors\n", "\n".join(["| exception | |", "|---|---|", *rows]) + "\n"]
-    return "\n".join(parts).rstrip("\n").replace("\n\n\n", "\n\n") + "\n"
+def class_file(name):
+    # Some file systems take Cameras.md and cameras.md for one.
+    return f"class-{name.lower()}.md"
+
+
+def pages():
+    """The text of each page by the name of its file."""
+    found = {"README.md": index()}
+    found.update({f"{name}.md": function_page(name) for name in FUNCTIONS})
+    found.update({class_file(name): class_page(name) for name in CLASSES})
+    return {file: "\n".join(parts).rstrip("\n").replace("\n\n\n", "\n\n") + "\n" for file, parts in found.items()}
 
 
 if __name__ == "__main__":
-    print(page(), end="")
+    FOLDER.mkdir(exist_ok=True)
+    for file in FOLDER.glob("*.md"):
+        file.unlink()
+    for file, text in pages().items():
+        (FOLDER / file).write_text(text, encoding="utf-8")

@@ -2,16 +2,14 @@
 
 import inspect
 import logging
-import os
-import shutil
-import signal
 import subprocess
 import sys
 import textwrap
+from typing import get_type_hints
 
 import numpy as np
 import pytest
-from capture import random_scene, write_capture, write_png
+from capture import around, random_scene, write_capture, write_png
 
 import splatweaver
 from splatweaver import FileError, InputError, Scene, _options, _splatweaver, open_run
@@ -19,6 +17,7 @@ from splatweaver import FileError, InputError, Scene, _options, _splatweaver, op
 #: Parameters that are no flags, and flags that are always given.
 POSITIONAL = {"photos", "capture", "scene", "callback", "options"}
 IMPLIED = {"json"}
+COMMANDS = ["cameras", "reconstruct", "fit", "infer", "lift", "compress"]
 
 
 @pytest.fixture(scope="module")
@@ -26,14 +25,24 @@ def capture(tmp_path_factory):
     return write_capture(tmp_path_factory.mktemp("capture") / "turn")
 
 
-@pytest.mark.parametrize("command", ["cameras", "reconstruct", "fit", "infer", "lift", "compress"])
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_flag_is_a_parameter(command):
-    parameters = set(inspect.signature(getattr(splatweaver, command)).parameters) - POSITIONAL
-    further = set(getattr(_options, f"{command.capitalize()}Options").__annotations__)
-    for base in getattr(_options, f"{command.capitalize()}Options").__mro__:
-        further |= set(getattr(base, "__annotations__", ()))
-    flags = {name.replace("-", "_") for name, _ in _splatweaver.flags(command)} - IMPLIED
-    assert parameters | further == flags
+    parameters = inspect.signature(getattr(splatweaver, command)).parameters
+    further = get_type_hints(getattr(_options, f"{command.capitalize()}Options"))
+    flags = {name.replace("-", "_"): rest for name, *rest in _splatweaver.flags(command)}
+    assert (set(parameters) - POSITIONAL) | set(further) == set(flags) - IMPLIED
+    for name, kind in further.items():
+        assert (kind is bool) == (flags[name][0] in (None, "BOOL", "true|false")), name
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_defaults_are_those_of_the_command_line(command):
+    parameters = inspect.signature(getattr(splatweaver, command)).parameters
+    for name, _, default in _splatweaver.flags(command):
+        own = parameters.get(name.replace("-", "_"))
+        if own is not None and own.default is not inspect.Parameter.empty:
+            known = default if own.default is None or default is None else type(own.default)(default)
+            assert own.default == known, name
 
 
 def test_a_fit_has_the_same_bits_every_time(capture, tmp_path):
@@ -52,16 +61,6 @@ def test_a_fit_has_the_same_bits_every_time(capture, tmp_path):
     assert not folder.exists(), "a temporary folder lives as long as its run"
     opened = open_run(tmp_path / "one")
     assert opened.summary["gaussians"] == len(opened.scene)
-
-
-def test_a_fit_has_the_bits_of_the_command_line(capture, tmp_path):
-    program = os.environ.get("SPLATWEAVER") or shutil.which("splatweaver")
-    if program is None:
-        pytest.skip("skipped: no program (SPLATWEAVER)")
-    flags = ["--steps", "20", "--gaussians", "200", "--no-html"]
-    subprocess.run([program, "fit", capture, "-o", tmp_path / "there", *flags], check=True, capture_output=True)
-    splatweaver.fit(capture, tmp_path / "here", steps=20, gaussians=200, no_html=True)
-    assert (tmp_path / "here/scene.ply").read_bytes() == (tmp_path / "there/scene.ply").read_bytes()
 
 
 def test_a_callback_is_told_of_every_step_and_may_stop(capture, tmp_path):
@@ -95,6 +94,9 @@ def test_ctrl_c_writes_results_and_is_raised(capture, tmp_path):
         import os, signal, sys
         import splatweaver
 
+        # Processes in the background of a shell ignore it.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
         def interrupt(progress):
             if progress.done == 3:
                 os.kill(os.getpid(), signal.SIGINT)
@@ -108,7 +110,6 @@ def test_ctrl_c_writes_results_and_is_raised(capture, tmp_path):
     line = [sys.executable, "-c", script, str(capture), str(tmp_path / "run")]
     done = subprocess.run(line, capture_output=True, text=True, timeout=60)
     assert done.stdout.startswith("interrupted ") and int(done.stdout.split()[1]) >= 3, done.stderr
-    assert signal.SIGINT
 
 
 def test_notes_are_logged(capture, tmp_path, caplog):
@@ -147,6 +148,7 @@ def test_a_dry_run_says_what_it_would_take(capture):
 
 def test_scenes_are_compressed(tmp_path):
     random_scene(500).save(tmp_path / "scene.ply")
+    around(4).save(tmp_path / "transforms.json")
     rounds = []
     figures = splatweaver.compress(tmp_path / "scene.ply", tmp_path / "scene.wsz", psnr=40, callback=rounds.append)
     assert figures["psnr"] >= 40 and figures["bytes"] < figures["bytes_before"] and rounds
@@ -155,21 +157,3 @@ def test_scenes_are_compressed(tmp_path):
     with pytest.raises(splatweaver.Error, match="stopped before there was anything to write"):
         splatweaver.compress(tmp_path / "scene.ply", tmp_path / "scene.wsz", callback=lambda progress: False)
     assert (tmp_path / "scene.wsz").read_bytes() == before
-
-
-def test_features_are_lifted(capture, tmp_path):
-    run = splatweaver.fit(capture, tmp_path / "run", steps=5, gaussians=100, no_html=True)
-    features = tmp_path / "features"
-    features.mkdir()
-    for camera in run.cameras:
-        np.save(features / f"{camera.path.stem}.npy", np.random.default_rng(0).random((6, 8, 4), np.float32))
-    out = splatweaver.lift(
-        run.folder / "scene.ply", tmp_path / "lifted.safetensors", cameras=capture / "transforms.json", features=features
-    )
-    assert out.stat().st_size > 100 * 4 * 4
-
-
-def test_a_network_makes_a_scene_of_photos(capture, tmp_path):
-    photos = sorted((capture / "images").iterdir())[:3]
-    run = splatweaver.infer(photos, tmp_path / "out", cameras="predicted", no_html=True)
-    assert run.summary["gaussians"] == len(run.scene)

@@ -18,6 +18,7 @@ def test_a_ball_is_red_in_the_middle(lone):
     np.testing.assert_allclose(picture[0, 1, 1], [0.8, 0.4, 0], atol=1e-12)
     np.testing.assert_allclose(meta["means2d"], [[[1.5, 1.5]]])
     assert meta["depths"].tolist() == [[2.0]] and (meta["width"], meta["height"], meta["n_cameras"]) == (3, 3, 1)
+    assert meta["n_batches"] == 1 and meta["gaussian_ids"] is None and dict(meta).keys() == set(meta)
     # 3 sqrt(2.5^2 + 0.3), rounded up.
     assert meta["radii"].tolist() == [[[8, 8]]] and meta["radii"].dtype == np.int32
 

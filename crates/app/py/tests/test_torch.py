@@ -1,5 +1,7 @@
 """Drawing tensors: gradients of every input, and what training does with them."""
 
+import threading
+
 import numpy as np
 import pytest
 from conftest import FIXTURES, read_tensors, scene
@@ -143,6 +145,25 @@ def test_screen_gradients_arrive_in_meta(shared):
         np.testing.assert_array_equal(meta[key].detach().numpy(), plain[key])
 
 
+@pytest.mark.parametrize("shared", [True, False])
+def test_screen_gradients_are_there_whenever_they_are_asked_for(shared):
+    def passes(ask):
+        arguments = scene(14, n=5)
+        if not shared:
+            arguments["colors"] = np.stack([arguments["colors"], 1 - arguments["colors"]])
+        picture, _, meta = rasterization(**tensors(arguments))
+        for step in range(3):
+            if ask == step:
+                meta["means2d"]
+            (picture[step % 2] ** (step + 1)).sum().backward(retain_graph=True)
+        return meta["means2d"].grad
+
+    expected = passes(0)
+    assert expected.abs().sum() > 0
+    for ask in (1, 2, 3):
+        torch.testing.assert_close(passes(ask), expected)
+
+
 def test_several_scenes_at_once_have_gradients():
     scenes = [scene(seed, n=3) for seed in (20, 21)]
     stacked = {k: np.stack([s[k] for s in scenes]) for k, v in scenes[0].items() if isinstance(v, np.ndarray)}
@@ -205,3 +226,33 @@ def test_strided_tensors_are_copied():
     rasterization(**given)[0].sum().backward()
     rasterization(**{**given, "means": turned})[0].sum().backward()
     torch.testing.assert_close(turned.grad, given["means"].grad)
+
+
+def test_no_gaussians_have_gradients_all_the_same():
+    given = tensors(scene(15, n=0))
+    picture, _, meta = rasterization(**given)
+    picture.sum().backward()
+    assert given["means"].grad.shape == (0, 3) and meta["means2d"].grad.shape == (2, 0, 2)
+    assert (given["backgrounds"].grad == 120).all() and (given["viewmats"].grad == 0).all()
+
+
+def test_two_threads_differentiate_at_once():
+    def gradient(seed):
+        given = tensors(scene(seed, n=50))
+        rasterization(**given)[0].square().sum().backward()
+        return given["means"].grad
+
+    expected = [gradient(seed) for seed in (16, 17)]
+    wrong = []
+
+    def work(which):
+        for _ in range(10):
+            if not torch.equal(gradient(16 + which), expected[which]):
+                wrong.append(which)
+
+    threads = [threading.Thread(target=work, args=(which,)) for which in (0, 1)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong

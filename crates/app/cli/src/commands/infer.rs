@@ -66,7 +66,7 @@ pub struct Infer {
     pub bf16_products: bool,
     /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, or clips; the first one's camera becomes the origin
     #[arg(required = true)]
-    pub images: Vec<PathBuf>,
+    pub photos: Vec<PathBuf>,
     /// Cameras of the photos, matched by the ends of their paths: transforms.json or a folder with a COLMAP model, whose points
     /// repair depth; or `estimated`: by matching, as `splatweaver cameras` does, whose results go to the folder `cameras`
     /// [default: with --run and --weights predicted, else estimated]
@@ -121,10 +121,10 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
         Some(other) => return Err(other.refused("estimated, predicted or a file")),
     };
     let files = arguments.run.as_deref().map(|run| RunFolder::at(run).checkpoint_path());
-    let read = arguments.images.iter().chain(&files).chain(&arguments.weights);
+    let read = arguments.photos.iter().chain(&files).chain(&arguments.weights);
     let out = OutputFolder::claim(&arguments.out, "infer", read.chain(&cameras))?;
     let rasterizer = device::rasterizer(&arguments.device)?;
-    let photos = clip::photos(&arguments.images, ClipFlags::default(), &out, console)?;
+    let photos = clip::photos(&arguments.photos, ClipFlags::default(), &out, console)?;
     let mut images = photos.paths.clone();
     check_prediction_folder(&out, &images)?;
     out.check([VIEW])?;

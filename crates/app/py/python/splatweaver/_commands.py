@@ -7,10 +7,10 @@ import os
 import shutil
 import tempfile
 from pathlib import Path as Folder
-from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional
+from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional
 
 from . import _splatweaver
-from ._options import Path, Paths, words
+from ._options import Path, Paths
 from ._runs import Callback, Progress, Run
 
 if TYPE_CHECKING:
@@ -38,8 +38,13 @@ def cameras(
     Raises:
         InputError: Options that mean nothing.
         FileError: Photos that cannot be read, or a folder that cannot be written.
+
+    >>> import splatweaver
+    >>> run = splatweaver.cameras("photos", match_size=320)
+    >>> len(run.cameras), run.cameras[0].K.shape
+    (5, (3, 3))
     """
-    return _into_folder("cameras", _listed(photos), out, options, callback)
+    return _into_folder("cameras", {"photos": photos, **options}, out, callback)
 
 
 def reconstruct(
@@ -72,9 +77,14 @@ def reconstruct(
         InputError: Options that mean nothing.
         FileError: Photos that cannot be read, or a folder that cannot be written.
         MemoryPlanError: More memory than there is.
+
+    >>> import splatweaver
+    >>> run = splatweaver.reconstruct("capture", quality="draft", minutes=0.05, gaussians=200)
+    >>> run.scene.save("draft.spz"), len(run.cameras)
+    (None, 10)
     """
-    given = {"quality": quality, "minutes": minutes, "gaussians": gaussians, "seed": seed, **options}
-    return _into_folder("reconstruct", _listed(photos), out, given, callback)
+    given = {"photos": photos, "quality": quality, "minutes": minutes, "gaussians": gaussians, "seed": seed, **options}
+    return _into_folder("reconstruct", given, out, callback)
 
 
 def fit(
@@ -108,14 +118,25 @@ def fit(
         FileError: A capture that cannot be read, or a folder that cannot be written.
         MemoryPlanError: More memory than there is.
         NumericError: A loss that is not finite.
+
+    >>> import splatweaver
+    >>> run = splatweaver.fit("capture", steps=20, gaussians=200, callback=lambda progress: progress.done < 10)
+    >>> run.summary["steps"], len(run.scene) <= 200
+    (10, True)
     """
-    given: Dict[str, Any] = {"minutes": minutes, "steps": steps, "gaussians": gaussians, "seed": seed, **options}
-    positional = [] if capture is None else [capture]
+    given: Dict[str, Any] = {
+        "capture": capture,
+        "minutes": minutes,
+        "steps": steps,
+        "gaussians": gaussians,
+        "seed": seed,
+        **options,
+    }
     if options.get("resume") is not None:
-        return Run(os.fspath(options["resume"]), _run("fit", positional, given, callback))
+        return Run(os.fspath(options["resume"]), _run("fit", {**given, "json": True}, callback))
     if options.get("dry_run"):
-        return Run(out or "", _run("fit", positional, given, callback, json=False))
-    return _into_folder("fit", positional, out, given, callback)
+        return Run(out or "", _run("fit", given, callback))
+    return _into_folder("fit", given, out, callback)
 
 
 def infer(
@@ -146,8 +167,14 @@ def infer(
         InputError: Options that mean nothing.
         FileError: Photos or weights that cannot be read, or a folder that cannot be written.
         MemoryPlanError: More memory than there is.
+
+    >>> import splatweaver
+    >>> run = splatweaver.infer(["photos/000.png", "photos/001.png"], cameras="predicted", no_html=True)
+    >>> run.summary["gaussians"] == len(run.scene)
+    True
     """
-    return _into_folder("infer", _listed(photos), out, {"run": run, "weights": weights, "seed": seed, **options}, callback)
+    given = {"photos": photos, "run": run, "weights": weights, "seed": seed, **options}
+    return _into_folder("infer", given, out, callback)
 
 
 def lift(
@@ -178,9 +205,13 @@ def lift(
         InputError: Options that mean nothing.
         FileError: Files that cannot be read, or do not belong together.
         MemoryPlanError: More memory than there is.
+
+    >>> import splatweaver
+    >>> splatweaver.lift("scene.ply", "lifted.safetensors", cameras="capture/transforms.json", features="features").name
+    'lifted.safetensors'
     """
-    given = {"out": out, "cameras": cameras, "features": features, "solver": solver, **options}
-    _run("lift", [] if scene is None else [scene], given, callback, json=False)
+    given = {"scene": scene, "out": out, "cameras": cameras, "features": features, "solver": solver, **options}
+    _run("lift", given, callback)
     return Folder(os.fspath(out)) if out is not None else Folder()
 
 
@@ -209,24 +240,25 @@ def compress(
     Raises:
         InputError: Options that mean nothing.
         FileError: A file that cannot be read or written.
+
+    >>> import splatweaver
+    >>> figures = splatweaver.compress("scene.ply", "scene.wsz", psnr=40, cameras="capture/transforms.json")
+    >>> figures["psnr"] >= 40, figures["bytes"] < figures["bytes_before"]
+    (True, True)
     """
-    given = {"out": out, "psnr": psnr, "cameras": cameras, **options}
-    return Run("", _run("compress", [scene], given, callback)).summary
-
-
-def _listed(paths: Paths) -> List[Path]:
-    return [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+    given = {"scene": scene, "out": out, "psnr": psnr, "cameras": cameras, "json": True, **options}
+    return Run("", _run("compress", given, callback)).summary
 
 
 def _into_folder(
-    command: str, positional: List[Path], out: Optional[Path], options: Mapping[str, Any], callback: Optional[Callback]
+    command: str, settings: Mapping[str, Any], out: Optional[Path], callback: Optional[Callback]
 ) -> Run:
     temporary = tempfile.mkdtemp(prefix="splatweaver-") if out is None else None
     folder = Folder(os.fspath(out)) if out is not None else Folder(temporary or "") / command
     # A comparison is not printed as JSON.
-    json = options.get("compare") is None
+    json = settings.get("compare") is None
     try:
-        text = _run(command, positional, {"out": folder, **options}, callback, json)
+        text = _run(command, {"out": folder, "json": json, **settings}, callback)
     except BaseException:
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
@@ -234,20 +266,10 @@ def _into_folder(
     return Run(folder, text, temporary)
 
 
-def _run(
-    command: str, positional: List[Path], options: Mapping[str, Any], callback: Optional[Callback], json: bool = True
-) -> str:
-    """Runs a command line and returns what it prints."""
-    flags = dict(_splatweaver.flags(command))
-    given = dict(options)
-    if "threads" in flags and given.get("threads") is None:
-        given["threads"] = _splatweaver.threads()
-    if json:
-        given["json"] = True
-    switches = [name for name, value in flags.items() if value is None]
-    line = [command, *words(given, switches), "--", *positional]
+def _run(command: str, settings: Mapping[str, Any], callback: Optional[Callback]) -> str:
+    """Runs a command and returns what it prints."""
     told = None if callback is None else (lambda *part: callback(Progress(*part)))
-    return _splatweaver.run_command(line, _log, told)
+    return _splatweaver.run_command(command, {"threads": _splatweaver.threads(), **settings}, _log, told)
 
 
 def _log(line: str) -> None:

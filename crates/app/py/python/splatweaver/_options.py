@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any, List, Sequence, Tuple, TypedDict, Union
+from typing import Sequence, Tuple, TypedDict, Union
 
 Path = Union[str, "os.PathLike[str]"]
 #: One or several.
@@ -116,29 +116,3 @@ class CompressOptions(_Shared, total=False):
     antialiased: bool
     near: float
     alpha_max: float
-
-
-def words(options: Any, switches: Sequence[str]) -> List[Path]:
-    """Words of a command line: `refine_cameras=True` is `--refine-cameras`, `gaussians=5` is `--gaussians=5`; None is left out."""
-    found: List[Path] = []
-    for name, value in options.items():
-        flag = name.replace("_", "-")
-        if value is None or (flag in switches and value is False):
-            continue
-        if flag in switches and value is True:
-            found.append(f"--{flag}")
-        elif name in ("also", "set"):
-            found += [f"--{flag}={one}" for one in ([value] if isinstance(value, str) else value)]
-        elif name == "demo":
-            found += [f"--{flag}", *map(str, value)]
-        else:
-            found.append(f"--{flag}={_text(value)}")
-    return found
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (tuple, list)):
-        return ",".join(map(_text, value))
-    return os.fspath(value) if isinstance(value, os.PathLike) else str(value)

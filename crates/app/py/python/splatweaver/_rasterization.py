@@ -53,22 +53,28 @@ class Meta(Mapping[str, Any]):
     | `radii` | three standard deviations along x and y, pixels rounded up, int32 `[C, N, 2]`; 0 for Gaussians that are not seen |
     | `means2d` | projected means, pixels, `[C, N, 2]`. Of tensors, a leaf: after `backward()`, `.grad` has the gradient with respect to them and, with `absgrad=True`, `.absgrad` the sums of its absolute values over the pixels |
     | `depths` | camera z, world units, `[C, N]` |
-    | `width`, `height`, `n_cameras` | as given |
+    | `width`, `height`, `n_cameras`, `n_batches` | as given; scenes at once, 1 without dimensions in front |
+    | `batch_ids`, `camera_ids`, `gaussian_ids` | None: nothing is packed |
     """
 
-    def __init__(self, request: Request, cameras: int) -> None:
+    def __init__(self, request: Request, cameras: int, batches: int) -> None:
         self._request = request
         width, height = request.settings["width"], request.settings["height"]
-        self._plain = {"width": width, "height": height, "n_cameras": cameras}
+        self._plain: Dict[str, Optional[int]] = {"width": width, "height": height, "n_cameras": cameras, "n_batches": batches}
+        self._plain.update(dict.fromkeys(("batch_ids", "camera_ids", "gaussian_ids")))
 
     def __getitem__(self, key: str) -> Any:
         if key in self._plain:
             return self._plain[key]
-        splats = dict(zip(("means2d", "radii", "depths"), self._request.splats))
+        request = self._request
+        splats = dict(zip(("means2d", "radii", "depths"), request.splats))
         if key in splats:
-            for at, drawing in self._request.drawings:
-                self._request.backend.fill(self._request.splats, at, drawing.splats())
-            self._request.drawings.clear()
+            for at, drawing in request.drawings:
+                request.backend.fill(request.splats, at, drawing.splats())
+            request.drawings.clear()
+        if key == "means2d":
+            request.watched = True
+            request.backend.settle(request, list(request.pending))
         return splats[key]
 
     def __iter__(self) -> Iterator[str]:
@@ -94,6 +100,10 @@ class Request:
     splats: Tuple[Any, Any, Any]
     #: Drawings that have not told theirs yet, and the cameras that they are of.
     drawings: List[Tuple[slice, _splatweaver.Drawing]] = field(default_factory=list)
+    #: Gradients of projected means are wanted. They are sums over all that was blended, so that they are found only then.
+    watched: bool = False
+    #: The drawings, by their first camera, whose last backward pass `means2d.grad` does not have yet.
+    pending: Dict[int, Tuple[slice, _splatweaver.Drawing]] = field(default_factory=dict)
 
 
 def rasterization(
@@ -213,7 +223,7 @@ def rasterization(
         "degree": sh_degree if "RGB" in render_mode else None,
     }
     features = "RGB" in render_mode and channels != 3
-    request = Request(settings, features, render_mode, absgrad, backend, backend.unseen(arrays))
+    request = Request(settings, features, render_mode, absgrad, backend, backend.unseen(arrays), watched=absgrad)
     cameras, batch = arrays["viewmats"].shape[-3], tuple(arrays["means"].shape[:-2])
     if batch:
         flat = {name: array.reshape(-1, *array.shape[len(batch) :]) for name, array in arrays.items()}
@@ -226,14 +236,15 @@ def rasterization(
         picture, alpha = (part.reshape(*batch, cameras, *part.shape[1:]) for part in flat_pictures)
     else:
         picture, alpha = _of_cameras(arrays, request, sh_degree, 0)
-    return picture, alpha, Meta(request, cameras)
+    return picture, alpha, Meta(request, cameras, math.prod(batch))
 
 
 def _of_cameras(arrays: Dict[str, Any], request: Request, sh_degree: Optional[int], first: int) -> Tuple[Any, Any]:
     """Draws all cameras at once, or one after the other where each has colors of its own; `first` is the number of the first one."""
     cameras = arrays["viewmats"].shape[0]
     colors = arrays["colors"]
-    if sh_degree is not None:
+    # A slice of all of them would be one more operation of autograd.
+    if sh_degree is not None and colors.shape[-2] > (sh_degree + 1) ** 2:
         colors = colors[..., : (sh_degree + 1) ** 2, :]
     if len(colors.shape) == (2 if sh_degree is None else 3):
         return _drawn({**arrays, "colors": colors}, request, slice(first, first + cameras))
@@ -398,6 +409,10 @@ def fill(splats: Tuple[Any, Any, Any], at: slice, drawn: Tuple[Any, ...]) -> Non
     for kept, numbers, rank in zip(splats, drawn, (2, 2, 1)):
         place = rows(kept, rank)[at]
         place[...] = numbers.reshape(place.shape)
+
+
+def settle(request: Request, firsts: Sequence[int]) -> None:
+    """Arrays have no gradients."""
 
 
 def rows(kept: Any, rank: int) -> Any:

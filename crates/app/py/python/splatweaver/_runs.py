@@ -32,7 +32,10 @@ Callback = Callable[[Progress], Optional[bool]]
 
 
 class Run:
-    """A folder of results, of `reconstruct`, `fit`, `infer`, `cameras`, or of the command line."""
+    """A folder of results, of `reconstruct`, `fit`, `infer`, `cameras`, or of the command line.
+
+    `.folder` is its path, `.text` what the command printed. Files that the command did not write raise FileError when they are asked for.
+    """
 
     def __init__(self, folder: Path, text: str = "", temporary: Optional[str] = None) -> None:
         #: The folder.
@@ -75,8 +78,19 @@ class Run:
 def open_run(folder: Path) -> Run:
     """The results in a folder that `reconstruct`, `fit`, `infer` or `cameras` wrote, here or from the command line.
 
+    Args:
+        folder: The folder.
+
+    Returns:
+        The folder: `.scene`, `.cameras`, `.summary`, as far as they were written.
+
     Raises:
         FileError: A folder without results.
+
+    >>> from splatweaver import open_run
+    >>> run = open_run("capture")
+    >>> len(run.cameras)
+    10
     """
     run = Run(folder)
     if not any((run.folder / name).exists() for name in ("scene.ply", "transforms.json", "summary.json")):

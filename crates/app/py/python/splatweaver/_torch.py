@@ -37,19 +37,36 @@ class _Rasterize(torch.autograd.Function):
         _, _, screen, *wanted = ctx.needs_input_grad
         gradients = tuple(torch.empty_like(tensor) if want else None for tensor, want in zip(ctx.saved_tensors, wanted))
         into = tuple(None if gradient is None else gradient.numpy() for gradient in gradients)
-        ctx.drawing.backward(arrays, given, into, ctx.request.absgrad)
+        request, at = ctx.request, ctx.at
+        # The sums of an earlier pass, before this one takes their place.
+        settle(request, [at.start])
+        ctx.drawing.backward(arrays, given, into, request.absgrad)
         centers: Optional[torch.Tensor] = None
-        if screen:
+        if screen and request.watched:
+            means2d = request.splats[0]
             plain, absolute = ctx.drawing.screen_gradients()
-            means2d = ctx.request.splats[0]
-            shape = rows(means2d, 2)[ctx.at].shape
+            shape = rows(means2d, 2)[at].shape
             centers = torch.from_numpy(plain).reshape(shape)
             if absolute is not None:
                 # Sums over backward passes, as .grad does.
                 if not hasattr(means2d, "absgrad"):
                     means2d.absgrad = torch.zeros_like(means2d, requires_grad=False)
-                rows(means2d.absgrad, 2)[ctx.at] += torch.from_numpy(absolute).reshape(shape)
+                rows(means2d.absgrad, 2)[at] += torch.from_numpy(absolute).reshape(shape)
+        elif screen:
+            request.pending[at.start] = (at, ctx.drawing)
         return (None, None, centers, *gradients)
+
+
+def settle(request: Request, firsts: Sequence[int]) -> None:
+    """Adds the gradients of projected means that wait, of the drawings that begin with these cameras."""
+    means2d = request.splats[0]
+    for first in firsts:
+        if first in request.pending:
+            at, drawing = request.pending.pop(first)
+            if means2d.grad is None:
+                means2d.grad = torch.zeros_like(means2d, requires_grad=False)
+            place = rows(means2d.grad, 2)[at]
+            place += torch.from_numpy(drawing.screen_gradients()[0]).reshape(place.shape)
 
 
 def taken(arrays: Mapping[str, Any]) -> Dict[str, Any]:

@@ -2,8 +2,10 @@
 //!
 //! The environment variable `WEAVER_PYTHON` names an interpreter with numpy, pytest and mypy, and with torch for the tests that need it.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use weaver_cli::{Console, Interrupt};
 
 /// The package as an interpreter imports it: Python's files, and the library under the name that they import.
 fn package() -> tempfile::TempDir {
@@ -29,10 +31,11 @@ fn library() -> PathBuf {
     places.into_iter().find(|path| path.exists()).unwrap_or_else(|| panic!("{name}: not built"))
 }
 
-fn run(arguments: &[&str]) {
+/// Runs the interpreter in the crate's folder; false if there is none.
+fn run(arguments: &[&str]) -> bool {
     let Some(python) = std::env::var_os("WEAVER_PYTHON") else {
         println!("skipped: no python (WEAVER_PYTHON)");
-        return;
+        return false;
     };
     let package = package();
     let crate_folder = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -42,6 +45,7 @@ fn run(arguments: &[&str]) {
     let text = String::from_utf8_lossy(&output.stdout);
     println!("{text}");
     assert!(output.status.success(), "{text}\n{}", String::from_utf8_lossy(&output.stderr));
+    true
 }
 
 #[test]
@@ -51,5 +55,35 @@ fn the_tests_of_python_pass() {
 
 #[test]
 fn the_types_are_right() {
-    run(&["-m", "mypy", "--strict", "--cache-dir", "/dev/null", "-p", "splatweaver"]);
+    let config = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../pyproject.toml");
+    run(&["-m", "mypy", "--strict", "--config-file", config, "--cache-dir", "/dev/null", "-p", "splatweaver"]);
+}
+
+/// Makes a capture and fits it.
+const FIT: &str = "
+import sys
+from pathlib import Path
+sys.path.insert(0, 'tests')
+from capture import write_capture
+import splatweaver
+folder = Path(sys.argv[1])
+write_capture(folder / 'capture')
+splatweaver.fit(folder / 'capture', folder / 'python', steps=20, gaussians=200, background=(0.2, 0.4, 0.6), no_html=True)
+";
+
+#[test]
+fn a_fit_has_the_bits_of_the_command_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    if !run(&["-c", FIT, folder.path().to_str().expect("a plain path")]) {
+        return;
+    }
+    let flags = ["--steps", "20", "--gaussians", "200", "--background", "0.2,0.4,0.6", "--no-html", "-o"];
+    let mut line: Vec<OsString> = ["splatweaver", "fit"].into_iter().chain(flags).map(OsString::from).collect();
+    line.extend([path("rust").into(), path("capture").into()]);
+    let (mut printed, mut told) = (Vec::new(), Vec::new());
+    let code = weaver_cli::run(line, &mut Console::new(&mut printed, &mut told, false), &Interrupt::new());
+    assert_eq!(code, 0, "{}", String::from_utf8_lossy(&told));
+    let scene = |run: &str| std::fs::read(path(run).join("scene.ply")).expect("a scene");
+    assert!(scene("python") == scene("rust"));
 }
