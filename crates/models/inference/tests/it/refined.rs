@@ -1,6 +1,7 @@
 //! Refinement of predictions on their own photos: what it gains there, and what it leaves.
 
 use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_geometry::Camera;
 use weaver_inference::{
     CameraSource, Density, Effort, Photos, Prediction, Predictor, Refined, SplatWeaverPredictor, planar,
 };
@@ -33,4 +34,42 @@ fn refinement_meets_photos_better() {
     assert_eq!(adjusted.gaussians.len(), made.gaussians.len());
     assert!(moved.gaussians.len() <= made.gaussians.len());
     assert_ne!(moved.gaussians.means, adjusted.gaussians.means);
+}
+
+/// Settings reach the optimization: without rates nothing moves, and with the usual ones every kind of number does.
+#[test]
+fn settings_that_are_said() {
+    let scene = scene(9, &ProceduralOptions { width: 64, height: 48, views: 2 });
+    let planes = planar(scene.views.iter().map(|view| &view.image));
+    let photos = Photos { planes: &planes, inside: None, height: 48, width: 64 };
+    let density = Density { budget: Some(0.05), ..Density::default() };
+    let first = scene.views[0].camera.pose;
+    let relative = |camera: &Camera| Camera { pose: camera.pose.relative_to(&first), ..*camera };
+    let cameras: Vec<_> = scene.views.iter().map(|view| relative(&view.camera)).collect();
+    let refined = || {
+        let plain = Box::new(SplatWeaverPredictor::built_in().unwrap());
+        Refined::new(plain, [48, 64], Effort::Steps(4)).in_place()
+    };
+    let made = |mut predictor: Refined| {
+        let stream = Stream::new(0, 0, "test");
+        predictor.predict(photos, CameraSource::GivenUnscaled(&cameras), density, stream).unwrap().gaussians
+    };
+    let mut still = Refined::usual_settings();
+    still.density.strategy = weaver_fit::StrategyKind::Keep;
+    let rates = &mut still.rates;
+    for rate in [&mut rates.means, &mut rates.scales, &mut rates.quats, &mut rates.opacities, &mut rates.sh] {
+        *rate = 0.0;
+    }
+    let (kept, moved) = (made(refined().with_settings(still)), made(refined()));
+    let mut plain = SplatWeaverPredictor::built_in().unwrap();
+    let predicted =
+        plain.predict(photos, CameraSource::GivenUnscaled(&cameras), density, Stream::new(0, 0, "test")).unwrap();
+    let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-4 * (1.0 + b.abs()));
+    let fields = |g: &weaver_scene::ActivatedGaussians| {
+        [g.means.clone(), g.scales.clone(), g.opacities.clone(), g.sh.clone(), g.quats.clone()]
+    };
+    for ((kept, moved), predicted) in fields(&kept).iter().zip(&fields(&moved)).zip(&fields(&predicted.gaussians)) {
+        assert!(near(kept, predicted));
+        assert!(!near(moved, predicted));
+    }
 }
