@@ -1,6 +1,7 @@
 //! Refinement of predictions on their own photos: what it gains there, and what it leaves.
 
 use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_fit::FitSettings;
 use weaver_geometry::Camera;
 use weaver_inference::{
     CameraSource, Density, Effort, Photos, Prediction, Predictor, Refined, SplatWeaverPredictor, planar,
@@ -36,7 +37,7 @@ fn refinement_meets_photos_better() {
     assert_ne!(moved.gaussians.means, adjusted.gaussians.means);
 }
 
-/// Settings reach the optimization: without rates nothing moves, and with the usual ones every kind of number does.
+/// Settings reach the optimization: without rates no number changes however long it goes, and with the usual ones all kinds do.
 #[test]
 fn settings_that_are_said() {
     let scene = scene(9, &ProceduralOptions { width: 64, height: 48, views: 2 });
@@ -46,30 +47,21 @@ fn settings_that_are_said() {
     let first = scene.views[0].camera.pose;
     let relative = |camera: &Camera| Camera { pose: camera.pose.relative_to(&first), ..*camera };
     let cameras: Vec<_> = scene.views.iter().map(|view| relative(&view.camera)).collect();
-    let refined = || {
+    let made = |steps, settings: FitSettings| {
         let plain = Box::new(SplatWeaverPredictor::built_in().unwrap());
-        Refined::new(plain, [48, 64], Effort::Steps(4)).in_place()
+        let mut refined = Refined::new(plain, [48, 64], Effort::Steps(steps)).with_settings(settings).in_place();
+        let source = CameraSource::GivenUnscaled(&cameras);
+        refined.predict(photos, source, density, Stream::new(0, 0, "test")).unwrap().gaussians
     };
-    let made = |mut predictor: Refined| {
-        let stream = Stream::new(0, 0, "test");
-        predictor.predict(photos, CameraSource::GivenUnscaled(&cameras), density, stream).unwrap().gaussians
-    };
-    let mut still = Refined::usual_settings();
-    still.density.strategy = weaver_fit::StrategyKind::Keep;
+    let usual = Refined::usual_settings();
+    let mut still = usual.clone();
     let rates = &mut still.rates;
     for rate in [&mut rates.means, &mut rates.scales, &mut rates.quats, &mut rates.opacities, &mut rates.sh] {
         *rate = 0.0;
     }
-    let (kept, moved) = (made(refined().with_settings(still)), made(refined()));
-    let mut plain = SplatWeaverPredictor::built_in().unwrap();
-    let predicted =
-        plain.predict(photos, CameraSource::GivenUnscaled(&cameras), density, Stream::new(0, 0, "test")).unwrap();
-    let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-4 * (1.0 + b.abs()));
-    let fields = |g: &weaver_scene::ActivatedGaussians| {
-        [g.means.clone(), g.scales.clone(), g.opacities.clone(), g.sh.clone(), g.quats.clone()]
-    };
-    for ((kept, moved), predicted) in fields(&kept).iter().zip(&fields(&moved)).zip(&fields(&predicted.gaussians)) {
-        assert!(near(kept, predicted));
-        assert!(!near(moved, predicted));
-    }
+    let (kept, moved) = (made(1, still.clone()), made(5, usual));
+    assert_eq!(kept, made(5, still));
+    assert_eq!(kept.len(), moved.len());
+    assert!(kept.means != moved.means && kept.scales != moved.scales && kept.quats != moved.quats);
+    assert!(kept.opacities != moved.opacities && kept.sh != moved.sh);
 }
