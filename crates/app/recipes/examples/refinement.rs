@@ -3,7 +3,8 @@
 //! `cargo run --release -p weaver-recipes --example refinement -- STEPS WIDTH CHANGE,CHANGE,.. DIR..`
 //!
 //! WIDTH is that of the photos while they are refined, 64 for the network's own. A change is `usual`, or factors on settings joined by `+`, such
-//! as `means=0.5+quats=2`; `dropout=0.2` and `ssim=0.5` set a value, `keep=1` moves no density. The weights that come with the program,
+//! as `means=0.5+quats=2`; `dropout=0.2` and `ssim=0.5` set a value, `seed=1` another order of the
+//! photos, `keep=1` moves no density. The weights that come with the program,
 //! given cameras, 0.3 Gaussians per pixel, one thread; DIR are captures.
 
 use std::path::PathBuf;
@@ -71,6 +72,7 @@ fn changed(change: &str) -> Result<weaver_fit::FitSettings, Error> {
             "shrinking" => settings.density.scale_weight *= value as f32,
             "ssim" => settings.ssim_weight = value,
             "dropout" => settings.dropout = value,
+            "seed" => settings.seed = value as u64,
             "keep" => settings.density.strategy = weaver_fit::StrategyKind::Keep,
             _ => return Err(wrong()),
         }

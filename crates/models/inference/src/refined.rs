@@ -59,8 +59,7 @@ impl Refined {
     /// error is. How strongly opacities are pulled down is the same for each Gaussian, whatever their number: where they are scarce, all
     /// are needed.
     ///
-    /// Means and rotations go in longer steps than in a fit, whose Gaussians begin small: a network's are as large as a few pixels, and
-    /// where they lie is what it knows least.
+    /// Means and rotations go in longer steps than in a fit: photos that are not fitted are met better so, after few steps and many.
     pub fn usual_settings() -> FitSettings {
         let mut settings = FitSettings { sh_interval: 0.0, coarse_until: 0.0, halvings: 0, ..FitSettings::default() };
         settings.density.strategy = StrategyKind::Split;
