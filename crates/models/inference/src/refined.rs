@@ -53,7 +53,8 @@ impl Refined {
     }
 
     /// Settings of a refinement, but for what each prediction and each effort set anew: steps, Gaussians, degree of the harmonics,
-    /// background and refinement of cameras. The weights of opacities and scales are for one Gaussian per pixel.
+    /// background and refinement of cameras. The weights of opacities and scales are for one Gaussian per pixel, they and the rate of the
+    /// means for photos of the network's size.
     ///
     /// The aim is that Gaussians which the photos do not need become transparent, and that others are split in their place where the
     /// error is. How strongly opacities are pulled down is the same for each Gaussian, whatever their number: where they are scarce, all
@@ -97,6 +98,8 @@ impl Refined {
         let shrinking = (self.inner.image_size()[1] as f32 / self.size[1] as f32).min(1.0);
         settings.density.opacity_weight *= per_pixel * shrinking;
         settings.density.scale_weight *= per_pixel * shrinking;
+        // What the network has wrong by a pixel of its own is wrong by several of a larger photo's.
+        settings.rates.means *= f64::from(1.0 / shrinking).min(FARTHEST);
         settings.background = self.inner.background();
         settings.poses.refine = moving;
         let (initial, effort) = (finite(gaussians), self.effort);
@@ -131,6 +134,9 @@ impl Refined {
 
 /// Steps between rounds of density control, at least.
 const STEPS_OF_A_ROUND: usize = 10;
+
+/// Factor on the rate of the means for photos that are larger than the network's, at most: that of the largest that it was measured for.
+const FARTHEST: f64 = 2.5;
 
 /// Logits that can be learned from.
 fn finite(mut gaussians: Gaussians) -> Gaussians {
