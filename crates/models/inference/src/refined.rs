@@ -28,20 +28,50 @@ pub struct Refined {
     size: [usize; 2],
     effort: Effort,
     rasterizer: Arc<dyn FitRasterizer>,
-    adapts: bool,
+    settings: FitSettings,
     steps: usize,
 }
 
 impl Refined {
     /// Refines the predictions of `inner` on photos of `size` (height, width), which has the shape of the network's.
     pub fn new(inner: Box<dyn Predictor>, size: [usize; 2], effort: Effort) -> Self {
-        Self { inner, size, effort, rasterizer: Arc::new(CpuRasterizer), adapts: true, steps: 0 }
+        let rasterizer = Arc::new(CpuRasterizer);
+        Self { inner, size, effort, rasterizer, settings: Self::usual_settings(), steps: 0 }
     }
 
     /// The same, but that no Gaussian is given up for another elsewhere: what was predicted is only adjusted.
     #[must_use]
-    pub fn in_place(self) -> Self {
-        Self { adapts: false, ..self }
+    pub fn in_place(mut self) -> Self {
+        self.settings.density.strategy = StrategyKind::Keep;
+        self
+    }
+
+    /// The same, but optimized by these settings in place of the [usual ones](Self::usual_settings).
+    #[must_use]
+    pub fn with_settings(self, settings: FitSettings) -> Self {
+        Self { settings, ..self }
+    }
+
+    /// Settings of a refinement, but for what each prediction and each effort set anew: steps, Gaussians, degree of the harmonics,
+    /// background and refinement of cameras. The weights of opacities and scales are for one Gaussian per pixel, they and the rate of the
+    /// means for photos of the network's size.
+    ///
+    /// The aim is that Gaussians which the photos do not need become transparent, and that others are split in their place where the
+    /// error is. How strongly opacities are pulled down is the same for each Gaussian, whatever their number: where they are scarce, all
+    /// are needed.
+    ///
+    /// Means and rotations go in longer steps than in a fit: photos that are not fitted are met better so, after few steps and many.
+    pub fn usual_settings() -> FitSettings {
+        let mut settings = FitSettings { sh_interval: 0.0, coarse_until: 0.0, halvings: 0, ..FitSettings::default() };
+        settings.density.strategy = StrategyKind::Split;
+        settings.density.opacity_decay = 0.01;
+        settings.density.opacity_weight = 0.25;
+        settings.density.scale_weight = 0.0075;
+        settings.rates.means *= 6.0;
+        settings.rates.means_end = 0.1;
+        settings.rates.quats *= 4.0;
+        settings.rates.scales *= 3.0;
+        settings
     }
 
     /// The same, but with this rasterizer for the optimization in place of the one for CPUs.
@@ -61,14 +91,15 @@ impl Refined {
             return Ok(());
         }
         let photos = views(photos, &prediction.cameras);
-        let mut settings = settings(&gaussians, prediction.counts.len());
-        if !self.adapts {
-            settings.density.strategy = StrategyKind::Keep;
-        }
+        let mut settings = self.settings.clone();
+        (settings.gaussians, settings.sh_degree) = (gaussians.len(), gaussians.degree);
+        let per_pixel = gaussians.len() as f32 / prediction.counts.len().max(1) as f32;
         // Larger photos are met less well by as many Gaussians: with the same weight, whole scenes fade.
         let shrinking = (self.inner.image_size()[1] as f32 / self.size[1] as f32).min(1.0);
-        settings.density.opacity_weight *= shrinking;
-        settings.density.scale_weight *= shrinking;
+        settings.density.opacity_weight *= per_pixel * shrinking;
+        settings.density.scale_weight *= per_pixel * shrinking;
+        // What the network has wrong by a pixel of its own is wrong by several of a larger photo's.
+        settings.rates.means *= f64::from(1.0 / shrinking).min(FARTHEST);
         settings.background = self.inner.background();
         settings.poses.refine = moving;
         let (initial, effort) = (finite(gaussians), self.effort);
@@ -104,28 +135,8 @@ impl Refined {
 /// Steps between rounds of density control, at least.
 const STEPS_OF_A_ROUND: usize = 10;
 
-/// Settings of a refinement for so many pixels: so that few photos are not met by whatever looks right from them alone.
-///
-/// The aim is that Gaussians which the photos do not need become transparent, and that others are split in their place where the
-/// error is. How strongly opacities are pulled down is the same for each Gaussian, whatever their number: where they are scarce, all
-/// are needed.
-fn settings(gaussians: &Gaussians, pixels: usize) -> FitSettings {
-    let density = gaussians.len() as f32 / pixels.max(1) as f32;
-    let mut settings = FitSettings {
-        gaussians: gaussians.len(),
-        sh_degree: gaussians.degree,
-        sh_interval: 0.0,
-        coarse_until: 0.0,
-        halvings: 0,
-        ..FitSettings::default()
-    };
-    settings.density.strategy = StrategyKind::Split;
-    settings.density.opacity_decay = 0.01;
-    settings.density.opacity_weight = 0.25 * density;
-    settings.density.scale_weight = 0.0075 * density;
-    settings.rates.scales *= 3.0;
-    settings
-}
+/// Factor on the rate of the means for photos that are larger than the network's, at most: that of the largest that it was measured for.
+const FARTHEST: f64 = 2.5;
 
 /// Logits that can be learned from.
 fn finite(mut gaussians: Gaussians) -> Gaussians {

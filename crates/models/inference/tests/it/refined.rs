@@ -1,6 +1,8 @@
 //! Refinement of predictions on their own photos: what it gains there, and what it leaves.
 
 use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_fit::FitSettings;
+use weaver_geometry::Camera;
 use weaver_inference::{
     CameraSource, Density, Effort, Photos, Prediction, Predictor, Refined, SplatWeaverPredictor, planar,
 };
@@ -33,4 +35,33 @@ fn refinement_meets_photos_better() {
     assert_eq!(adjusted.gaussians.len(), made.gaussians.len());
     assert!(moved.gaussians.len() <= made.gaussians.len());
     assert_ne!(moved.gaussians.means, adjusted.gaussians.means);
+}
+
+/// Settings reach the optimization: without rates no number changes however long it goes, and with the usual ones all kinds do.
+#[test]
+fn settings_that_are_said() {
+    let scene = scene(9, &ProceduralOptions { width: 64, height: 48, views: 2 });
+    let planes = planar(scene.views.iter().map(|view| &view.image));
+    let photos = Photos { planes: &planes, inside: None, height: 48, width: 64 };
+    let density = Density { budget: Some(0.05), ..Density::default() };
+    let first = scene.views[0].camera.pose;
+    let relative = |camera: &Camera| Camera { pose: camera.pose.relative_to(&first), ..*camera };
+    let cameras: Vec<_> = scene.views.iter().map(|view| relative(&view.camera)).collect();
+    let made = |steps, settings: FitSettings| {
+        let plain = Box::new(SplatWeaverPredictor::built_in().unwrap());
+        let mut refined = Refined::new(plain, [48, 64], Effort::Steps(steps)).with_settings(settings).in_place();
+        let source = CameraSource::GivenUnscaled(&cameras);
+        refined.predict(photos, source, density, Stream::new(0, 0, "test")).unwrap().gaussians
+    };
+    let usual = Refined::usual_settings();
+    let mut still = usual.clone();
+    let rates = &mut still.rates;
+    for rate in [&mut rates.means, &mut rates.scales, &mut rates.quats, &mut rates.opacities, &mut rates.sh] {
+        *rate = 0.0;
+    }
+    let (kept, moved) = (made(1, still.clone()), made(5, usual));
+    assert_eq!(kept, made(5, still));
+    assert_eq!(kept.len(), moved.len());
+    assert!(kept.means != moved.means && kept.scales != moved.scales && kept.quats != moved.quats);
+    assert!(kept.opacities != moved.opacities && kept.sh != moved.sh);
 }
