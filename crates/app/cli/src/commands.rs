@@ -13,8 +13,10 @@ mod eval;
 mod fit;
 mod infer;
 mod info;
+mod merge;
 mod reconstruct;
 mod render;
+mod split;
 mod train;
 mod view;
 
@@ -60,6 +62,8 @@ table! {
         Cameras(cameras::Cameras) => |it, console, _| cameras::run(it, console),
         Fit(fit::Fit) => fit::run,
         Infer(infer::Infer) => infer::run,
+        Split(split::Split) => |it, console, _| split::run(it, console),
+        Merge(merge::Merge) => |it, console, _| merge::run(it, console),
     }
     "Look": {
         View(view::View) => view::run,
