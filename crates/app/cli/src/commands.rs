@@ -20,7 +20,9 @@ mod split;
 mod train;
 mod view;
 
+use crate::flags::{CompleteFlag, IfComplete};
 use clap::Subcommand;
+use std::path::PathBuf;
 use weaver_command::{Console, Failure, Interrupt};
 
 /// Makes the commands of their table: the enum that clap parses into, the groups of the help, and the call.
@@ -44,6 +46,43 @@ macro_rules! table {
             }
         }
     };
+}
+
+/// A command as a unit of work.
+pub struct Unit {
+    /// Folder of the results.
+    pub out: PathBuf,
+    /// What it reads.
+    pub inputs: Vec<PathBuf>,
+    /// What goes on with a fit that was begun in the folder, if the command makes one.
+    pub resume: Option<Command>,
+}
+
+impl Command {
+    /// The command as a unit of work, if it is to be one.
+    ///
+    /// # Errors
+    /// When it has no folder of its own.
+    pub fn unit(&self) -> Result<Option<Unit>, Failure> {
+        let resumed = |out: &PathBuf, json, threads| {
+            Some(Self::Fit(fit::Fit { resume: Some(out.clone()), json, threads, ..fit::Fit::default() }))
+        };
+        let unit = |complete: &CompleteFlag, out: &PathBuf, inputs: &[PathBuf], resume| {
+            complete.if_complete.map(|IfComplete::Skip| Unit { out: out.clone(), inputs: inputs.to_vec(), resume })
+        };
+        Ok(match self {
+            Self::Reconstruct(it) => {
+                unit(&it.complete, &it.out, &it.photos, resumed(&it.out, it.json, it.threads.threads))
+            }
+            Self::Cameras(it) => unit(&it.complete, &it.out, &it.photos, None),
+            Self::Infer(it) => unit(&it.complete, &it.out, &it.images, None),
+            Self::Fit(it) if it.complete.if_complete.is_some() => {
+                let out = it.out.as_ref().ok_or_else(|| Failure::Usage("--if-complete: expected --out with it".into()))?;
+                unit(&it.complete, out, it.capture.as_slice(), resumed(out, it.json, it.threads))
+            }
+            _ => None,
+        })
+    }
 }
 
 /// Calls what a row names; this signature tells its types.

@@ -11,8 +11,10 @@ mod ffmpeg;
 mod flags;
 mod gif;
 mod old_names;
+mod processes;
 mod reference;
 mod refine;
+mod units;
 mod video;
 
 pub use ffmpeg::end_all as end_programs;
@@ -33,7 +35,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
     let (arguments, notes) = old_names::current(arguments.into_iter().collect());
     notes.iter().for_each(|note| console.note(note));
     let result = match CommandLine::of(arguments) {
-        Ok(line) => simd::requested_level().map_err(Failure::Usage).and_then(|_| line.command.run(console, interrupt)),
+        Ok(line) => simd::requested_level().map_err(Failure::Usage).and_then(|_| units::run(&line.command, &line.settings, console, interrupt)),
         Err(error) if error.use_stderr() => {
             console.note(error.render().to_string().trim_end());
             return 2;
@@ -81,7 +83,7 @@ pub fn execute(
         usage(told.split_whitespace().collect::<Vec<_>>().join(" "))
     })?;
     simd::requested_level().map_err(usage)?;
-    line.command.run(console, interrupt).map_err(|failure| Refusal::of(&failure))
+    units::run(&line.command, &line.settings, console, interrupt).map_err(|failure| Refusal::of(&failure))
 }
 
 /// Checks the words of one command line, whose first is the program's name, without running it.

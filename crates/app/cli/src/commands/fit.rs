@@ -8,7 +8,7 @@ pub use course::{Means, VIEW, begin, print};
 use super::convert::scene_format;
 use crate::clip;
 use crate::estimate::estimated_capture;
-use crate::flags::{CameraChoice, ClipFlags, MatchingFlags, hold_out, level, minutes};
+use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
 use clap::Args;
 use course::finish;
 use initial::Start;
@@ -61,7 +61,7 @@ pub struct Fit {
     #[arg(long, value_name = "S", help_heading = RUN)]
     pub seed: Option<u64>,
     /// Goes on with this run, with its own settings
-    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run"])]
+    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run", "if_complete"])]
     pub resume: Option<PathBuf>,
     /// Says what the run would take, and writes nothing
     #[arg(long, help_heading = RUN)]
@@ -72,6 +72,8 @@ pub struct Fit {
     /// Time between checkpoints, at least
     #[arg(long, value_name = "SECONDS", default_value_t = SAVE_EVERY, value_parser = pause, help_heading = RUN)]
     pub save_every: f64,
+    #[command(flatten)]
+    pub complete: CompleteFlag,
     #[command(flatten)]
     pub device: DeviceFlag,
     /// Threads. Does not change results [default: one per core]
