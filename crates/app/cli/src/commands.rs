@@ -14,6 +14,7 @@ mod fit;
 mod infer;
 mod info;
 mod merge;
+mod plan;
 mod reconstruct;
 mod render;
 mod split;
@@ -103,6 +104,7 @@ table! {
         Infer(infer::Infer) => infer::run,
         Split(split::Split) => |it, console, _| split::run(it, console),
         Merge(merge::Merge) => |it, console, _| merge::run(it, console),
+        Plan(plan::Plan) => |it, console, _| plan::run(it, console),
     }
     "Look": {
         View(view::View) => view::run,

@@ -216,6 +216,16 @@ fn fit(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<
     print(&outcome, &folder, arguments.json, console)
 }
 
+/// Minutes of a fit, if its time is given, and bytes, if its cameras are there.
+pub fn estimate(arguments: &Fit) -> Result<(Option<f64>, Option<u64>), Failure> {
+    let minutes = arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES));
+    let given = matches!(arguments.cameras, None | Some(CameraChoice::Given));
+    let Some(capture) = arguments.capture.clone().filter(|_| given) else { return Ok((minutes, None)) };
+    let initial = Start::of(arguments.init.as_deref())?;
+    let settings = settings(arguments, (capture, arguments.hold_out.unwrap_or_default()), &initial)?;
+    Ok((minutes, Some(plan(&settings)?.total())))
+}
+
 /// The photos that are held out of an estimated capture, which lists its photos for testing.
 pub fn listed(hold_out: HoldOut) -> HoldOut {
     match hold_out {

@@ -3,8 +3,8 @@
 use crate::flags::hold_out;
 use clap::Args;
 use serde_json::json;
-use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, fraction};
+use std::path::PathBuf;
+use weaver_command::{Console, Failure, fraction, quoted};
 use weaver_data::OutputFolder;
 use weaver_data::capture::HoldOut;
 use weaver_fit_run::blocks::{BlockCount, BlockFile, Split as Cut, SplitOptions, split};
@@ -54,7 +54,7 @@ pub struct Split {
 }
 
 /// A photo is a block's if this part of what it sees lies there.
-const SHARE: f64 = 0.25;
+const SHARE: f64 = 0.05;
 
 fn gigabytes(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|size| (1e-3..=1e6).contains(size)).ok_or_else(|| "expected gigabytes above 0".into())
@@ -97,7 +97,7 @@ pub fn run(arguments: &Split, console: &mut Console) -> Result<(), Failure> {
 /// The command that fits a block.
 fn command(found: &Cut, block: &BlockFile, arguments: &Split) -> String {
     let folder = arguments.out.join(block.folder());
-    let place = |name: &str| quoted(&folder.join(name));
+    let place = |name: &str| quoted(folder.join(name).display().to_string());
     let [r, g, b] = found.background;
     let mut line = format!(
         "splatweaver fit {} -o {} --gaussians {} --background {r:.3},{g:.3},{b:.3}",
@@ -112,23 +112,4 @@ fn command(found: &Cut, block: &BlockFile, arguments: &Split) -> String {
         line += " --masks";
     }
     line
-}
-
-/// A path as one word of a shell's command line.
-fn quoted(path: &Path) -> String {
-    let text = path.display().to_string();
-    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+,=:@%".contains(c);
-    if !text.is_empty() && text.chars().all(plain) { text } else { format!("'{}'", text.replace('\'', r"'\''")) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn paths_are_single_words_of_a_shell() {
-        assert_eq!(quoted(Path::new("a/b-1.ply")), "a/b-1.ply");
-        assert_eq!(quoted(Path::new("my photos")), "'my photos'");
-        assert_eq!(quoted(Path::new("it's")), r"'it'\''s'");
-    }
 }
