@@ -53,9 +53,9 @@ macro_rules! table {
 pub struct Unit {
     /// Folder of the results.
     pub out: PathBuf,
-    /// What it reads.
+    /// Files and folders that it reads.
     pub inputs: Vec<PathBuf>,
-    /// What goes on with a fit that was begun in the folder, if the command makes one.
+    /// The command that goes on with a fit which was begun in the folder, if it makes one.
     pub resume: Option<Command>,
 }
 
@@ -78,7 +78,8 @@ impl Command {
             Self::Cameras(it) => unit(&it.complete, &it.out, &it.photos, None),
             Self::Infer(it) => unit(&it.complete, &it.out, &it.images, None),
             Self::Fit(it) if it.complete.if_complete.is_some() => {
-                let out = it.out.as_ref().ok_or_else(|| Failure::Usage("--if-complete: expected --out with it".into()))?;
+                let out =
+                    it.out.as_ref().ok_or_else(|| Failure::Usage("--if-complete: expected --out with it".into()))?;
                 unit(&it.complete, out, it.capture.as_slice(), resumed(out, it.json, it.threads))
             }
             _ => None,

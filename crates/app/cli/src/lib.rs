@@ -35,7 +35,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
     let (arguments, notes) = old_names::current(arguments.into_iter().collect());
     notes.iter().for_each(|note| console.note(note));
     let result = match CommandLine::of(arguments) {
-        Ok(line) => simd::requested_level().map_err(Failure::Usage).and_then(|_| units::run(&line.command, &line.settings, console, interrupt)),
+        Ok(line) => simd::requested_level()
+            .map_err(Failure::Usage)
+            .and_then(|_| units::run(&line.command, &line.settings, console, interrupt)),
         Err(error) if error.use_stderr() => {
             console.note(error.render().to_string().trim_end());
             return 2;

@@ -1,6 +1,6 @@
 //! Failures of a command: a one-line message and an exit code.
 
-use crate::memory::TooLittle;
+use crate::too_little::TooLittle;
 use std::error::Error;
 use std::io;
 use weaver_io::Advice;

@@ -13,6 +13,7 @@ mod interrupt;
 pub mod memory;
 mod progress;
 mod threads;
+mod too_little;
 mod words;
 
 pub use console::{Console, Part};

@@ -37,6 +37,7 @@ pub struct BlockFile {
     /// Bytes that its fit takes ([`Plan::total`](crate::Plan::total)).
     pub memory: u64,
     /// The region whose Gaussians are kept.
+    #[serde(with = "cuts")]
     pub region: Region,
 }
 
@@ -50,6 +51,34 @@ impl BlockFile {
 
     /// Name of the block's folder.
     pub fn folder(&self) -> String {
-        format!("block-{:02}", self.number)
+        Self::folder_of(self.number)
+    }
+
+    fn folder_of(number: usize) -> String {
+        format!("block-{number:02}")
+    }
+}
+
+/// A region in a file: the normal, the offset and the side of each plane.
+mod cuts {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use weaver_blocks::{Cut, Region};
+
+    #[derive(Deserialize, Serialize)]
+    struct Plane {
+        normal: [f64; 3],
+        offset: f64,
+        above: bool,
+    }
+
+    pub fn serialize<S: Serializer>(region: &Region, to: S) -> Result<S::Ok, S::Error> {
+        let plane = |&Cut { normal, offset, above }: &Cut| Plane { normal, offset, above };
+        region.cuts.iter().map(plane).collect::<Vec<_>>().serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Region, D::Error> {
+        let planes = Vec::<Plane>::deserialize(from)?;
+        let cut = |Plane { normal, offset, above }: Plane| Cut { normal, offset, above };
+        Ok(Region { cuts: planes.into_iter().map(cut).collect() })
     }
 }

@@ -8,6 +8,7 @@ use mpi::Threading;
 use mpi::environment::Universe;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives, Destination, Root, Source};
+use std::fmt::{self, Debug, Formatter};
 use std::sync::Arc;
 use weaver_trainer::Ranks;
 
@@ -15,10 +16,15 @@ use weaver_trainer::Ranks;
 const LAUNCHED: [&str; 4] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMI_RANK", "PMIX_RANK"];
 
 /// The processes of an MPI, until this value is dropped. A process that panics ends all.
-#[derive(Debug)]
 pub struct Processes {
     world: World,
     _universe: Universe,
+}
+
+impl Debug for Processes {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.world.fmt(f)
+    }
 }
 
 impl Processes {
@@ -31,7 +37,7 @@ impl Processes {
         Some(Self { world, _universe: universe })
     }
 
-    /// What a session shares its batches by.
+    /// The processes as those of a session.
     pub fn ranks(&self) -> Arc<dyn Ranks> {
         Arc::new(self.world)
     }
@@ -71,17 +77,20 @@ impl Ranks for World {
     }
 
     fn send(&self, values: &[f32], to: usize) {
-        let to = SimpleCommunicator::world().process_at_rank(to as i32);
+        let all = SimpleCommunicator::world();
+        let to = all.process_at_rank(to as i32);
         values.chunks(MOST).for_each(|part| to.send(part));
     }
 
     fn receive(&self, values: &mut [f32], from: usize) {
-        let from = SimpleCommunicator::world().process_at_rank(from as i32);
+        let all = SimpleCommunicator::world();
+        let from = all.process_at_rank(from as i32);
         values.chunks_mut(MOST).for_each(|part| _ = from.receive_into(part));
     }
 
     fn broadcast(&self, values: &mut [f32]) {
-        let first = SimpleCommunicator::world().process_at_rank(0);
+        let all = SimpleCommunicator::world();
+        let first = all.process_at_rank(0);
         values.chunks_mut(MOST).for_each(|part| first.broadcast_into(part));
     }
 

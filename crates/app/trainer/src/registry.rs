@@ -3,8 +3,8 @@
 use crate::evaluate::{Matching, Options};
 use crate::session::SAMPLES;
 use crate::{
-    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, LookOf, Observer, Ranks, Recipe, Session, Summary, Targets,
-    TrainingState, evaluate, initial, scenes,
+    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, LookOf, Observer, Ranks, Recipe, Session, Summary,
+    Targets, TrainingState, evaluate, initial, scenes,
 };
 use std::fmt::Debug;
 use std::marker::PhantomData;

@@ -12,7 +12,7 @@ pub struct Sights<'a> {
     pub photos: &'a [Sight<'a>],
 }
 
-/// What one photo sees.
+/// View of one photo.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight<'a> {
     /// World to camera.
@@ -23,7 +23,7 @@ pub struct Sight<'a> {
     pub held_out: bool,
 }
 
-/// How a capture is cut.
+/// Options of a cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockOptions {
     /// Number of blocks.
@@ -35,13 +35,13 @@ pub struct BlockOptions {
 /// A part of a capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
-    /// What is the block's own.
+    /// The block's own part of space.
     pub region: Region,
     /// Numbers of its photos, ascending.
     pub photos: Vec<usize>,
     /// Numbers of the points that its photos to fit to see, and of its own, ascending: what lies outside of the region is the frame.
     pub points: Vec<usize>,
-    /// How many of the points lie in the region.
+    /// Number of the points that lie in the region.
     pub own: usize,
 }
 

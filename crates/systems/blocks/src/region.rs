@@ -1,7 +1,6 @@
 //! Parts of space between upright planes.
 
 use crate::BlockError;
-use serde::{Deserialize, Serialize};
 use weaver_geometry::glam::DVec3;
 
 /// Points that each region has at least.
@@ -10,7 +9,7 @@ const LEAST: usize = 8;
 const STRAY: f64 = 0.1;
 
 /// One side of a plane: the points `p` with `normal . p < offset`, or where [`above`](Self::above) is true the others.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cut {
     /// Unit normal of the plane.
     pub normal: [f64; 3],
@@ -28,8 +27,7 @@ impl Cut {
 }
 
 /// The part of space on one side of each of some planes; all of space without any.
-#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
-#[serde(transparent)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Region {
     /// The sides.
     pub cuts: Vec<Cut>,

@@ -92,11 +92,13 @@ fn units(path: &Path, list: List) -> Result<Vec<Unit>, Failure> {
         for input in expanded(&inputs)? {
             let out = out.join(input.file_stem().unwrap_or_default());
             if !outs.insert(out.clone()) {
-                let expected = format!("expected inputs of different names, found two whose results go to {}", out.display());
+                let expected =
+                    format!("expected inputs of different names, found two whose results go to {}", out.display());
                 return Err(wrong(format!("work.{i}.inputs"), &expected));
             }
             let [input, out] = [&input, &out].map(|path| path.display().to_string());
-            let mut words = ["splatweaver", &command, &input, "-o", &out, "--if-complete", "skip"].map(String::from).to_vec();
+            let mut words =
+                ["splatweaver", &command, &input, "-o", &out, "--if-complete", "skip"].map(String::from).to_vec();
             words.extend(flags.iter().cloned());
             let parsed = CommandLine::of(&words).map_err(|error| {
                 let text = error.render().to_string();
@@ -117,7 +119,8 @@ fn expanded(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
             all.push(input.clone());
             continue;
         };
-        let entries = std::fs::read_dir(parent).map_err(|source| weaver_io::Error::Io { path: parent.into(), source })?;
+        let entries =
+            std::fs::read_dir(parent).map_err(|source| weaver_io::Error::Io { path: parent.into(), source })?;
         let mut folders: Vec<PathBuf> = entries.filter_map(Result::ok).map(|entry| entry.path()).collect();
         folders.retain(|path| path.is_dir());
         folders.sort();

@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 
-/// What happens where results are complete.
+/// Choice where results are complete.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct CompleteFlag {
     /// Makes the command a unit of work that may be started again: complete results of the same inputs and settings are left as they are,
@@ -11,7 +11,7 @@ pub struct CompleteFlag {
     pub if_complete: Option<IfComplete>,
 }
 
-/// What happens where results are complete.
+/// Choices where results are complete.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
 pub enum IfComplete {
     /// Nothing

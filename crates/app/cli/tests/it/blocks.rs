@@ -51,7 +51,9 @@ fn blocks_are_fitted_apart_and_joined() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     capture::colmap(&path("capture"), capture::VIEWS);
-    let cut = splatweaver(&[&"split", &path("capture"), &"--blocks", &"2", &"-o", &path("blocks"), &"--gaussians", &"400"]).fine();
+    let cut =
+        splatweaver(&[&"split", &path("capture"), &"--blocks", &"2", &"-o", &path("blocks"), &"--gaussians", &"400"])
+            .fine();
     let lines: Vec<&str> = cut.stdout.lines().collect();
     assert_eq!(lines.len(), 2);
     // A block's capture is one that can be read, with the photos, points and tracks of the whole.
@@ -95,7 +97,8 @@ fn what_cannot_be_cut_or_joined_is_refused() {
     street(&path("capture"));
     let split = |count: &[&str], out: &str| {
         let (capture, out) = (path("capture"), path(out));
-        let mut words: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"split", &capture, &"-o", &out, &"--gaussians", &"90000"];
+        let mut words: Vec<&dyn AsRef<std::ffi::OsStr>> =
+            vec![&"split", &capture, &"-o", &out, &"--gaussians", &"90000"];
         words.extend(count.iter().map(|word| word as &dyn AsRef<_>));
         splatweaver(&words)
     };
@@ -111,9 +114,10 @@ fn what_cannot_be_cut_or_joined_is_refused() {
     bare.refused(1, &["points: expected points", "splatweaver cameras", "found none"]);
     split(&["--blocks", "2"], "two").fine();
     split(&["--blocks", "3"], "three").fine();
-    std::fs::rename(path("three/block-01"), path("two/block-09")).unwrap();
+    std::fs::remove_dir_all(path("two/block-01")).unwrap();
+    std::fs::rename(path("three/block-01"), path("two/block-01")).unwrap();
     let mixed = splatweaver(&[&"merge", &path("two"), &"-o", &path("scene.ply")]);
-    mixed.refused(1, &["expected a block of the same split as the others"]);
+    mixed.refused(1, &["two/block-01", "of the same split as the first, found another"]);
     let partial = splatweaver(&[&"merge", &path("three"), &"-o", &path("scene.ply")]);
-    partial.refused(1, &["expected each of the 3 blocks of the split once, found blocks 0, 2"]);
+    partial.refused(1, &["three/block-01: blocks: expected a block that `splatweaver split` wrote, found none"]);
 }

@@ -50,7 +50,10 @@ fn processes_come_to_the_same_bits() {
     }
     let one = weights(folder.path(), "run-1");
     assert!(weights(folder.path(), "run-2") == one && weights(folder.path(), "run-4") == one);
-    let alone = Command::new(BINARY).args(format!("{RUN} --out alone --threads 1").split(' ')).current_dir(folder.path()).output();
+    let alone = Command::new(BINARY)
+        .args(format!("{RUN} --out alone --threads 1").split(' '))
+        .current_dir(folder.path())
+        .output();
     assert!(alone.unwrap().status.success() && weights(folder.path(), "alone") == one);
 
     // Killed after two steps, on with another number of processes.

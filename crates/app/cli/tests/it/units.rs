@@ -20,7 +20,17 @@ fn a_unit_is_done_once() {
     let fit = |out: &str, steps: &str| {
         let (capture, out) = (path("capture"), path(out));
         splatweaver(&[
-            &"fit", &capture, &"-o", &out, &"--steps", &steps, &"--gaussians", &"300", &"--no-html", &"--if-complete", &"skip",
+            &"fit",
+            &capture,
+            &"-o",
+            &out,
+            &"--steps",
+            &steps,
+            &"--gaussians",
+            &"300",
+            &"--no-html",
+            &"--if-complete",
+            &"skip",
         ])
     };
     fit("whole", "400").fine();
@@ -35,7 +45,8 @@ fn a_unit_is_done_once() {
         path("capture").display(),
         path("parts").display()
     );
-    let mut child = std::process::Command::new(BINARY).args(words.split(' ')).stderr(std::process::Stdio::null()).spawn();
+    let mut child =
+        std::process::Command::new(BINARY).args(words.split(' ')).stderr(std::process::Stdio::null()).spawn();
     let child = child.as_mut().unwrap();
     while !path("parts/checkpoint.safetensors").exists() {
         std::thread::sleep(Duration::from_millis(2));
@@ -72,10 +83,14 @@ fn a_list_becomes_a_command_a_line() {
     let planned = list("['--minutes', '0.5', '--gaussians', '1000']").fine();
     let lines: Vec<&str> = planned.stdout.lines().collect();
     assert_eq!(lines.len(), 2);
-    let first = format!("splatweaver fit '{}' -o 'scenes/a one' --if-complete skip --minutes 0.5", path("captures/a one").display());
+    let first = format!(
+        "splatweaver fit '{}' -o 'scenes/a one' --if-complete skip --minutes 0.5",
+        path("captures/a one").display()
+    );
     assert!(lines[0].starts_with(&first) && lines[0].contains("  # 0.5 min, "), "{}", lines[0]);
     assert!(lines[0].ends_with(" MB") && lines[1].contains("-o scenes/b "), "{}", lines[1]);
     list("['--step', '5']").refused(2, &["list.toml: work.0: unexpected argument '--step' found"]);
     std::fs::write(path("list.toml"), "[[work]]\ncommand = \"train\"\ninputs = []\nout = \"x\"\n").unwrap();
-    splatweaver(&[&"plan", &path("list.toml")]).refused(2, &["work.0.command: expected reconstruct, fit, cameras or infer"]);
+    splatweaver(&[&"plan", &path("list.toml")])
+        .refused(2, &["work.0.command: expected reconstruct, fit, cameras or infer"]);
 }

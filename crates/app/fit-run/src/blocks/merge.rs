@@ -13,7 +13,7 @@ use weaver_scene::Gaussians;
 pub struct Merged {
     /// The scene.
     pub gaussians: Gaussians,
-    /// How it is to be drawn.
+    /// Drawing that it was fitted for.
     pub drawing: Drawing,
     /// The color behind everything that the fits had.
     pub background: [f32; 3],
@@ -45,7 +45,8 @@ pub fn merge(folder: &Path) -> Result<Merged, RunError> {
     for (fit, outcome) in &outcomes {
         let fit = fit.display();
         if (outcome.antialiased, outcome.background) != (first.antialiased, first.background) {
-            remarks.push(format!("{fit}: fitted with another background or another --antialiased than the first block"));
+            remarks
+                .push(format!("{fit}: fitted with another background or another --antialiased than the first block"));
         }
         if !outcome.exposures.is_empty() {
             remarks.push(format!(
@@ -57,35 +58,33 @@ pub fn merge(folder: &Path) -> Result<Merged, RunError> {
     Ok(Merged { gaussians: merged(&fits), drawing: drawings[0], background, fitted, remarks })
 }
 
-/// The folders of blocks with what their files say, in the order of their numbers.
+/// The folders of all blocks of a split with what their files say, in the order of their numbers.
 fn blocks_in(folder: &Path) -> Result<Vec<(PathBuf, BlockFile)>, RunError> {
-    let mut blocks: Vec<(PathBuf, BlockFile)> = Vec::new();
-    let entries = std::fs::read_dir(folder).map_err(|source| weaver_io::Error::Io { path: folder.into(), source })?;
-    for entry in entries.filter_map(Result::ok) {
-        let file = entry.path().join(BlockFile::NAME);
-        if file.is_file() {
-            let block = serde_json::from_str(&read_text(&file)?).map_err(|e| weaver_io::Error::Invalid {
-                path: file.clone(),
-                place: "block".into(),
-                expected: "what `splatweaver split` writes".into(),
-                found: e.to_string(),
-            })?;
-            blocks.push((entry.path(), block));
+    let first = read(folder, 0)?;
+    let numbered = |number: usize| {
+        let (path, block) = read(folder, number)?;
+        if (&block.split, block.number) != (&first.1.split, number) {
+            return Err(missing(&path, "the block of this number, of the same split as the first", "another"));
         }
-    }
-    blocks.sort_by_key(|(_, block)| block.number);
-    let Some((_, BlockFile { split, blocks: count, .. })) = blocks.first().cloned() else {
-        return Err(missing(folder, "blocks that `splatweaver split` wrote", "none"));
+        Ok((path, block))
     };
-    if let Some((path, _)) = blocks.iter().find(|(_, block)| (&block.split, block.blocks) != (&split, count)) {
-        return Err(missing(path, "a block of the same split as the others", "one of another"));
+    (0..first.1.blocks).map(numbered).collect()
+}
+
+/// The folder of a block with what its file says.
+fn read(folder: &Path, number: usize) -> Result<(PathBuf, BlockFile), RunError> {
+    let path = folder.join(BlockFile::folder_of(number));
+    let file = path.join(BlockFile::NAME);
+    if !file.is_file() {
+        return Err(missing(&path, "a block that `splatweaver split` wrote", "none"));
     }
-    let numbers: Vec<usize> = blocks.iter().map(|(_, block)| block.number).collect();
-    if numbers != (0..count).collect::<Vec<_>>() {
-        let found = numbers.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-        return Err(missing(folder, &format!("each of the {count} blocks of the split once"), &format!("blocks {found}")));
-    }
-    Ok(blocks)
+    let block = serde_json::from_str(&read_text(&file)?).map_err(|e| weaver_io::Error::Invalid {
+        path: file,
+        place: "block".into(),
+        expected: "what `splatweaver split` writes".into(),
+        found: e.to_string(),
+    })?;
+    Ok((path, block))
 }
 
 /// The outcome of a complete fit.

@@ -15,7 +15,7 @@ use weaver_scene::Frame;
 /// The most blocks that are tried for a bound on memory.
 const MOST: usize = 1000;
 
-/// How a capture is cut.
+/// Options of a cut.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplitOptions {
     /// The capture: a folder, or a transforms.json.
@@ -104,15 +104,11 @@ fn refused(options: &SplitOptions, source: BlockError) -> RunError {
 
 /// The blocks with what their files say.
 fn cut(survey: &Survey, options: &SplitOptions, count: usize) -> Result<Vec<(Block, BlockFile)>, BlockError> {
-    let sight = |photo: &'_ SurveyedPhoto| (photo.camera.pose, photo.held_out);
-    let photos: Vec<Sight> = survey
-        .photos
-        .iter()
-        .map(|photo| {
-            let (pose, held_out) = sight(photo);
-            Sight { pose, held_out, visible: &photo.visible }
-        })
-        .collect();
+    let sight = |photo| -> Sight {
+        let SurveyedPhoto { camera, held_out, visible, .. } = photo;
+        Sight { pose: camera.pose, held_out: *held_out, visible }
+    };
+    let photos: Vec<Sight> = survey.photos.iter().map(sight).collect();
     let sights = Sights { points: &survey.points.positions, photos: &photos };
     let found = blocks(&sights, &BlockOptions { count, share: options.share })?;
     let split = checksum(found.iter().map(|block| &block.region));

@@ -5,7 +5,7 @@ use crate::{Config, Error, Ranks, Recipe, StageConfig, ranks};
 use std::sync::Arc;
 use weaver_kernels::random::fnv1a;
 
-/// What a batch comes to beside gradients.
+/// Outcome of a batch beside gradients.
 #[derive(Debug)]
 pub(super) struct Batch {
     pub loss: f32,
@@ -37,7 +37,9 @@ impl<R: Recipe> Session<R> {
             let words = ranks.gather(word);
             if let Some(other) = words.iter().position(|word| *word != words[0]) {
                 let found = "others than process 0 has";
-                return Err(Error::Input(format!("process {other}: {name}: expected those of process 0, found {found}")));
+                return Err(Error::Input(format!(
+                    "process {other}: {name}: expected those of process 0, found {found}"
+                )));
             }
         }
         self.ranks = ranks;
@@ -93,7 +95,8 @@ impl<R: Recipe> Session<R> {
                 None if present == 0.0 => {}
                 _ => {
                     let name = self.params.get(id).name();
-                    let message = format!("{name}: expected a gradient in all {batches} batches, found it in {present}");
+                    let message =
+                        format!("{name}: expected a gradient in all {batches} batches, found it in {present}");
                     return Err(Error::Input(message));
                 }
             }

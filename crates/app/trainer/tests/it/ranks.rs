@@ -82,9 +82,9 @@ impl Ranks for Thread {
     }
 }
 
-/// A run of five steps of four batches.
+/// A run of three steps of four batches.
 fn batched() -> Config<PixelCnnRecipe> {
-    let mut config = config(5);
+    let mut config = config(3);
     config.optimizer.accumulate = 4;
     config
 }
@@ -117,7 +117,7 @@ fn any_number_of_processes_comes_to_the_same_bits() {
     first.save(&path).unwrap();
     assert_eq!(trained(2, || Session::resume(batched(), &path).unwrap()), vec![one[0].clone(); 2]);
     // Four batches are not one.
-    assert_ne!(trained(1, || Session::new(config(5)).unwrap()), one);
+    assert_ne!(trained(1, || Session::new(config(3)).unwrap()), one);
 }
 
 /// The gradients of a step are the mean over its batches, which are drawn as those of as many steps of one batch.

@@ -18,7 +18,7 @@ fn axes() -> impl Strategy<Value = [DVec3; 2]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
     /// Every place belongs to exactly one region, those of points and those far outside.
     #[test]
@@ -118,7 +118,7 @@ fn a_block_takes_what_its_photos_see() {
     assert_eq!((held_out[1].photos.len(), held_out[1].points.len()), (6, 50));
 }
 
-/// What cannot be cut is refused.
+/// Too few points, or none that a photo to fit to sees, are refused.
 #[test]
 fn too_little_for_so_many_blocks_is_refused() {
     let refused = cut(13, 0.2, |_| false).unwrap_err();
