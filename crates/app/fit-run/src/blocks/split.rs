@@ -104,10 +104,6 @@ fn refused(options: &SplitOptions, source: BlockError) -> RunError {
 
 /// The blocks with what their files say.
 fn cut(survey: &Survey, options: &SplitOptions, count: usize) -> Result<Vec<(Block, BlockFile)>, BlockError> {
-    let sight = |photo| -> Sight {
-        let SurveyedPhoto { camera, held_out, visible, .. } = photo;
-        Sight { pose: camera.pose, held_out: *held_out, visible }
-    };
     let photos: Vec<Sight> = survey.photos.iter().map(sight).collect();
     let sights = Sights { points: &survey.points.positions, photos: &photos };
     let found = blocks(&sights, &BlockOptions { count, share: options.share })?;
@@ -138,6 +134,11 @@ fn cut(survey: &Survey, options: &SplitOptions, count: usize) -> Result<Vec<(Blo
     };
     let files: Vec<BlockFile> = found.iter().enumerate().map(file).collect();
     Ok(found.into_iter().zip(files).collect())
+}
+
+fn sight(photo: &SurveyedPhoto) -> Sight<'_> {
+    let SurveyedPhoto { camera, held_out, visible, .. } = photo;
+    Sight { pose: camera.pose, held_out: *held_out, visible }
 }
 
 /// Checksum of the planes of all regions.

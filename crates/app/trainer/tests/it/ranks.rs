@@ -27,19 +27,20 @@ impl Debug for Thread {
 
 impl Thread {
     fn all(count: usize) -> Vec<Arc<dyn Ranks>> {
-        let mut ends: Vec<(Vec<Sender<Message>>, Vec<Receiver<Message>>)> =
-            (0..count).map(|_| (Vec::new(), Vec::new())).collect();
-        for to in 0..count {
-            for from in 0..count {
+        let mut senders: Vec<Vec<_>> = (0..count).map(|_| Vec::new()).collect();
+        let mut receivers: Vec<Vec<_>> = (0..count).map(|_| Vec::new()).collect();
+        for (to, receivers) in receivers.iter_mut().enumerate() {
+            for (from, senders) in senders.iter_mut().enumerate() {
                 let (sender, receiver) = channel();
-                ends[from].0.push(sender);
-                ends[to].1.push(receiver);
+                assert_eq!((senders.len(), receivers.len()), (to, from));
+                senders.push(sender);
+                receivers.push(receiver);
             }
         }
         let thread = |(rank, (to, from))| -> Arc<dyn Ranks> {
             Arc::new(Self { rank, to: Mutex::new(to), from: Mutex::new(from) })
         };
-        ends.into_iter().enumerate().map(thread).collect()
+        senders.into_iter().zip(receivers).enumerate().map(thread).collect()
     }
 
     fn put(&self, message: Message, to: usize) {

@@ -83,23 +83,13 @@ fn the_ground_is_where_cameras_stand() {
     assert!(first.dot(up).abs() < 1e-9 && second.dot(up).abs() < 1e-9);
 }
 
-/// A row of points, and photos that see eleven each.
-fn row(held_out: impl Fn(usize) -> bool) -> (Vec<[f32; 3]>, Vec<(Vec<u32>, bool)>) {
-    let points = (0..100).map(|i| [i as f32, 0.0, (i % 2) as f32]).collect();
-    let photo = |i: usize| ((10 * i as u32..=(10 * i as u32 + 10).min(99)).collect(), held_out(i));
-    (points, (0..10).map(photo).collect())
-}
-
+/// Cuts a row of points with ten photos that see eleven each.
 fn cut(count: usize, share: f64, held_out: impl Fn(usize) -> bool) -> Result<Vec<weaver_blocks::Block>, BlockError> {
-    let (points, seen) = row(held_out);
-    let photos: Vec<Sight> = seen
-        .iter()
-        .enumerate()
-        .map(|(i, (visible, held_out))| {
-            let translation = DVec3::new(-10.0 * i as f64, 0.0, 0.0);
-            Sight { pose: Pose { translation, ..Pose::IDENTITY }, visible, held_out: *held_out }
-        })
-        .collect();
+    let points: Vec<[f32; 3]> = (0..100).map(|i| [i as f32, 0.0, (i % 2) as f32]).collect();
+    let seen: Vec<Vec<u32>> = (0..10).map(|i| (10 * i..=(10 * i + 10).min(99)).collect()).collect();
+    let pose = |i: usize| Pose { translation: DVec3::new(-10.0 * i as f64, 0.0, 0.0), ..Pose::IDENTITY };
+    let photo = |i: usize| Sight { pose: pose(i), visible: &seen[i], held_out: held_out(i) };
+    let photos: Vec<Sight> = (0..10).map(photo).collect();
     blocks(&Sights { points: &points, photos: &photos }, &BlockOptions { count, share })
 }
 
