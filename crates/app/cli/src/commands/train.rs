@@ -182,7 +182,10 @@ fn dry_run(session: Box<dyn Training>, config: &ResolvedConfig, console: &mut Co
     let measured = session.dry_run(&folder);
     drop(folder);
     std::fs::remove_dir_all(&path)?;
-    console.print(&measured?.to_string())?;
+    let measured = measured?;
+    console.print(&measured.to_string())?;
+    let megabytes = measured.parameters as f64 / 1e6;
+    console.print(&format!("{:<28}{megabytes:>9.1} MB a step, each way, with several", "between processes"))?;
     if let Some(peak) = weaver_io::peak_mb() {
         console.print(&format!("{:<28}{peak:>9.1} MB, photos and program included", "peak"))?;
     }
