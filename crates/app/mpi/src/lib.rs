@@ -1,4 +1,4 @@
-//! Processes of an MPI as those that share the batches of a training step ([`Ranks`](weaver_trainer::Ranks)).
+//! Processes of an MPI as those that share the batches of a training step (`weaver_trainer::Ranks`).
 //!
 //! The feature `mpi` needs an MPI with its headers (Open MPI, MPICH) and libclang; without the feature the crate is empty, so that a
 //! workspace is built without either.
