@@ -1,7 +1,8 @@
 //! The command line and its help texts.
 
 use crate::commands::{Command, GROUPS};
-use clap::{CommandFactory, FromArgMatches, Parser};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
 
 /// The whole command line.
@@ -31,12 +32,19 @@ use std::ffi::OsString;
 pub struct CommandLine {
     #[command(subcommand)]
     pub command: Command,
+    /// The command's words that have a say in its results.
+    #[arg(skip)]
+    pub settings: String,
 }
+
+/// Arguments without a say in results: the folder for these, how fast they come, and what is said of them.
+const SILENT: [&str; 6] = ["out", "threads", "json", "live", "if_complete", "save_every"];
 
 impl CommandLine {
     /// Parses the words of a command line, whose first is the program's name.
     pub fn of(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Self, clap::Error> {
-        Self::from_arg_matches(&Self::grouped().try_get_matches_from(words)?)
+        let matches = Self::grouped().try_get_matches_from(words)?;
+        Ok(Self { settings: settings(&matches), ..Self::from_arg_matches(&matches)? })
     }
 
     /// The program, whose help lists the commands in groups.
@@ -59,6 +67,18 @@ impl CommandLine {
         );
         program.help_template(template)
     }
+}
+
+/// The name of the command and its arguments, a line each.
+fn settings(matches: &ArgMatches) -> String {
+    let Some((name, arguments)) = matches.subcommand() else { return String::new() };
+    let given = arguments.ids().filter(|id| !SILENT.contains(&id.as_str()));
+    let given = given.filter(|id| arguments.value_source(id.as_str()) == Some(ValueSource::CommandLine));
+    let line = |id: &clap::Id| {
+        let values = arguments.try_get_raw(id.as_str()).ok().flatten().into_iter().flatten();
+        format!("{id} {:?}\n", values.collect::<Vec<_>>())
+    };
+    given.fold(format!("{name}\n"), |text, id| text + &line(id))
 }
 
 /// A flag of a command.

@@ -13,12 +13,17 @@ mod eval;
 mod fit;
 mod infer;
 mod info;
+mod merge;
+mod plan;
 mod reconstruct;
 mod render;
+mod split;
 mod train;
 mod view;
 
+use crate::flags::{CompleteFlag, IfComplete};
 use clap::Subcommand;
+use std::path::PathBuf;
 use weaver_command::{Console, Failure, Interrupt};
 
 /// Makes the commands of their table: the enum that clap parses into, the groups of the help, and the call.
@@ -44,6 +49,44 @@ macro_rules! table {
     };
 }
 
+/// A command as a unit of work.
+pub struct Unit {
+    /// Folder of the results.
+    pub out: PathBuf,
+    /// Files and folders that it reads.
+    pub inputs: Vec<PathBuf>,
+    /// The command that goes on with a fit which was begun in the folder, if it makes one.
+    pub resume: Option<Command>,
+}
+
+impl Command {
+    /// The command as a unit of work, if it is to be one.
+    ///
+    /// # Errors
+    /// When it has no folder of its own.
+    pub fn unit(&self) -> Result<Option<Unit>, Failure> {
+        let resumed = |out: &PathBuf, json, threads| {
+            Some(Self::Fit(fit::Fit { resume: Some(out.clone()), json, threads, ..fit::Fit::default() }))
+        };
+        let unit = |complete: &CompleteFlag, out: &PathBuf, inputs: &[PathBuf], resume| {
+            complete.if_complete.map(|IfComplete::Skip| Unit { out: out.clone(), inputs: inputs.to_vec(), resume })
+        };
+        Ok(match self {
+            Self::Reconstruct(it) => {
+                unit(&it.complete, &it.out, &it.photos, resumed(&it.out, it.json, it.threads.threads))
+            }
+            Self::Cameras(it) => unit(&it.complete, &it.out, &it.photos, None),
+            Self::Infer(it) => unit(&it.complete, &it.out, &it.images, None),
+            Self::Fit(it) if it.complete.if_complete.is_some() => {
+                let out =
+                    it.out.as_ref().ok_or_else(|| Failure::Usage("--if-complete: expected --out with it".into()))?;
+                unit(&it.complete, out, it.capture.as_slice(), resumed(out, it.json, it.threads))
+            }
+            _ => None,
+        })
+    }
+}
+
 /// Calls what a row names; this signature tells its types.
 fn call<A>(
     run: impl FnOnce(&A, &mut Console, &Interrupt) -> Result<(), Failure>,
@@ -60,6 +103,9 @@ table! {
         Cameras(cameras::Cameras) => |it, console, _| cameras::run(it, console),
         Fit(fit::Fit) => fit::run,
         Infer(infer::Infer) => infer::run,
+        Split(split::Split) => |it, console, _| split::run(it, console),
+        Merge(merge::Merge) => |it, console, _| merge::run(it, console),
+        Plan(plan::Plan) => |it, console, _| plan::run(it, console),
     }
     "Look": {
         View(view::View) => view::run,

@@ -71,7 +71,7 @@ fn of_run(error: &(dyn Error + 'static)) -> Option<FailureKind> {
             Fit::Raster(inner) => of_library(inner),
             Fit::Capture(inner) => of_library(inner),
             Fit::Run(inner) => of_run(inner),
-            Fit::View(_) | Fit::Photos { .. } => Some(FailureKind::Input),
+            Fit::View(_) | Fit::Photos { .. } | Fit::Blocks { .. } => Some(FailureKind::Input),
             _ => Some(FailureKind::File),
         };
     }

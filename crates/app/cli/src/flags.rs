@@ -1,6 +1,7 @@
 //! Flags that several commands have.
 
 mod cameras;
+mod complete;
 mod density;
 mod hold_out;
 mod level;
@@ -11,6 +12,7 @@ mod rate;
 mod refine;
 
 pub use cameras::CameraChoice;
+pub use complete::{CompleteFlag, IfComplete};
 pub use density::DensityFlags;
 pub use hold_out::hold_out;
 pub use level::level;

@@ -11,9 +11,11 @@ mod ffmpeg;
 mod flags;
 mod gif;
 mod old_names;
+mod processes;
 mod reference;
 mod refine;
 mod request;
+mod units;
 mod video;
 
 pub use ffmpeg::end_all as end_programs;

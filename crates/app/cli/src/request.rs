@@ -1,8 +1,7 @@
 //! A command with its settings, said in words or by name.
 
 use crate::command_line::CommandLine;
-use crate::commands::Command;
-use crate::{FailureKind, Refusal};
+use crate::{FailureKind, Refusal, units};
 use clap::{Arg, ArgAction, CommandFactory};
 use std::ffi::OsString;
 use weaver_command::{Console, Failure, Interrupt};
@@ -12,7 +11,7 @@ use weaver_kernels::simd;
 ///
 /// The settings are one struct for each command, which clap fills; so defaults, limits and messages are the same whoever asks.
 #[derive(Debug)]
-pub struct Request(Command);
+pub struct Request(CommandLine);
 
 /// The value of a setting that is given by name.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,7 +30,7 @@ impl Request {
     /// # Errors
     /// Wrong usage, and the texts that `--help` and `--version` ask for.
     pub fn of_words(words: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
-        CommandLine::of(words).map(|line| Self(line.command))
+        CommandLine::of(words).map(Self)
     }
 
     /// Takes settings by name: a flag's long one with `_` for `-`, or a place's as the struct of the command has it.
@@ -71,7 +70,7 @@ impl Request {
     /// Runs the command; what it prints goes to the console.
     pub(crate) fn carry_out(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
         simd::requested_level().map_err(Failure::Usage)?;
-        self.0.run(console, interrupt)
+        units::run(&self.0.command, &self.0.settings, console, interrupt)
     }
 
     /// Runs the command, for programs that have no exit code.

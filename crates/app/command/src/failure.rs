@@ -1,5 +1,6 @@
 //! Failures of a command: a one-line message and an exit code.
 
+use crate::too_little::TooLittle;
 use std::error::Error;
 use std::io;
 use weaver_io::Advice;
@@ -9,10 +10,31 @@ use weaver_io::Advice;
 pub enum Failure {
     /// Wrong usage: exit code 2.
     Usage(String),
-    /// Something went wrong: exit code 1.
+    /// Something went wrong: exit code 1, or 75 where another machine, or the same one later, may do better: too little memory, a full
+    /// disk, a file system that does not answer.
     Error(Box<dyn Error + Send + Sync>),
     /// Standard output was closed, as by `head`: exit code 0.
     OutputClosed,
+}
+
+/// The exit code of failures that are the machine's: `EX_TEMPFAIL` of sysexits.
+const MACHINE: u8 = 75;
+
+/// True if a failure is the machine's and not that of what it was given.
+fn is_of_machine(error: &(dyn Error + 'static)) -> bool {
+    use io::ErrorKind as Kind;
+    let kind = error.downcast_ref::<io::Error>().map(io::Error::kind);
+    let passing = [
+        Kind::StorageFull,
+        Kind::QuotaExceeded,
+        Kind::OutOfMemory,
+        Kind::TimedOut,
+        Kind::StaleNetworkFileHandle,
+        Kind::ResourceBusy,
+    ];
+    kind.is_some_and(|kind| passing.contains(&kind))
+        || error.is::<TooLittle>()
+        || error.source().is_some_and(is_of_machine)
 }
 
 impl<E: Error + Send + Sync + 'static> From<E> for Failure {
@@ -40,8 +62,10 @@ impl Failure {
         match self {
             Self::OutputClosed => 0,
             Self::Error(error) => match Advice::of(error.as_ref()) {
-                None | Some(Advice::LessMemory { .. }) => 1,
+                Some(Advice::LessMemory { .. }) => MACHINE,
                 Some(_) => 2,
+                None if is_of_machine(error.as_ref()) => MACHINE,
+                None => 1,
             },
             Self::Usage(_) => 2,
         }
@@ -144,7 +168,20 @@ mod tests {
         assert_eq!(says("a", Advice::Complete), (2, "a: expected more".into()));
         assert_eq!(says("a", Advice::OtherOutput), (2, "a: expected more; give another --out".into()));
         let (code, line) = says("a", Advice::LessMemory { gaussians: true });
-        assert!(code == 1 && line.contains("--geometry"), "{line}");
+        assert!(code == 75 && line.contains("--geometry"), "{line}");
+    }
+
+    #[test]
+    fn failures_of_the_machine_may_be_tried_again() {
+        #[derive(Debug, thiserror::Error)]
+        #[error("a.ply: {source}")]
+        struct Writing {
+            source: io::Error,
+        }
+        let code = |kind: io::ErrorKind| Failure::from(Writing { source: kind.into() }).exit_code();
+        assert_eq!([io::ErrorKind::StorageFull, io::ErrorKind::NotFound].map(code), [75, 1]);
+        let little = TooLittle { needed: 2, available: 1, advice: String::new() };
+        assert_eq!(Failure::from(little).exit_code(), 75);
     }
 
     #[test]

@@ -20,6 +20,11 @@ impl Interrupt {
         !self.requested.swap(true, Ordering::Relaxed) && self.watched.load(Ordering::Relaxed)
     }
 
+    /// True if a stop was requested.
+    pub fn is_requested(&self) -> bool {
+        self.requested.load(Ordering::Relaxed)
+    }
+
     /// The flag that a job promises to check from now on.
     pub fn watch(&self) -> &AtomicBool {
         self.watched.store(true, Ordering::Relaxed);

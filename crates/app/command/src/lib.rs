@@ -13,6 +13,8 @@ mod interrupt;
 pub mod memory;
 mod progress;
 mod threads;
+mod too_little;
+mod words;
 
 pub use console::{Console, Part};
 pub use drawing::DrawingOptions;
@@ -22,6 +24,7 @@ pub use flags::{DeviceFlag, MOST_SEED, MOST_THREADS, Threads, choice};
 pub use interrupt::Interrupt;
 pub use progress::{Progress, duration};
 pub use threads::in_pool;
+pub use words::quoted;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

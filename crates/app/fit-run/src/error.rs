@@ -1,6 +1,7 @@
 //! What can go wrong with a run.
 
 use std::path::PathBuf;
+use weaver_blocks::BlockError;
 use weaver_fit::FitError;
 
 /// Why a run cannot begin or go on.
@@ -19,6 +20,14 @@ pub enum RunError {
     /// The capture could not be read.
     #[error(transparent)]
     Capture(#[from] weaver_data::Error),
+    /// The capture cannot be cut into blocks.
+    #[error("{}: {source}", capture.display())]
+    Blocks {
+        /// The capture.
+        capture: PathBuf,
+        /// The reason.
+        source: BlockError,
+    },
     /// The page of the scene cannot be made.
     #[error(transparent)]
     View(#[from] weaver_view::ViewError),

@@ -16,6 +16,7 @@
 //!
 //! [`Run`] is such a fit, [`RunSettings`] what is asked of it, [`plan`](fn@plan) what it would take.
 
+pub mod blocks;
 mod compressed;
 mod coverage;
 mod error;

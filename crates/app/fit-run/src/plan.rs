@@ -3,6 +3,7 @@
 use crate::{RunError, RunSettings};
 use weaver_data::posed;
 use weaver_fit::FitSettings;
+use weaver_geometry::Camera;
 use weaver_geometry::sh::coefficients;
 
 /// Memory and size of a run.
@@ -30,6 +31,27 @@ const RASTERIZER: (u64, u64, u64) = (360, 360, 22_000_000);
 const GAUSSIANS: (f64, usize, usize) = (0.4, 5_000, 1_000_000);
 
 impl Plan {
+    /// Plans a run of photos with these cameras, of which some are held out.
+    pub(crate) fn of(cameras: &[(Camera, bool)], masks: bool, fit: &FitSettings) -> Self {
+        let pixels = |camera: &Camera| (camera.width * camera.height) as u64;
+        let held_out = cameras.iter().filter(|(_, held_out)| *held_out).count();
+        let bytes_of_pixel = 3 + u64::from(masks);
+        let all: u64 = cameras.iter().map(|(camera, _)| pixels(camera)).sum();
+        let largest = cameras.iter().map(|(camera, _)| camera).max_by_key(|camera| pixels(camera));
+        let size = largest.map_or([0, 0], |camera| [camera.width, camera.height]);
+        let numbers = 3 + 3 + 4 + 1 + 3 * coefficients(fit.sh_degree) as u64;
+        let n = fit.gaussians as u64;
+        Self {
+            training: cameras.len() - held_out,
+            held_out,
+            size,
+            photos: all * bytes_of_pixel * 4 / 3,
+            // Values, two moments, gradients; a checkpoint copies the first three.
+            gaussians: n * numbers * 4 * (4 + 3),
+            rasterizer: n * RASTERIZER.0 + (size[0] * size[1]) as u64 * RASTERIZER.1 + RASTERIZER.2,
+        }
+    }
+
     /// Settings of a fit when none are given: with a budget of Gaussians by the photos' size, and transients left out.
     pub fn usual(&self) -> FitSettings {
         let (per_pixel, least, most) = GAUSSIANS;
@@ -50,21 +72,6 @@ impl Plan {
 /// When they cannot be read.
 pub fn plan(settings: &RunSettings) -> Result<Plan, RunError> {
     let cameras = posed::cameras(&settings.capture, &settings.posed_options())?;
-    let pixels = |camera: &weaver_geometry::Camera| (camera.width * camera.height) as u64;
-    let held_out = cameras.iter().filter(|(_, held_out)| *held_out).count();
-    let bytes_of_pixel = 3 + u64::from(settings.masks);
-    let all: u64 = cameras.iter().map(|(camera, _)| pixels(camera)).sum();
-    let largest = cameras.iter().map(|(camera, _)| camera).max_by_key(|camera| pixels(camera));
-    let size = largest.map_or([0, 0], |camera| [camera.width, camera.height]);
-    let numbers = 3 + 3 + 4 + 1 + 3 * coefficients(settings.fit.sh_degree) as u64;
-    let n = settings.fit.gaussians as u64;
-    Ok(Plan {
-        training: (cameras.len() - held_out).min(settings.views.unwrap_or(usize::MAX)),
-        held_out,
-        size,
-        photos: all * bytes_of_pixel * 4 / 3,
-        // Values, two moments, gradients; a checkpoint copies the first three.
-        gaussians: n * numbers * 4 * (4 + 3),
-        rasterizer: n * RASTERIZER.0 + (size[0] * size[1]) as u64 * RASTERIZER.1 + RASTERIZER.2,
-    })
+    let plan = Plan::of(&cameras, settings.masks, &settings.fit);
+    Ok(Plan { training: plan.training.min(settings.views.unwrap_or(usize::MAX)), ..plan })
 }

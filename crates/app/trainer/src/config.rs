@@ -72,11 +72,21 @@ pub struct OptimizerConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub ema: Option<f64>,
+    /// Batches of a step, each of the stage's tuples, whose gradients are averaged: a larger batch in the memory of one. Processes of one
+    /// run share them.
+    #[serde(default = "one")]
+    #[schemars(range(min = 1, max = MOST_VIEWS))]
+    pub accumulate: usize,
+}
+
+/// Batches of a step in configurations that do not say.
+fn one() -> usize {
+    1
 }
 
 impl Default for OptimizerConfig {
     fn default() -> Self {
-        Self { beta1: 0.9, beta2: 0.99, epsilon: 1e-8, weight_decay: 0.02, clip: 1.0, ema: Some(0.998) }
+        Self { beta1: 0.9, beta2: 0.99, epsilon: 1e-8, weight_decay: 0.02, clip: 1.0, ema: Some(0.998), accumulate: 1 }
     }
 }
 

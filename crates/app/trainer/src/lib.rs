@@ -16,6 +16,7 @@ mod initial;
 mod looks;
 pub mod losses;
 pub mod observe;
+mod ranks;
 mod recipe;
 mod registry;
 mod rows;
@@ -36,6 +37,7 @@ pub use figures::{AlignedFigures, CameraFigures, Evaluation, LookFigures, SceneF
 pub use looks::LooksConfig;
 pub use losses::Terms;
 pub use observe::Observer;
+pub use ranks::{Alone, Ranks};
 pub use recipe::{LossSection, NoSettings, Recipe, Section, Step};
 pub use registry::{
     ConfigSource, EvalOptions, MatchingOverride, ModelEntry, OpenRun, Registry, ResolvedConfig, Source, Training,

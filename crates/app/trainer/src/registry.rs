@@ -3,8 +3,8 @@
 use crate::evaluate::{Matching, Options};
 use crate::session::SAMPLES;
 use crate::{
-    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, LookOf, Observer, Recipe, Session, Summary, Targets,
-    TrainingState, evaluate, initial, scenes,
+    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, LookOf, Observer, Ranks, Recipe, Session, Summary,
+    Targets, TrainingState, evaluate, initial, scenes,
 };
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -117,6 +117,18 @@ pub trait Training: Send {
     /// See [`Session::trace_to`].
     fn trace_to(&mut self, path: &Path);
 
+    /// See [`Session::share`].
+    ///
+    /// # Errors
+    /// When the processes do not hold the same run, or there are too many.
+    fn share(&mut self, ranks: Arc<dyn Ranks>) -> Result<(), Error>;
+
+    /// See [`Session::follow`].
+    ///
+    /// # Errors
+    /// When a loss diverges.
+    fn follow(&mut self) -> Result<(), Error>;
+
     /// See [`Session::dry_run`].
     ///
     /// # Errors
@@ -148,6 +160,14 @@ impl<R: Recipe> Training for Session<R> {
 
     fn trace_to(&mut self, path: &Path) {
         self.trace_to(path);
+    }
+
+    fn share(&mut self, ranks: Arc<dyn Ranks>) -> Result<(), Error> {
+        self.share(ranks)
+    }
+
+    fn follow(&mut self) -> Result<(), Error> {
+        self.follow()
     }
 
     fn dry_run(self: Box<Self>, folder: &Folder) -> Result<DryRun, Error> {

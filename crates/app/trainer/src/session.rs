@@ -1,5 +1,6 @@
 //! The training loop.
 
+mod batches;
 mod examples;
 mod frozen;
 mod plan;
@@ -11,7 +12,8 @@ use crate::dry_run::{DryRun, Probe};
 use crate::evaluate::{self, Options};
 use crate::losses::ImageNetworks;
 use crate::sources::Sources;
-use crate::{Config, Error, Recipe, StageConfig, Step, TrainedRows, TrainingState, initial, scenes};
+use crate::{Alone, Config, Error, Ranks, Recipe, StageConfig, Step, TrainedRows, TrainingState, initial, scenes};
+use batches::Batch;
 use std::path::Path;
 use std::sync::Arc;
 use weaver_autograd::{OpTime, Params, Tape};
@@ -42,6 +44,8 @@ pub struct Session<R: Recipe> {
     /// Checksums of the inputs.
     sources: Sources,
     networks: ImageNetworks,
+    /// The processes that share a step.
+    ranks: Arc<dyn Ranks>,
     /// Steps done.
     step: usize,
     /// Measurement under way, if there is one.
@@ -113,6 +117,7 @@ impl<R: Recipe> Session<R> {
             workspaces,
             sources,
             networks,
+            ranks: Arc::new(Alone),
             step: 0,
             probe: None,
         })
@@ -226,8 +231,8 @@ impl<R: Recipe> Session<R> {
         self.update(pending).map(Some)
     }
 
-    /// The first part of a step: tuples, forward and backward pass. The gradients are on the tape afterward; `None` when
-    /// the run is finished.
+    /// The first part of a step: tuples, forward and backward pass, of one batch after the other. The gradients, averaged over the
+    /// batches of all processes, are on the tape afterward; `None` when the run is finished.
     ///
     /// # Errors
     /// When a loss is not a number, or a parameter that should be trained received no gradient.
@@ -253,15 +258,33 @@ impl<R: Recipe> Session<R> {
         if let Some(probe) = &mut self.probe {
             probe.begin(&stage.name, stage.steps, local, &self.tape);
         }
-        let examples = self.examples(&stage)?;
+        let pending = if self.config.optimizer.accumulate > 1 {
+            self.averaged_batches(&stage, position)?
+        } else {
+            let Batch { loss, terms, gaussians_per_pixel } = self.batch(&stage, position, 0)?;
+            PendingStep { position, loss, terms, gaussians_per_pixel }
+        };
+        if local == 0 {
+            self.check_gradients(&stage)?;
+        }
+        Ok(Some(pending))
+    }
+
+    /// Tuples, forward and backward pass of one batch of the step, whose gradients are then those on the tape.
+    fn batch(&mut self, stage: &StageConfig<R>, position: Position, number: usize) -> Result<Batch, Error> {
+        let Position { stage: index, local } = position;
+        self.tape.reset();
+        // The first batch of a step that has no other draws what the step's number says.
+        let draw = self.step * self.config.optimizer.accumulate + number;
+        let examples = self.examples(stage, draw)?;
         self.probe.iter_mut().for_each(|probe| probe.done("tuples"));
         let step = Step {
             config: &self.config,
-            stage: &stage,
+            stage,
             local,
             networks: &self.networks,
             workspaces: &self.workspaces,
-            stream: Stream::new(self.config.seed, self.step as u64, "allocation"),
+            stream: Stream::new(self.config.seed, draw as u64, "allocation"),
         };
         let cx = Context::new(&self.tape, &self.params).recomputing(stage.recompute);
         let terms = R::objective(cx, &self.network, &step, &examples)?;
@@ -289,16 +312,12 @@ impl<R: Recipe> Session<R> {
         total.backward();
         self.check_drawing()?;
         self.probe.iter_mut().for_each(|probe| probe.done("backward"));
-        if local == 0 {
-            self.check_gradients(&stage)?;
-        }
         let gaussians_per_pixel = terms.gaussians_per_pixel;
-        Ok(Some(PendingStep { position, loss, terms: values, gaussians_per_pixel }))
+        Ok(Batch { loss, terms: values, gaussians_per_pixel })
     }
 
     /// Lets `average` change the gradient of each parameter, in the order of the parameters, between
-    /// [`Session::gradients`] and [`Session::update`]. With several processes that train on different tuples, this is
-    /// where each replaces its gradient by the mean over all of them.
+    /// [`Session::gradients`] and [`Session::update`]: where a trainer of one's own has something to say about them.
     pub fn reduce(&mut self, mut average: impl FnMut(&mut [f32])) {
         for id in self.params.ids() {
             if let Some(gradient) = self.tape.param_grad_mut(id) {

@@ -36,6 +36,11 @@ impl Sources {
         Ok(Self(all))
     }
 
+    /// The checksums by key.
+    pub fn entries(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.0.iter().map(|(key, sum)| (key.as_str(), sum.as_str()))
+    }
+
     /// As a checkpoint has them.
     pub fn to_json(&self) -> String {
         serde_json::to_string(&self.0).expect("text by text is plain data")

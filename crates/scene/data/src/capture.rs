@@ -26,6 +26,7 @@ mod photo_cameras;
 pub mod posed;
 mod realestate;
 mod sparse;
+mod survey;
 mod visible;
 
 use crate::unreadable::{Fault, Needed, without_unreadable};
@@ -36,6 +37,7 @@ use photo::{Photo, Photos, straight, straight_camera};
 pub use photo_cameras::{PhotoCameras, load_camera_files, load_cameras};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+pub use survey::{Survey, SurveyedPhoto, survey};
 use visible::visible_points;
 use weaver_geometry::Camera;
 use weaver_io::{Image, PhotoFile};

@@ -2,7 +2,7 @@
 
 use crate::clip;
 use crate::estimate::{COMMAND, Estimated, compared, estimated};
-use crate::flags::{ClipFlags, MatchingFlags};
+use crate::flags::{ClipFlags, CompleteFlag, MatchingFlags};
 use clap::Args;
 use std::path::PathBuf;
 use weaver_command::{Console, Failure, Threads, in_pool};
@@ -36,6 +36,8 @@ pub struct Cameras {
     pub clip: ClipFlags,
     #[command(flatten)]
     pub matching: MatchingFlags,
+    #[command(flatten)]
+    pub complete: CompleteFlag,
     #[command(flatten)]
     pub threads: Threads,
 }

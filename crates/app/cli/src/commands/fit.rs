@@ -8,7 +8,7 @@ pub use course::{Means, VIEW, begin, print};
 use super::convert::scene_format;
 use crate::clip;
 use crate::estimate::estimated_capture;
-use crate::flags::{CameraChoice, ClipFlags, MatchingFlags, hold_out, level, minutes};
+use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
 use clap::Args;
 use course::finish;
 use initial::Start;
@@ -62,7 +62,7 @@ pub struct Fit {
     #[arg(long, value_name = "S", help_heading = RUN)]
     pub seed: Option<u64>,
     /// Goes on with this run, with its own settings
-    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run"])]
+    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run", "if_complete"])]
     pub resume: Option<PathBuf>,
     /// Says what the run would take, and writes nothing
     #[arg(long, help_heading = RUN)]
@@ -73,6 +73,8 @@ pub struct Fit {
     /// Time between checkpoints, at least
     #[arg(long, value_name = "SECONDS", default_value_t = SAVE_EVERY, value_parser = pause, help_heading = RUN)]
     pub save_every: f64,
+    #[command(flatten)]
+    pub complete: CompleteFlag,
     #[command(flatten)]
     pub device: DeviceFlag,
     /// Threads. Does not change results [default: one per core]
@@ -213,6 +215,16 @@ fn fit(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<
     let settings = settings(arguments, (capture, listed(hold_out)), &means.initial)?;
     let outcome = begin(settings, means, out, console, interrupt)?;
     print(&outcome, &folder, arguments.json, console)
+}
+
+/// Minutes of a fit, if its time is given, and bytes, if its cameras are there.
+pub fn estimate(arguments: &Fit) -> Result<(Option<f64>, Option<u64>), Failure> {
+    let minutes = arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES));
+    let given = matches!(arguments.cameras, None | Some(CameraChoice::Given));
+    let Some(capture) = arguments.capture.clone().filter(|_| given) else { return Ok((minutes, None)) };
+    let initial = Start::of(arguments.init.as_deref())?;
+    let settings = settings(arguments, (capture, arguments.hold_out.unwrap_or_default()), &initial)?;
+    Ok((minutes, Some(plan(&settings)?.total())))
 }
 
 /// The photos that are held out of an estimated capture, which lists its photos for testing.

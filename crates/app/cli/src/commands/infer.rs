@@ -4,7 +4,7 @@ use super::fit::VIEW;
 use super::view::{self, Seen};
 use crate::clip;
 use crate::estimate::{cameras_folder, estimated};
-use crate::flags::{CameraChoice, ClipFlags, DensityFlags, LightFlags, MatchingFlags, RefineFlags};
+use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, DensityFlags, LightFlags, MatchingFlags, RefineFlags};
 use crate::refine::refined;
 use clap::{ArgGroup, Args};
 use serde_json::json;
@@ -95,6 +95,8 @@ pub struct Infer {
     /// Writes no view.html, the page to look at the scene
     #[arg(long)]
     pub no_html: bool,
+    #[command(flatten)]
+    pub complete: CompleteFlag,
     #[command(flatten)]
     pub threads: Threads,
 }

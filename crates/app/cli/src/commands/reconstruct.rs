@@ -3,7 +3,7 @@
 use super::fit;
 use crate::clip;
 use crate::estimate::estimated_capture;
-use crate::flags::{ClipFlags, MatchingFlags, hold_out, level, minutes};
+use crate::flags::{ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -67,6 +67,8 @@ pub struct Reconstruct {
     pub clip: ClipFlags,
     #[command(flatten)]
     pub matching: MatchingFlags,
+    #[command(flatten)]
+    pub complete: CompleteFlag,
     #[command(flatten)]
     pub threads: Threads,
 }

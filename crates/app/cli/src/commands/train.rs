@@ -1,13 +1,15 @@
 //! `splatweaver train`.
 
+use crate::processes::Processes;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use weaver_command::{
     Console, DeviceFlag, Failure, Interrupt, MOST_SEED, MOST_THREADS, Progress, device, duration, in_pool,
 };
 use weaver_inference::RunFolder;
 use weaver_trainer::{
-    ConfigSource, Error, Folder, Observer, ResolvedConfig, StepReport, Summary, Training, claim_run, reclaim_run,
+    ConfigSource, Error, Folder, Observer, Ranks, ResolvedConfig, StepReport, Summary, Training, claim_run, reclaim_run,
 };
 
 /// Headings of groups of flags.
@@ -86,6 +88,41 @@ pub struct Train {
 }
 
 pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let processes = Processes::launched();
+    let ranks = processes.as_ref().map(Processes::ranks);
+    let done = run_in(arguments, ranks.as_ref(), console, interrupt);
+    if let (Some(processes), Some(ranks), Err(failure)) = (&processes, &ranks, &done) {
+        // The others would wait for this one.
+        let line = failure.line().unwrap_or_default();
+        console.note(&format!("error: process {} of {}: {line}", ranks.rank(), ranks.size()));
+        processes.abort(failure.exit_code());
+    }
+    done
+}
+
+/// Trains alone, or with the other processes.
+fn run_in(
+    arguments: &Train,
+    ranks: Option<&Arc<dyn Ranks>>,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    // The first process alone has a folder and says how it goes.
+    let follows = ranks.is_some_and(|ranks| ranks.rank() > 0);
+    if follows && arguments.dry_run {
+        return Ok(());
+    }
+    let writes = !(arguments.dry_run || follows);
+    let joined = |mut session: Box<dyn Training>| -> Result<Option<Box<dyn Training>>, Failure> {
+        if let Some(ranks) = ranks.filter(|_| !arguments.dry_run) {
+            session.share(ranks.clone())?;
+        }
+        if follows {
+            session.follow()?;
+            return Ok(None);
+        }
+        Ok(Some(session))
+    };
     let registry = weaver_recipes::registry();
     let rasterizer = device::rasterizer(&arguments.device)?;
     if let Some(path) = &arguments.resume {
@@ -93,10 +130,11 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
         let entry = registry.of_run(&folder)?;
         let config = entry.read(&folder)?;
         check_trace(arguments, &config)?;
-        let claimed = if arguments.dry_run { None } else { Some(reclaim_run(path)?) };
+        let claimed = writes.then(|| reclaim_run(path)).transpose()?;
         return in_pool(arguments.threads.map(usize::from).or(config.threads), || {
             let mut session = entry.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
             session.draw_by(rasterizer);
+            let Some(session) = joined(session)? else { return Ok(()) };
             let Some(claimed) = &claimed else {
                 return dry_run(session, &config, console);
             };
@@ -118,10 +156,11 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
     let path = arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), &config.preset));
     check_trace(arguments, &config)?;
     // Claimed before anything is read; nothing is left behind when the data cannot be.
-    let claimed = if arguments.dry_run { None } else { Some(claim_run(&path, &config)?) };
+    let claimed = writes.then(|| claim_run(&path, &config)).transpose()?;
     in_pool(config.threads, || {
         let mut session = entry.start(&config)?;
         session.draw_by(rasterizer);
+        let Some(session) = joined(session)? else { return Ok(()) };
         let Some(claimed) = &claimed else {
             return dry_run(session, &config, console);
         };
@@ -143,7 +182,10 @@ fn dry_run(session: Box<dyn Training>, config: &ResolvedConfig, console: &mut Co
     let measured = session.dry_run(&folder);
     drop(folder);
     std::fs::remove_dir_all(&path)?;
-    console.print(&measured?.to_string())?;
+    let measured = measured?;
+    console.print(&measured.to_string())?;
+    let megabytes = measured.parameters as f64 / 1e6;
+    console.print(&format!("{:<28}{megabytes:>9.1} MB a step, each way, with several", "between processes"))?;
     if let Some(peak) = weaver_io::peak_mb() {
         console.print(&format!("{:<28}{peak:>9.1} MB, photos and program included", "peak"))?;
     }

@@ -2,6 +2,7 @@
 
 mod align;
 mod bench;
+mod blocks;
 mod capture;
 mod checkpoints;
 #[cfg(unix)]
@@ -27,6 +28,8 @@ mod left_behind;
 mod lift;
 mod lpips;
 mod masks;
+#[cfg(feature = "mpi")]
+mod mpi;
 mod outputs;
 mod plan;
 mod process;
@@ -36,6 +39,7 @@ mod render;
 mod run;
 mod teacher;
 mod two_experts;
+mod units;
 mod vad;
 mod video;
 mod view;

@@ -27,11 +27,15 @@ class _Matching(_Shared, total=False):
 
 
 class CamerasOptions(_Matching, total=False):
+    #: "skip": complete results stay as they are, what was begun goes on.
+    if_complete: str
     frames: int
     compare: Path
 
 
 class ReconstructOptions(_Matching, total=False):
+    #: "skip": complete results stay as they are, what was begun goes on.
+    if_complete: str
     frames: int
     #: "listed", "none" or every so many.
     hold_out: Union[str, int]
@@ -42,6 +46,8 @@ class ReconstructOptions(_Matching, total=False):
 
 
 class FitOptions(_Matching, total=False):
+    #: "skip": complete results stay as they are, what was begun goes on.
+    if_complete: str
     least_steps: int
     init: Path
     resume: Path
@@ -72,6 +78,8 @@ class FitOptions(_Matching, total=False):
 
 
 class InferOptions(_Matching, total=False):
+    #: "skip": complete results stay as they are, what was begun goes on.
+    if_complete: str
     size: Union[int, str]
     keep_aspect: bool
     geometry: bool

@@ -8,18 +8,18 @@ use weaver_kernels::random::Stream;
 const MOST_DRAWN: usize = 1000;
 
 impl<R: Recipe> Session<R> {
-    /// The step's examples.
-    pub(super) fn examples(&mut self, stage: &StageConfig<R>) -> Result<Vec<Example>, Error> {
+    /// The examples of the run's batch number `draw`.
+    pub(super) fn examples(&mut self, stage: &StageConfig<R>, draw: usize) -> Result<Vec<Example>, Error> {
         let d = &self.config.data;
         let count = R::tuples(stage);
-        let (sampler, context) = (d.sampler(), d.context_of(self.config.seed, self.step));
+        let (sampler, context) = (d.sampler(), d.context_of(self.config.seed, draw));
         let (scenes, layouts) = match self.fresh.scenes(self.step) {
             Some(fresh) => fresh,
             None => (&self.scenes[..], &self.layouts[..]),
         };
-        let stream = Stream::new(self.config.seed, self.step as u64, "tuples");
-        let variation = Stream::new(self.config.seed, self.step as u64, "augmentation");
-        let looks = Stream::new(self.config.seed, self.step as u64, "looks");
+        let stream = Stream::new(self.config.seed, draw as u64, "tuples");
+        let variation = Stream::new(self.config.seed, draw as u64, "augmentation");
+        let looks = Stream::new(self.config.seed, draw as u64, "looks");
         // A tuple that tells no scale is left out, and the next one that the step would have drawn takes its place.
         let drawn = (0..count * MOST_DRAWN).map(|i| {
             let varied = variation.fork(i as u64);

@@ -29,6 +29,7 @@ impl<R: Recipe> Session<R> {
             }
             error => error,
         })?;
+        self.announce(false);
         if finished {
             self.sample(folder)?;
         }
@@ -97,6 +98,7 @@ impl<R: Recipe> Job for Session<R> {
 
     fn step(&mut self) -> Result<StepReport, Error> {
         let [step, _] = Job::steps(self);
+        self.announce(true);
         self.advance()?.ok_or_else(|| Error::Input(format!("step {step}: expected one of the run, which is complete")))
     }
 

@@ -6,6 +6,7 @@ mod pixel_cnn;
 
 mod augmentation;
 mod growing;
+mod ranks;
 mod resuming;
 mod scale;
 

@@ -1,0 +1,48 @@
+//! `splatweaver merge`.
+
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+use weaver_command::{Console, Failure};
+use weaver_fit_run::blocks::{Merged, merge};
+use weaver_io::{check_output_file, write_scene};
+
+/// Joins the fits of the blocks that `splatweaver split` made: of each what lies in its block.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver merge blocks -o scene.ply
+  splatweaver merge blocks -o scene.spz")]
+pub struct Merge {
+    /// Folder of the blocks, each with its fit in `fit`
+    #[arg(value_name = "BLOCKS")]
+    pub blocks: PathBuf,
+    /// The file to write, in the format of its name
+    #[arg(short, long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Prints what was done as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+pub fn run(arguments: &Merge, console: &mut Console) -> Result<(), Failure> {
+    let out = &arguments.out;
+    check_output_file(out, [] as [&PathBuf; 0])?;
+    let Merged { gaussians, drawing, background, fitted, remarks } = merge(&arguments.blocks)?;
+    remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
+    write_scene(out, &gaussians, drawing)?;
+    if arguments.json {
+        let report = json!({
+            "output": out.display().to_string(),
+            "gaussians": gaussians.len(),
+            "fitted": fitted,
+            "background": background,
+        });
+        return console.print(&serde_json::to_string_pretty(&report)?);
+    }
+    let [r, g, b] = background;
+    console.print(&format!(
+        "{} of {fitted} Gaussians stay, background {r:.3},{g:.3},{b:.3}: {}",
+        gaussians.len(),
+        out.display()
+    ))
+}
