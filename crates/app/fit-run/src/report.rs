@@ -111,7 +111,7 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
     Ok(page)
 }
 
-/// What other photos agree about, and the photos that stand alone.
+/// Tells the part of photos that others agree about, and which photos stand alone.
 fn coverage(outcome: &Outcome, page: &mut Page) {
     if outcome.coverage.is_empty() {
         return;

@@ -149,7 +149,7 @@ impl Run {
         &self.0.job.capture.colors
     }
 
-    /// How much of each photo others show too.
+    /// The part of each photo that others show too.
     pub fn coverage(&self) -> &Coverage {
         &self.0.job.capture.coverage
     }

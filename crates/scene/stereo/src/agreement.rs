@@ -1,11 +1,11 @@
 //! What photos agree about.
 
-use crate::depth::Found;
 use crate::picture::Picture;
+use crate::search::Found;
 use crate::warp::Warp;
 use weaver_kernels::parallel;
 
-/// What other photos agree about in a photo.
+/// Depth of a photo that other photos agree about.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Map {
     /// Inverse depth of each pixel; not a number where photos do not agree.

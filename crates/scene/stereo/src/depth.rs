@@ -3,9 +3,8 @@
 use crate::agreement::{Map, agree};
 use crate::patch::patches;
 use crate::picture::Picture;
-use crate::search::{Plane, Round, Search, Source, Task};
+use crate::search::{Found, Plane, Round, Search, Source, Task};
 use crate::sources::neighbors;
-use crate::surface::Surface;
 use crate::warp::Warp;
 use std::collections::VecDeque;
 use weaver_geometry::glam::DVec3;
@@ -91,11 +90,6 @@ impl Stereo {
         (self.maps[photo].w.iter().map(|w| 1.0 / w).collect(), [camera.height, camera.width])
     }
 
-    /// The surface that the photos agree about, each place in the photo that shows it best.
-    pub fn surface(&self) -> Surface<'_> {
-        Surface::of(self)
-    }
-
     /// The points that two photos see or more, and that no map shows.
     pub fn unexplained(&self) -> PointCloud {
         let mut seen_by = vec![0; self.points.len()];
@@ -130,15 +124,6 @@ impl Picture {
             at.z > 0.0 && pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < width as f64 && pixel.y < height as f64;
         inside.then(|| (pixel.y as usize * width + pixel.x as usize, (1.0 / at.z) as f32))
     }
-}
-
-/// Planes of a photo and their costs; empty for a photo without neighbors.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Found {
-    pub planes: Vec<Plane>,
-    pub costs: Vec<f32>,
-    /// The largest inverse depth that was tried.
-    pub most: f32,
 }
 
 struct Photos<'a> {

@@ -28,6 +28,15 @@ impl Plane {
     }
 }
 
+/// Planes of a photo and their costs; empty for a photo without neighbors.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Found {
+    pub planes: Vec<Plane>,
+    pub costs: Vec<f32>,
+    /// The largest inverse depth that was tried.
+    pub most: f32,
+}
+
 /// Another photo that shows the same.
 #[derive(Debug)]
 pub(crate) struct Source<'a> {
@@ -83,7 +92,7 @@ const FRESH: f32 = 0.3;
 /// The step to both sides from which the best inverse depth is interpolated, pixels between photos.
 const STEP: f32 = 0.25;
 
-/// What is to be done with all pixels.
+/// Work on all pixels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Task<'r> {
     /// Takes the best of the planes that are there and of so many fronto-parallel ones between these inverse depths.

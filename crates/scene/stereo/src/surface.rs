@@ -15,7 +15,7 @@ pub struct Surface<'a> {
 
 /// Logarithm of the ratio of depths up to which two photos show the same place.
 const SAME: f32 = 0.02;
-/// How much more densely another photo shows a place, below which the earlier photo keeps it.
+/// Factor on density below which the earlier of two photos keeps a place.
 const DENSER: f32 = 0.8;
 /// Standard deviation of a Gaussian over the side of its cell.
 const WIDTH: f64 = 0.6;
@@ -25,8 +25,15 @@ const SLANT: f64 = 3.0;
 const THIN: f64 = 0.3;
 const OPACITY: f32 = 0.9;
 
+impl Stereo {
+    /// The surface that the photos agree about, each place in the photo that shows it best.
+    pub fn surface(&self) -> Surface<'_> {
+        Surface::of(self)
+    }
+}
+
 impl<'a> Surface<'a> {
-    pub(crate) fn of(stereo: &'a Stereo) -> Self {
+    fn of(stereo: &'a Stereo) -> Self {
         let photos = 0..stereo.pictures.len();
         let density: Vec<Vec<f32>> = photos.clone().map(|n| density(stereo, n)).collect();
         let owned = photos.map(|n| owned(stereo, &density, n)).collect();
