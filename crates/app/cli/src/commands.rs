@@ -76,7 +76,7 @@ impl Command {
                 unit(&it.complete, &it.out, &it.photos, resumed(&it.out, it.json, it.threads.threads))
             }
             Self::Cameras(it) => unit(&it.complete, &it.out, &it.photos, None),
-            Self::Infer(it) => unit(&it.complete, &it.out, &it.images, None),
+            Self::Infer(it) => unit(&it.complete, &it.out, &it.photos, None),
             Self::Fit(it) if it.complete.if_complete.is_some() => {
                 let out =
                     it.out.as_ref().ok_or_else(|| Failure::Usage("--if-complete: expected --out with it".into()))?;
