@@ -4,16 +4,20 @@
 //! `study 3000 5000,15000 0,1,2 DATA/fox,DATA/bonsai 'split={}' 'even={"even":true}'`
 //!
 //! Beside the keys of [`FitSettings`], settings may hold `views` (so many of the training photos, evenly spread), `by_photos` (background
-//! and dropout follow from the photos, as in the command), `planted` (a thing of its own before every so many photos), and `even` (no density control, but
+//! and dropout follow from the photos, as in the command), `planted` (a thing of its own before every so many photos), `dense` (Gaussians begin on surfaces that
+//! photos agree about), and `even` (no density control, but
 //! all of the budget from the beginning: points that are too few are split evenly). A capture may end with `@SIDE`, the longest side of its photos.
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::Path;
+use std::time::Instant;
 use weaver_data::posed::{self, PosedOptions, PosedPhoto, PosedPhotos};
 use weaver_fit::{ColorAgreement, Fit, FitSettings, Judge, Photo, Quality, init, mean_color};
 use weaver_kernels::random::Stream;
+use weaver_scene::Gaussians;
+use weaver_stereo::{Stereo, StereoSettings};
 
 type Failure = Box<dyn Error + Send + Sync>;
 
@@ -26,7 +30,7 @@ struct Variant {
     even: bool,
     planted: Option<usize>,
     by_photos: bool,
-    dense: Option<Value>,
+    dense: bool,
     settings: Value,
 }
 
@@ -85,7 +89,7 @@ fn variant(argument: &str) -> Result<Variant, Failure> {
     let even = own.remove("even").is_some_and(|v| v == true);
     let planted = own.remove("planted").and_then(|v| v.as_u64()).map(|v| v as usize);
     let by_photos = own.remove("by_photos").is_some_and(|v| v == true);
-    let dense = own.remove("dense");
+    let dense = own.remove("dense").is_some_and(|v| v == true);
     Ok(Variant { name: name.into(), views, even, planted, by_photos, dense, settings })
 }
 
@@ -98,15 +102,13 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
         settings["density"]["strategy"] = json!("keep");
     }
     let mut settings: FitSettings = serde_json::from_value(settings)?;
-    let of = |held_out| capture.photos.iter().filter(move |p| p.held_out == held_out).map(photo).collect::<Vec<_>>();
-    let (mut training, test) = (of(false), of(true));
+    let (mut training, test): (Vec<&PosedPhoto>, Vec<&PosedPhoto>) = capture.photos.iter().partition(|p| !p.held_out);
     if let Some(views) = variant.views {
-        let all = training.len();
-        let mut chosen: Vec<bool> = vec![false; all];
-        (0..views.min(all)).for_each(|i| chosen[(2 * i + 1) * all / (2 * views.min(all))] = true);
-        let mut keep = chosen.into_iter();
-        training.retain(|_| keep.next() == Some(true));
+        let (all, views) = (training.len(), views.min(training.len()));
+        training = (0..views).map(|i| training[(2 * i + 1) * all / (2 * views)]).collect();
     }
+    let visible: Vec<Vec<u32>> = training.iter().map(|p| p.visible.clone()).collect();
+    let mut training: Vec<Photo> = training.into_iter().map(photo).collect();
     if variant.by_photos {
         settings.background = mean_color(&training);
         settings.dropout = FitSettings::dropout_for(training.len());
@@ -121,36 +123,12 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
     if variant.even {
         initial = init::divided(&initial, settings.gaussians, settings.seed);
     }
-    let visible: Vec<_> = capture.photos.iter().filter(|p| !p.held_out).map(|p| p.visible.clone()).collect();
-    if let Some(dense) = &variant.dense {
-        let n = |key: &str, usual: usize| dense.get(key).and_then(Value::as_u64).map_or(usual, |n| n as usize);
-        let options =
-            weaver_stereo::StereoSettings { long_side: n("side", 200), sources: n("sources", 3), seed: settings.seed };
-        let start = std::time::Instant::now();
-        let stereo = weaver_stereo::Stereo::of(&training, &capture.points, &visible, &options);
-        let coverage = stereo.coverage();
-        let seconds = start.elapsed().as_secs_f64();
-        let room = init::room(&settings);
-        let sparse = init::from_points(&stereo.unexplained(), &settings).unwrap_or_default();
-        let surface = stereo.surface();
-        let part = dense.get("part").and_then(Value::as_f64).unwrap_or(1.0);
-        let dense = surface.gaussians(((room - sparse.means.len()) as f64 * part) as usize);
-        eprintln!(
-            "{}: stereo {seconds:.1} s, all {:.1} s, coverage {:.2}, {} sparse, {} owned, {} dense",
-            capture.name,
-            start.elapsed().as_secs_f64(),
-            coverage.iter().sum::<f64>() / coverage.len() as f64,
-            sparse.means.len(),
-            surface.len(),
-            dense.means.len()
-        );
-        initial = weaver_scene::Gaussians::joined(&[dense, sparse]);
+    if variant.dense {
+        initial = dense(&training, capture, &visible, &settings)?;
     }
-    let agreement = (visible.len() == training.len()).then(|| ColorAgreement::of(&training, &capture.points, &visible));
+    let agreement = ColorAgreement::of(&training, &capture.points, &visible);
     let mut fit = Fit::new(training, &initial, settings)?;
-    if let Some(agreement) = agreement {
-        fit.begin_exposures(&agreement.gains);
-    }
+    fit.begin_exposures(&agreement.gains);
     let mut pairs = 0;
     while fit.steps_done() < fit.settings().steps {
         pairs = fit.step()?.pairs;
@@ -165,8 +143,26 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
         }
         Ok(judge.compare(&image, &photo.rgb, size))
     };
-    let quality: Vec<Quality> = test.iter().map(&mut compare).collect::<Result<_, _>>()?;
+    let quality: Vec<Quality> = test.iter().map(|p| compare(&p.photo)).collect::<Result<_, _>>()?;
     Ok((Quality::mean(&quality).ok_or("no held-out photos")?, pairs as f64 / 1e6))
+}
+
+/// Gaussians on surfaces that photos agree about and on the points that these do not show, and what that took.
+fn dense(
+    training: &[Photo],
+    capture: &PosedPhotos,
+    visible: &[Vec<u32>],
+    settings: &FitSettings,
+) -> Result<Gaussians, Failure> {
+    let start = Instant::now();
+    let options = StereoSettings { seed: settings.seed, ..StereoSettings::default() };
+    let stereo = Stereo::of(training, &capture.points, visible, &options);
+    let sparse = init::from_points(&stereo.unexplained(), settings).unwrap_or_default();
+    let dense = stereo.surface().gaussians(init::room(settings) - sparse.len());
+    let coverage = stereo.coverage().iter().sum::<f64>() / training.len() as f64;
+    let (seconds, name) = (start.elapsed().as_secs_f64(), &capture.name);
+    eprintln!("{name}: {seconds:.1} s, coverage {coverage:.2}, {} and {} Gaussians", dense.len(), sparse.len());
+    Ok(Gaussians::joined(&[dense, sparse]))
 }
 
 /// Puts a thing of its own before every so many photos: an ellipse of an eighth of the photo with a part of another one, upside down.
