@@ -27,6 +27,8 @@ const PHOTOS: usize = 60;
 const SHARE: f64 = 0.15;
 /// Longest side of photos in the rehearsal that is timed, pixels.
 const REHEARSAL: usize = 50;
+/// Photos from which Gaussians begin on what photos agree about: of fewer, that is too little of the scene.
+const FEWEST: usize = 12;
 /// Mean coverage from which Gaussians begin on what photos agree about.
 const COVERAGE: f64 = 0.4;
 
@@ -39,7 +41,8 @@ impl Start {
     pub fn of(settings: &mut RunSettings, seen: Seen<'_>, given: Option<&Gaussians>) -> Result<Self, RunError> {
         let fit = settings.fit.clone();
         if settings.init == Initial::Auto && settings.by_photos.start && !seen.points.is_empty() {
-            let dense = if in_time(settings, seen) { Self::dense(seen, &fit)? } else { Self::default() };
+            let asked = seen.photos.len() >= FEWEST && in_time(settings, seen);
+            let dense = if asked { Self::dense(seen, &fit)? } else { Self::default() };
             settings.init = if dense.coverage.mean() >= COVERAGE { Initial::Dense } else { Initial::Points };
             let gaussians = match settings.init {
                 Initial::Dense => dense.gaussians,
