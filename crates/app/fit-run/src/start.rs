@@ -96,6 +96,8 @@ fn in_time(settings: &RunSettings, seen: Seen<'_>) -> bool {
     let rehearsal = StereoSettings { long_side: REHEARSAL, ..usual };
     let photos = seen.photos.len().min(PHOTOS);
     Stereo::of(&seen.photos[..photos], seen.points, &seen.visible[..photos], &rehearsal);
-    let larger = (usual.long_side / REHEARSAL).pow(2) as f64;
-    larger * start.elapsed().as_secs_f64() <= SHARE * 60.0 * minutes
+    let camera = &seen.photos[0].camera;
+    let side = |most: usize| camera.width.max(camera.height).min(most) as f64;
+    let larger = side(usual.long_side) / side(REHEARSAL);
+    larger * larger * start.elapsed().as_secs_f64() <= SHARE * 60.0 * minutes
 }

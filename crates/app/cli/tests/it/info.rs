@@ -54,7 +54,7 @@ fn a_run_is_described_by_any_of_its_files() {
     for (name, parts) in [
         ("", &["run of splatweaver, preset micro", "4 of 4 steps", "checksum of the weights", "PSNR"][..]),
         ("summary.json", &["4 of 4 steps, seed 0", "checksum of the weights", "PSNR"]),
-        ("config.toml", &["TOML", "preset: \"micro\"", "stages: 2 tables", "optimizer: 6 keys"]),
+        ("config.toml", &["TOML", "preset: \"micro\"", "stages: 2 tables", "optimizer: 7 keys"]),
     ] {
         let done = splatweaver(&[&"info", &run.join(name)]).fine();
         assert!(parts.iter().all(|part| done.stdout.contains(part)), "{name}: {}", done.stdout);

@@ -211,7 +211,7 @@ fn pictures_too_large_for_memory_are_refused() {
         "render capture/scene.ply --cameras huge.json -o out",
         "render capture/scene.ply --cameras huge.json --video out.mp4",
     ] {
-        let message = refused(folder, line, 1);
+        let message = refused(folder, line, 75);
         assert!(message.starts_with("error: memory: expected") && message.contains("--width"), "{line}: {message}");
         assert!(!folder.join("out").exists() && !folder.join("out.mp4").exists(), "{line}");
     }

@@ -333,7 +333,7 @@ fn everything_that_does_not_fit_is_listed() {
     // Larger than any machine: refused with the figure and what makes it smaller.
     scene
         .infer(&scene.weights(), &out, &["--size", "16384"])
-        .refused(1, &["GB", "fewer photos", "--size", "--geometry"]);
+        .refused(75, &["GB", "fewer photos", "--size", "--geometry"]);
     assert!(!out.exists());
     let photo = folder.path().join("a.png");
     std::fs::write(&photo, "no picture").unwrap();
