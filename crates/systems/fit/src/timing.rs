@@ -20,10 +20,12 @@ const RESERVE: f64 = 0.04;
 pub fn steps_in(fit: &mut Fit, seconds: f64) -> Result<usize, FitError> {
     let start = Instant::now();
     fit.fetch()?;
-    let kept = (fit.population.clone(), fit.statistics.clone(), fit.exposures.clone(), fit.poses.clone());
+    let kept = (fit.population.clone(), fit.statistics.clone());
+    let of_photos = (fit.exposures.clone(), fit.poses.clone(), fit.transients.clone());
     let settings = fit.settings.clone();
     let result = timed(fit, seconds);
-    (fit.population, fit.statistics, fit.exposures, fit.poses) = kept;
+    (fit.population, fit.statistics) = kept;
+    (fit.exposures, fit.poses, fit.transients) = of_photos;
     (fit.settings, fit.step) = (settings, 0);
     fit.changed();
     let step = result?;

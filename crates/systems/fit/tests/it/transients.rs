@@ -2,7 +2,7 @@
 
 use crate::scenes::finish;
 use weaver_data::procedural::{ProceduralOptions, scene};
-use weaver_fit::{Fit, FitSettings, Photo, init, mean_color};
+use weaver_fit::{Fit, FitSettings, Photo, init, mean_color, steps_in};
 use weaver_geometry::glam::DVec2;
 use weaver_scene::PointCloud;
 
@@ -108,6 +108,15 @@ fn what_was_found_is_part_of_the_state() {
     finish(&mut first);
     finish(&mut second);
     assert!(first.population() == second.population());
+}
+
+/// promise: a run that is timed leaves nothing behind, also of what it found.
+#[test]
+fn timing_leaves_nothing_behind() {
+    let (mut timed, fresh) = (fit(true, true), fit(true, true));
+    steps_in(&mut timed, 10.0).expect("steps");
+    assert!((0..VIEWS).all(|photo| timed.transients(photo).is_none()));
+    assert!(timed.population() == fresh.population());
 }
 
 /// promise: the mean color is that of the pixels that count, white where none does.
