@@ -3,7 +3,7 @@
 //! | file | content |
 //! |---|---|
 //! | `run.json` | what was asked for, with the number of steps once it is known, and checksums of what was read |
-//! | `init.ply` | the Gaussians it began with, if they were given |
+//! | `init.ply` | the Gaussians it began with, if they were given or lie on surfaces that photos agree about |
 //! | `checkpoint.safetensors` | everything needed to go on |
 //! | `scene.ply` | the Gaussians; also in other formats if asked for, as `scene.spz` |
 //! | `scene.wsz` | the Gaussians compressed, if the fit was made for it |
