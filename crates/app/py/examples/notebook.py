@@ -1,12 +1,11 @@
 # %% [markdown]
-# A scene in a notebook. Open this file in VS Code or Jupyter (with jupytext), or run it: python notebook.py RUN.
+# A scene in a notebook. Open this file in VS Code or Jupyter (with jupytext), beside the folder `scene` of
+# `splatweaver.reconstruct("photos", "scene")`.
 
 # %%
-import sys
-
 import splatweaver
 
-run = splatweaver.open_run(sys.argv[1])
+run = splatweaver.open_run("scene")
 scene, cameras = run.scene, run.cameras
 print(scene, cameras)
 

@@ -1,14 +1,16 @@
-"""Finds the camera of a photo by descent through the rasterizer: python refine_camera.py.
+# %% [markdown]
+# The camera of a photo found by descent through the rasterizer: python refine_camera.py, or cell by cell in a notebook.
+#
+# A camera that is off by some degrees and a tenth of the distance is turned and moved until it sees what the photo shows.
 
-A camera that is off by some degrees and a tenth of the distance is turned and moved until it sees what the photo shows.
-"""
-
+# %%
 import numpy as np
 import torch
 
 from splatweaver import Camera, rasterization
 
 
+# %% A motion of six numbers, which are zero at first.
 def turned(viewmat, twist):
     """The camera after a small rotation and translation, `[6]`."""
     x, y, z = twist[:3]
@@ -19,6 +21,7 @@ def turned(viewmat, twist):
     return torch.cat([top, viewmat[3:]])[None]
 
 
+# %% A scene, its photo, a camera that is off, and Adam.
 def main(steps=300, seed=0):
     random = np.random.default_rng(seed)
     n = 400
@@ -58,5 +61,6 @@ def main(steps=300, seed=0):
     return degrees, distance
 
 
+# %%
 if __name__ == "__main__":
     main()

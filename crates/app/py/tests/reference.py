@@ -41,7 +41,7 @@ def prose(docstring):
     out, table = [], False
     text = inspect.cleandoc(docstring or "")
     for line in text.split("\n"):
-        section = re.fullmatch(r"(Args|Returns|Raises):", line)
+        section = re.fullmatch(r"(Args|Fields|Returns|Raises):", line)
         if section:
             table = section[1] != "Returns"
             out += [f"**{section[1].replace('Args', 'Arguments')}**", ""] + (["| | |", "|---|---|"] if table else [])
@@ -70,7 +70,8 @@ def members(cls, kind):
 
 def function_page(name):
     item = getattr(splatweaver, name)
-    return [f"# {name}\n", signature(name, item), prose(item.__doc__)]
+    flags = f"[The other flags](../flags.md#{name}) of the command"
+    return [f"# {name}\n", signature(name, item), prose(item.__doc__).replace("The other flags of the command", flags)]
 
 
 def class_page(name):
@@ -80,9 +81,6 @@ def class_page(name):
     if name in ("Scene", "Camera", "Cameras"):
         parts.append(signature(name, cls.__init__))
     parts.append(prose(cls.__doc__))
-    if name == "Progress":
-        parts.append(f"Fields: {', '.join(f'`{field}`' for field in cls._fields)}.\n")
-        return parts
     rows = [f"| `.{member}` | {one_line(getattr(cls, member))} |" for member in members(cls, property)]
     if rows:
         parts.append("\n".join(["| property | |", "|---|---|", *rows]) + "\n")

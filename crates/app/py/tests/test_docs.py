@@ -2,6 +2,7 @@
 
 import doctest
 import importlib
+import inspect
 import re
 from pathlib import Path
 
@@ -27,26 +28,45 @@ def test_everything_public_has_a_page():
 
 
 def test_pages_of_functions_have_shapes_errors_and_examples():
-    pages = reference.pages()
-    for name in reference.FUNCTIONS[:8]:
-        for part in ("**Arguments**", "**Returns**", "**Raises**", ">>> "):
-            assert part in pages[f"{name}.md"], (name, part)
+    for name in reference.FUNCTIONS:
+        function = getattr(splatweaver, name)
+        parts = {">>> "}
+        if inspect.signature(function).parameters:
+            parts |= {"**Arguments**", "**Raises**"}
+        if inspect.signature(function).return_annotation != "None":
+            parts.add("**Returns**")
+        missing = [part for part in sorted(parts) if part not in reference.function_page(name)[2]]
+        assert not missing, (name, missing)
 
 
-@pytest.fixture
-def files(tmp_path, monkeypatch):
+def test_every_parameter_is_explained():
+    functions = {name: getattr(splatweaver, name) for name in reference.FUNCTIONS}
+    for name in ("Scene", "Camera", "Cameras"):
+        cls = getattr(splatweaver, name)
+        functions[name] = cls
+        functions.update({f"{name}.{member}": getattr(cls, member) for member in reference.members(cls, "method")})
+    for name, function in functions.items():
+        for parameter in inspect.signature(function).parameters.values():
+            entry = rf"^ *(\*{{1,2}})?{parameter.name}: \S"
+            assert parameter.name == "self" or re.search(entry, function.__doc__, re.M), (name, parameter.name)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
     """What examples name: a capture, photos, a scene, features."""
-    capture.write_capture(tmp_path / "capture")
-    capture.write_photos(tmp_path / "photos")
-    capture.random_scene(500).save(tmp_path / "scene.ply")
-    (tmp_path / "features").mkdir()
+    folder = tmp_path_factory.mktemp("files")
+    capture.write_capture(folder / "capture")
+    capture.write_photos(folder / "photos")
+    capture.random_scene(500).save(folder / "scene.ply")
+    (folder / "features").mkdir()
     for i in range(10):
-        np.save(tmp_path / f"features/{i:03}.npy", np.random.default_rng(i).random((6, 8, 4), np.float32))
-    monkeypatch.chdir(tmp_path)
+        np.save(folder / f"features/{i:03}.npy", np.random.default_rng(i).random((6, 8, 4), np.float32))
+    return folder
 
 
 @pytest.mark.parametrize("module", ["_rasterization", "_scene", "_cameras", "_commands", "_runs"])
-def test_examples_in_docstrings_run(module, files):
+def test_examples_in_docstrings_run(module, files, monkeypatch):
+    monkeypatch.chdir(files)
     found = doctest.testmod(importlib.import_module(f"splatweaver.{module}"))
     assert found.failed == 0 and found.attempted > 0
 

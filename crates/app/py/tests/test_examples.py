@@ -2,7 +2,6 @@
 
 import importlib.util
 import runpy
-import sys
 from pathlib import Path
 
 import pytest
@@ -18,13 +17,19 @@ def load(name):
     return module
 
 
-def test_a_picture_is_fitted(tmp_path, monkeypatch):
+def test_they_are_notebooks():
+    for path in EXAMPLES.glob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        # Arguments of Jupyter's own would be taken for theirs.
+        assert text.startswith("# %% [markdown]\n") and "sys.argv" not in text, path
+
+
+def test_a_picture_is_fitted():
     pytest.importorskip("torch", reason="skipped: no torch")
-    monkeypatch.chdir(tmp_path)
     example = load("fit_image")
     example.STEPS, example.GAUSSIANS = 30, 500
-    assert example.main() > 17
-    assert (tmp_path / "fit_image.ply").exists()
+    psnr, scene = example.fit(example.pattern())
+    assert psnr > 17 and len(scene) == 500
 
 
 def test_a_camera_is_found():
@@ -34,10 +39,8 @@ def test_a_camera_is_found():
 
 
 def test_a_fit_is_followed_and_looked_at(tmp_path, monkeypatch):
-    capture = write_capture(tmp_path / "turn")
-    run = load("follow_fit").main(capture, tmp_path / "run", minutes=None, steps=20, gaussians=200)
-    assert "polyline" in (tmp_path / "run/curve.svg").read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["notebook.py", str(run.folder)])
+    run, curve = load("follow_fit").follow(write_capture(tmp_path / "turn"), "scene", minutes=None, steps=20, gaussians=200)
+    assert len(curve) == 20 and (run.folder / "curve.svg").read_text(encoding="utf-8") == curve._repr_svg_()
     shown = runpy.run_path(str(EXAMPLES / "notebook.py"))
     assert "<iframe" in shown["view"]._repr_html_() and (tmp_path / "near.spz").exists()

@@ -1,4 +1,4 @@
-//! Fits a picture with Gaussians: `cargo run --release -p weaver-splat --example fit_image [PICTURE]`.
+//! Fits a picture with Gaussians: `cargo run --release -p weaver-splat --example fit_image [PICTURE [SEED]]`.
 //!
 //! The Gaussians stand near a plane in front of one camera. Adam moves, turns, stretches and colors them until their render
 //! is the picture. Writes fit_image.png (the picture, the start, the fit) and prints the peak signal-to-noise ratio.
@@ -15,6 +15,7 @@ const GAUSSIANS: usize = 2000;
 const STEPS: u64 = 400;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let seed = std::env::args().nth(2).map_or(Ok(0), |seed| seed.parse())?;
     let photo = match std::env::args().nth(1) {
         Some(path) => Image::read(path, Background::White)?,
         None => scene(4, &ProceduralOptions { width: 160, height: 120, views: 4 }).views[1].image.clone(),
@@ -23,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (n, pixel) = (GAUSSIANS, 1.0 / w as f32); // the picture is one unit wide
 
     // Gaussians of the size that covers the picture, at random places, colored like the picture there.
-    let stream = Stream::new(0, 0, "fit_image");
+    let stream = Stream::new(seed, 0, "fit_image");
     let places: Vec<usize> = (0..n as u64).map(|i| stream.below(i, w * h)).collect();
     let size = 0.6 * (h as f32 * pixel / n as f32).sqrt();
     let place = |(i, p): (usize, &usize)| {

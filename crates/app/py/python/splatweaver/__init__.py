@@ -8,12 +8,12 @@ line as functions.
 from __future__ import annotations
 
 from ._cameras import Camera, Cameras
-from ._commands import cameras, compress, fit, infer, lift, reconstruct
+from ._commands import cameras, compress, fit, infer, lift, reconstruct, set_threads
 from ._errors import Error, FileError, InputError, MemoryPlanError, NumericError
 from ._rasterization import Meta, rasterization
 from ._runs import Progress, Run, open_run
 from ._scene import Scene, formats
-from ._splatweaver import __version__, set_threads
+from ._splatweaver import __version__
 
 __all__ = [
     "Camera",

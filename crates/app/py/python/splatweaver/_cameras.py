@@ -68,6 +68,9 @@ class Camera:
             fov: Horizontal field of view, degrees.
             up: The direction that is up in the picture; y points down in worlds of photos.
             name: Name of the photo.
+
+        Raises:
+            InputError: A target at `eye`, or straight up or down from it.
         """
         place, toward = np.asarray(eye, dtype=np.float64), np.asarray(target, dtype=np.float64)
         forward = toward - place
@@ -121,7 +124,12 @@ class Camera:
         return Camera._of(self._data.undistorted())
 
     def resized(self, width: int, height: int) -> Camera:
-        """The same camera with a picture of another size, pixels."""
+        """The same camera with a picture of another size.
+
+        Args:
+            width: Width of the picture, pixels.
+            height: Height of the picture, pixels.
+        """
         return Camera._of(self._data.resized(width, height))
 
     def __repr__(self) -> str:
@@ -129,12 +137,18 @@ class Camera:
 
 
 class Cameras(Sequence[Camera]):
-    """Cameras in an order.
+    """Cameras in an order: a sequence, whose slices are `Cameras` too.
+
+    Args:
+        cameras: The cameras.
 
     >>> from splatweaver import Camera, Cameras
     >>> cameras = Cameras([Camera.look_at((0, 0, -2), (0, 0, 0), 64, 48)])
     >>> len(cameras), cameras.viewmats.shape, cameras.Ks.shape
     (1, (1, 4, 4), (1, 3, 3))
+    >>> cameras.save("cameras.json")
+    >>> Cameras.load("cameras.json")[0].resized(32, 24)
+    Camera('', 32 x 24)
     """
 
     def __init__(self, cameras: Iterable[Camera] = ()) -> None:
@@ -142,7 +156,10 @@ class Cameras(Sequence[Camera]):
 
     @classmethod
     def load(cls, path: Path) -> Cameras:
-        """Read a transforms.json, a folder with a COLMAP model, or a RealEstate10K file.
+        """Read cameras.
+
+        Args:
+            path: A transforms.json, a folder with a COLMAP model, or a RealEstate10K file.
 
         Raises:
             FileError: A file that is missing or malformed.
@@ -151,6 +168,9 @@ class Cameras(Sequence[Camera]):
 
     def save(self, path: Path) -> None:
         """Write a transforms.json.
+
+        Args:
+            path: The file; its name ends with .json.
 
         Raises:
             FileError: A file that cannot be written, or another ending.

@@ -21,6 +21,22 @@ if TYPE_CHECKING:
 logger = logging.getLogger("splatweaver")
 
 
+def set_threads(count: Optional[int]) -> None:
+    """Set the number of threads that everything is computed on. Results do not depend on it.
+
+    Args:
+        count: 1 to 1024; None is one per core, as at first.
+
+    Raises:
+        InputError: Another number.
+
+    >>> import splatweaver
+    >>> splatweaver.set_threads(2)
+    >>> splatweaver.set_threads(None)
+    """
+    _splatweaver.set_threads(count)
+
+
 def cameras(
     photos: Paths, out: Optional[Path] = None, *, callback: Optional[Callback] = None, **options: Unpack[CamerasOptions]
 ) -> Run:

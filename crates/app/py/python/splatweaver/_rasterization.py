@@ -167,6 +167,7 @@ def rasterization(
         distributed: Ignored.
         camera_model: "pinhole".
         alpha_max: Largest alpha of one Gaussian at a pixel: 0.999 is gsplat's, the command line draws with 0.99.
+        **others: Further arguments of gsplat: `segmented` is ignored, `covars`, `with_ut`, lens coefficients and such are not there.
 
     Returns:
         The pictures `[C, H, W, X]`, their alphas `[C, H, W, 1]`, and `Meta`.
@@ -389,7 +390,12 @@ def joined(parts: Sequence[Any]) -> Any:
 
 def unseen(arrays: Mapping[str, Any]) -> Tuple[Any, Any, Any]:
     """Projected means, radii and depths before anything is drawn."""
-    shape, kind = (*arrays["viewmats"].shape[:-2], arrays["means"].shape[-2]), arrays["means"].dtype
+    return no_splats(arrays, arrays["means"].dtype)
+
+
+def no_splats(arrays: Mapping[str, Any], kind: Any) -> Tuple[Any, Any, Any]:
+    """Zeros with the shapes of projected means, radii and depths."""
+    shape = (*arrays["viewmats"].shape[:-2], arrays["means"].shape[-2])
     return np.zeros((*shape, 2), kind), np.zeros((*shape, 2), np.int32), np.zeros(shape, kind)
 
 

@@ -15,15 +15,18 @@ from ._scene import Scene
 
 
 class Progress(NamedTuple):
-    """State of a command under way."""
+    """State of a command under way, which callbacks are given.
 
-    #: Name of the part of the work, as "fit" or "clip".
+    Fields:
+        label: Name of the part of the work, as "fit" or "clip".
+        done: Steps that are done.
+        total: Steps of the whole, as far as it is known.
+        note: Remark, as "21.34 dB, 5000 Gaussians".
+    """
+
     label: str
-    #: Steps that are done.
     done: int
-    #: Steps of the whole, as far as it is known.
     total: int
-    #: Remark, as "21.34 dB, 5000 Gaussians".
     note: str
 
 

@@ -16,17 +16,18 @@ Array = npt.NDArray[np.float32]
 
 
 class Format(NamedTuple):
-    """A format of scenes."""
+    """A format of scenes: its name, the end of the names of its files, and what it keeps of a scene."""
 
     name: str
-    #: End of the names of its files.
     suffix: str
-    #: What it keeps of a scene.
     keeps: str
 
 
 def formats() -> List[Format]:
     """The formats that `Scene.load` and `Scene.save` know; the end of a file's name selects one.
+
+    Returns:
+        For each, `.name`, `.suffix`, the end of the names of its files, and `.keeps`, what it keeps of a scene.
 
     >>> from splatweaver import formats
     >>> [format.suffix for format in formats()][:2]
@@ -55,6 +56,15 @@ class Scene:
     ...                              sh=np.zeros((1, 1, 3)))
     >>> scene.render(Camera.look_at((0, 0, -1), (0, 0, 0), 32, 24), background=(0, 0, 0)).shape
     (24, 32, 3)
+    >>> moved = scene.transform(scale=2.0, translation=(1, 0, 0))
+    >>> moved.means.tolist(), moved.scales.shape
+    ([[1.0, 0.0, 0.0]], (1, 3))
+    >>> both = scene.merge(moved).to(degree=2)
+    >>> len(both), both.sh.shape, len(both.crop(center=(0, 0, 0), radius=0.5))
+    (2, (2, 9, 3), 1)
+    >>> both.save("both.spz")
+    >>> Scene.load("both.spz")
+    Scene(2 Gaussians, degree 2)
     """
 
     def __init__(
@@ -74,9 +84,18 @@ class Scene:
     def from_activated(
         cls, means: Any, scales: Any, quats: Any, opacities: Any, sh: Any, antialiased: bool = False
     ) -> Scene:
-        """A scene of what `rasterization` takes: standard deviations `[N, 3]` and opacities `[N]`; harmonics `[N, K, 3]`.
+        """A scene of what `rasterization` takes, arrays or tensors.
 
-        Scales are at least 1e-12 and opacities at least 1e-6 away from 0 and 1, so that every number is finite.
+        Args:
+            means: Centers, world units, `[N, 3]`.
+            scales: Standard deviations, world units, `[N, 3]`; those below 1e-12 become 1e-12.
+            quats: Rotations wxyz, `[N, 4]`.
+            opacities: Opacities, `[N]`; they are brought to 1e-6 at least and 1 - 1e-6 at most.
+            sh: Spherical harmonics, `[N, K, 3]` with K of 1, 4, 9, 16 or 25.
+            antialiased: Opacities are lowered where a Gaussian is widened to a pixel.
+
+        Raises:
+            InputError: Shapes that do not fit.
         """
         floor = np.maximum(_float64(scales), 1e-12)
         inside = np.clip(_float64(opacities), 1e-6, 1 - 1e-6)
@@ -86,6 +105,9 @@ class Scene:
     def load(cls, path: Path) -> Scene:
         """Read a file of any of `formats()`. A summary.json beside it says how the scene is drawn.
 
+        Args:
+            path: The file.
+
         Raises:
             FileError: A file that is missing or malformed, with the place in it.
         """
@@ -93,6 +115,9 @@ class Scene:
 
     def save(self, path: Path) -> None:
         """Write a file of any of `formats()`; several of them round.
+
+        Args:
+            path: The file; the end of its name selects the format.
 
         Raises:
             FileError: A file that cannot be written, or an unknown ending.
@@ -145,7 +170,14 @@ class Scene:
         return self._data.drawing[2]
 
     def to(self, degree: int) -> Scene:
-        """The scene with harmonics up to a degree: those beyond are left out, those that are missing are zero."""
+        """The scene with harmonics up to a degree: those beyond are left out, those that are missing are zero.
+
+        Args:
+            degree: 0 to 4.
+
+        Raises:
+            InputError: Another degree.
+        """
         return Scene._of(self._data.with_degree(degree))
 
     def transform(
@@ -160,6 +192,9 @@ class Scene:
             scale: Factor of all lengths.
             rotation: Orthogonal matrix of determinant 1, `[3, 3]`; None turns nothing.
             translation: World units, `[3]`.
+
+        Raises:
+            InputError: A matrix that is no rotation, or a scale that is not positive.
         """
         matrix = np.eye(3) if rotation is None else _float64(rotation)
         if matrix.shape != (3, 3):
@@ -178,7 +213,17 @@ class Scene:
         center: Optional[Sequence[float]] = None,
         radius: Optional[float] = None,
     ) -> Scene:
-        """The Gaussians with their centers in a box (`min` and `max`) or a sphere (`center` and `radius`), world units."""
+        """The Gaussians with their centers in a box or a sphere.
+
+        Args:
+            min: Least coordinates of a box, world units, `[3]`.
+            max: Largest coordinates of the box, world units, `[3]`.
+            center: Center of a sphere, world units, `[3]`.
+            radius: Radius of the sphere, world units.
+
+        Raises:
+            InputError: Neither a box nor a sphere.
+        """
         if min is not None and max is not None and center is None and radius is None:
             return Scene._of(self._data.in_box(list(min), list(max)))
         if center is not None and radius is not None and min is None and max is None:
@@ -186,7 +231,11 @@ class Scene:
         raise InputError("crop: expected min and max, or center and radius")
 
     def merge(self, *others: Scene) -> Scene:
-        """The Gaussians of this scene and then of others, with harmonics up to the largest degree among them."""
+        """The Gaussians of this scene and then of others, with harmonics up to the largest degree among them.
+
+        Args:
+            *others: The other scenes, in the same world.
+        """
         return Scene._of(self._data.merged([other._data for other in others]))
 
     @overload
@@ -226,6 +275,9 @@ class Scene:
 
         Returns:
             Pictures `[H, W, 3]`, sRGB values, not clamped.
+
+        Raises:
+            InputError: A camera with distortion, or numbers that mean nothing.
         """
         single = isinstance(cameras, Camera)
         views: Iterable[Camera] = [cameras] if isinstance(cameras, Camera) else list(cameras)
@@ -245,11 +297,28 @@ class Scene:
         return pictures[0] if single else pictures
 
     def html(self, cameras: Iterable[Camera] = (), title: str = "scene", lossless: bool = False) -> str:
-        """One HTML page that shows the scene and needs nothing else; the scene is rounded as SPZ does, unless `lossless`."""
+        """One HTML page that shows the scene and needs nothing else.
+
+        Args:
+            cameras: Cameras to look from.
+            title: Title of the page.
+            lossless: The scene is in it as it is, not rounded as SPZ does.
+
+        Returns:
+            The text of the page.
+        """
         return self._data.html(title, _data(cameras), lossless)
 
     def show(self, cameras: Iterable[Camera] = (), height: int = 600) -> View:
-        """The scene in a notebook, to turn and to fly through. `View.save` writes the same as a page."""
+        """The scene in a notebook, to turn and to fly through.
+
+        Args:
+            cameras: Cameras to look from.
+            height: Height of the frame, pixels.
+
+        Returns:
+            A `View`, which a notebook shows; its `.save(path)` writes the same as a page.
+        """
         return View(self.html(cameras), height)
 
     def __len__(self) -> int:

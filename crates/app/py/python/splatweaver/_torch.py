@@ -9,7 +9,7 @@ import torch
 
 from . import _splatweaver
 from ._errors import InputError
-from ._rasterization import Request, planes_of, rows
+from ._rasterization import Request, no_splats, planes_of, rows
 
 
 class _Rasterize(torch.autograd.Function):
@@ -106,11 +106,14 @@ def joined(parts: Sequence[Any]) -> Any:
 
 
 def unseen(arrays: Mapping[str, Any]) -> Tuple[Any, Any, Any]:
-    """Projected means, a leaf where anything is differentiated, radii and depths before anything is drawn."""
-    shape, kind = (*arrays["viewmats"].shape[:-2], arrays["means"].shape[-2]), arrays["means"].dtype
+    """Projected means, a leaf where anything is differentiated, radii and depths before anything is drawn.
+
+    The zeros are numpy's, which come from the system with the memory. Those of torch are written by its threads, which wait in a loop
+    afterwards and keep the rasterizer's from the processors.
+    """
+    means2d, radii, depths = (torch.from_numpy(part) for part in no_splats(arrays, arrays["means"].detach().numpy().dtype))
     differentiated = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in arrays.values())
-    means2d = torch.zeros((*shape, 2), dtype=kind, requires_grad=differentiated)
-    return means2d, torch.zeros((*shape, 2), dtype=torch.int32), torch.zeros(shape, dtype=kind)
+    return means2d.requires_grad_(differentiated), radii, depths
 
 
 def side_by_side(planes: Sequence[Any]) -> Any:

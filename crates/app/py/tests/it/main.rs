@@ -50,7 +50,7 @@ fn run(arguments: &[&str]) -> bool {
 
 #[test]
 fn the_tests_of_python_pass() {
-    run(&["-m", "pytest", "-q", "-p", "no:cacheprovider", "tests"]);
+    run(&["-m", "pytest", "-q", "-rs", "-p", "no:cacheprovider", "tests"]);
 }
 
 #[test]
