@@ -202,7 +202,7 @@ def lift(
     solver: str = "exact",
     callback: Optional[Callback] = None,
     **options: Unpack[LiftOptions],
-) -> Folder:
+) -> Optional[Folder]:
     """Lift features of photos to the Gaussians of a scene, as `splatweaver lift`.
 
     Args:
@@ -215,7 +215,7 @@ def lift(
         **options: The other flags of the command, with underscores: `aggregate="masks"`, `unit=True`.
 
     Returns:
-        The file of the features.
+        The file of the features, None without one. What the command prints is logged.
 
     Raises:
         InputError: Options that mean nothing.
@@ -227,8 +227,9 @@ def lift(
     'lifted.safetensors'
     """
     given = {"scene": scene, "out": out, "cameras": cameras, "features": features, "solver": solver, **options}
-    _run("lift", given, callback)
-    return Folder(os.fspath(out)) if out is not None else Folder()
+    for line in _run("lift", given, callback).splitlines():
+        _log(line)
+    return None if out is None else Folder(os.fspath(out))
 
 
 def compress(
