@@ -95,7 +95,7 @@ def reconstruct(
         MemoryPlanError: More memory than there is.
 
     >>> import splatweaver
-    >>> run = splatweaver.reconstruct("capture", quality="draft", minutes=0.02, gaussians=200)
+    >>> run = splatweaver.reconstruct("capture", quality="draft", minutes=0.05, gaussians=200)
     >>> run.scene.save("draft.spz"), len(run.cameras)
     (None, 10)
     """
