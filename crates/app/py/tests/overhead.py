@@ -2,7 +2,8 @@
 
 Frames alternate, so that both see the same machine: `bench` is the compiled part with all memory of its own, as
 `splatweaver bench raster` has it, `torch` is `rasterization` with `torch.autograd.backward`. Prints medians in milliseconds of
-processor time and of the clock, and their ratios. With --write FILE, the workload for `splatweaver bench raster --workload FILE`.
+processor time and of the clock, and their ratios. With --loop, a step of a training loop instead, with an L1 loss and Adam.
+With --write FILE, the workload for `splatweaver bench raster --workload FILE`.
 """
 
 import argparse
@@ -88,6 +89,23 @@ def through_torch(given):
     return frame
 
 
+def training(given):
+    """A step of a training loop with loss and optimizer."""
+    tensors = {name: torch.from_numpy(values) for name, values in given.items()}
+    inputs = [tensors[name].requires_grad_() for name in ("means", "quats", "scales", "opacities", "sh")]
+    cameras = [tensors[name][None] for name in ("viewmat", "K")]
+    optimizer = torch.optim.Adam(inputs, lr=1e-5)
+    picture = torch.rand(1, HEIGHT, WIDTH, 3)
+
+    def step():
+        drawn, _, _ = rasterization(*inputs, *cameras, WIDTH, HEIGHT, sh_degree=3)
+        optimizer.zero_grad()
+        (drawn - picture).abs().mean().backward()
+        optimizer.step()
+
+    return step
+
+
 def timed(frame):
     """Milliseconds of processor time and of the clock."""
     begin = time.process_time(), time.perf_counter()
@@ -100,12 +118,13 @@ def main():
     arguments.add_argument("gaussians", type=int, nargs="?", default=100_000)
     arguments.add_argument("frames", type=int, nargs="?", default=40)
     arguments.add_argument("--write", metavar="FILE")
+    arguments.add_argument("--loop", action="store_true")
     arguments = arguments.parse_args()
     set_threads(2)
     given = workload(arguments.gaussians)
     if arguments.write:
         write(arguments.write, given)
-    frames = {"bench": bench(given), "torch": through_torch(given)}
+    frames = {"step": training(given)} if arguments.loop else {"bench": bench(given), "torch": through_torch(given)}
     times = {name: [] for name in frames}
     for _ in range(3):
         for frame in frames.values():
@@ -116,8 +135,9 @@ def main():
     medians = {name: [statistics.median(column) for column in zip(*rows)] for name, rows in times.items()}
     for name, (processor, clock) in medians.items():
         print(f"{name}: {processor:.2f} ms of processors, {clock:.2f} ms")
-    ratios = [a / b for a, b in zip(medians["torch"], medians["bench"])]
-    print(f"ratio: {ratios[0]:.3f} of processors, {ratios[1]:.3f}")
+    if not arguments.loop:
+        ratios = [a / b for a, b in zip(medians["torch"], medians["bench"])]
+        print(f"ratio: {ratios[0]:.3f} of processors, {ratios[1]:.3f}")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import pytest
 from capture import around, random_scene, write_capture, write_png
 
 import splatweaver
-from splatweaver import FileError, InputError, Scene, _options, _splatweaver, open_run
+from splatweaver import FileError, InputError, NumericError, Scene, _options, _splatweaver, open_run
 
 #: Parameters that are no flags, and flags that are always given.
 POSITIONAL = {"photos", "capture", "scene", "callback", "options"}
@@ -131,6 +131,8 @@ def test_failures_have_their_kinds(capture, tmp_path):
         splatweaver.reconstruct(capture, tmp_path / "d", quality="best")
     with pytest.raises(InputError, match="one\\.wsy|--out"):
         splatweaver.compress(tmp_path / "scene.ply", tmp_path / "one.wsy")
+    with pytest.raises(NumericError, match="the loss is NaN"):
+        splatweaver.fit(capture, tmp_path / "e", steps=3, gaussians=50, set=["rates.sh=1e20"], no_html=True)
     splatweaver.fit(capture, tmp_path / "run", steps=1, gaussians=50, no_html=True)
     with pytest.raises(InputError, match="run: a run exists there already"):
         splatweaver.fit(capture, tmp_path / "run", steps=1)
