@@ -33,6 +33,7 @@ pub mod rope;
 pub mod rows;
 pub mod simd;
 pub mod softmax;
+pub mod subdivision;
 mod target;
 
 pub use real::Real;
