@@ -27,6 +27,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
         gaussians: arguments.gaussians.map(|n| n as usize),
         steps: arguments.steps as usize,
         seed: arguments.seed,
+        coarse: arguments.coarse,
         published: arguments.published,
     };
     method.check()?;

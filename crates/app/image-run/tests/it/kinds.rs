@@ -67,6 +67,8 @@ fn what_a_fit_cannot_keep_is_said() {
     wave(80, 60, 0.0).write_png(here.join("plain.png")).unwrap();
     let line = told(here, "fit @plain.png -o @p.wgi --gaussians 20 --steps 5");
     assert_eq!(line.lines().count(), 1, "{line}");
+    assert_ne!(told(here, "fit @plain.png -o @p.wgi --gaussians 20 --steps 5 --coarse"), line);
+    refused(here, "fit @plain.png -o @p.wgi --coarse --published", "cannot be used with");
 }
 
 #[test]
