@@ -103,5 +103,19 @@ fn a_region_reads_its_blocks_alone() {
     assert!(taken < length * 2 / 3, "{line}");
     let image = |name: &str| Image::read(here.join(name), Background::Black).unwrap();
     assert_eq!(image("part.png"), image("whole.png").crop(4, 6, 20, 10));
-    refused(here, "draw @p.wgi -o @part.png --region 290,0,20,10", "--region: expected pixels of 300 x 240");
+    refused(
+        here,
+        "draw @p.wgi -o @part.png --region 290,0,20,10",
+        "--region: expected pixels of 300 x 240, found 20 x 10",
+    );
+    refused(
+        here,
+        "draw @p.wgi -o @part.png --scale 1000",
+        "expected a drawing of at most 268435456 pixels, found 300000 x",
+    );
+    refused(here, "draw @p.wgi -o @part.jpg", "--out: expected the name of a PNG file");
+    refused(here, "fit @p.png -o @p.wgi --psnr nan", "--psnr: expected a number of decibels, found NaN");
+    // A file that is read as a whole is read once.
+    let line = told(here, "draw @p.wgi -o @part.png");
+    assert!(line.contains(&format!(", {length} of {length} bytes read")), "{line}");
 }
