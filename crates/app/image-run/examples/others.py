@@ -8,7 +8,7 @@ import sys
 
 from PIL import Image, ImageOps
 
-QUALITIES = [2, 5, 10, 20, 30, 40, 55, 70]
+QUALITIES = [1, 3, 7, 12, 20, 30, 42, 56, 70, 84]
 KINDS = {
     "jpg": dict(format="JPEG", progressive=True, optimize=True, subsampling="4:2:0"),
     "webp": dict(format="WEBP", method=6),

@@ -36,7 +36,7 @@ pub fn run(arguments: &ImageBench, console: &mut Console) -> Result<(), Failure>
         let mut measured = Vec::new();
         for ratio in arguments.ratios.iter().copied() {
             let (steps, seed) = (arguments.steps as usize, arguments.seed);
-            let method = Method { ratio: Some(ratio), gaussians: None, steps, seed, published: false };
+            let method = Method { ratio: Some(ratio), gaussians: None, steps, seed, coarse: false, published: false };
             let at = measure(&picture, path, &method, gflops).map_err(|error| failure(path, &error))?;
             console.print(&line(&at, &codecs))?;
             measured.push(at);

@@ -1,7 +1,7 @@
 //! `splatweaver image draw`.
 
 use crate::arguments::ImageDraw;
-use crate::read::failure;
+use crate::read::{MOST_PIXELS, failure};
 use weaver_command::{Console, Failure, memory};
 use weaver_image::{CUT, Fitted, ImageError, Window, decode_region};
 use weaver_io::{Image, check_output_file, file_length, read_part};
@@ -14,6 +14,12 @@ const LARGEST: f64 = 1024.0;
 pub fn run(arguments: &ImageDraw, console: &mut Console) -> Result<(), Failure> {
     let file = &arguments.file;
     check_output_file(&arguments.out, [file])?;
+    if !arguments.out.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("png")) {
+        return Err(Failure::Usage(format!(
+            "--out: expected the name of a PNG file, found {}",
+            arguments.out.display()
+        )));
+    }
     let scale = arguments.scale;
     if !(scale > 0.0 && scale <= LARGEST) {
         return Err(Failure::Usage(format!("--scale: expected a number above 0 and at most {LARGEST}, found {scale}")));
@@ -36,7 +42,15 @@ pub fn run(arguments: &ImageDraw, console: &mut Console) -> Result<(), Failure> 
     let window = arguments.region.unwrap_or(Window::whole(width, height));
     let inside = |first: usize, length: usize, side: usize| first.checked_add(length).is_some_and(|end| end <= side);
     if !inside(window.x, window.width, width) || !inside(window.y, window.height, height) {
-        return Err(Failure::Usage(format!("--region: expected pixels of {width} x {height}, found {window:?}")));
+        let Window { x, y, width: columns, height: rows } = window;
+        let found = format!("{columns} x {rows} from column {x} and row {y}");
+        return Err(Failure::Usage(format!("--region: expected pixels of {width} x {height}, found {found}")));
+    }
+    if window.width.checked_mul(window.height).is_none_or(|pixels| pixels > MOST_PIXELS) {
+        let found = format!("{} x {}", window.width, window.height);
+        return Err(Failure::Usage(format!(
+            "--scale: expected a drawing of at most {MOST_PIXELS} pixels, found {found}"
+        )));
     }
     memory::check(window.pixels() as u64 * BYTES, "a smaller --scale or --region takes less")?;
     let Fitted { gaussians, cut, .. } = coded.fitted;

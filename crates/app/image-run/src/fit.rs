@@ -27,9 +27,13 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
         gaussians: arguments.gaussians.map(|n| n as usize),
         steps: arguments.steps as usize,
         seed: arguments.seed,
+        coarse: arguments.coarse,
         published: arguments.published,
     };
     method.check()?;
+    if let Some(psnr) = arguments.psnr.filter(|psnr| !psnr.is_finite()) {
+        return Err(Failure::Usage(format!("--psnr: expected a number of decibels, found {psnr}")));
+    }
     match &arguments.pictures[..] {
         [picture] if picture.is_file() && !is_folder(out) => one(picture, out, arguments, &method, console, interrupt),
         _ if arguments.bytes.is_some() || arguments.psnr.is_some() => {

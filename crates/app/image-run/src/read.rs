@@ -7,8 +7,8 @@ use weaver_io::PhotoFile;
 
 /// Bytes of memory that a fit takes for a pixel: the picture in several forms, sums for its quadtree, values of tiles.
 const FIT_BYTES: u64 = 100;
-/// Most pixels of a picture.
-const MOST: usize = 1 << 28;
+/// Most pixels of a picture, and of a drawing.
+pub const MOST_PIXELS: usize = 1 << 28;
 /// Sides below this leave little to gain.
 const SMALL: usize = 16;
 
@@ -17,8 +17,10 @@ pub fn read(path: &Path, console: &mut Console) -> Result<Picture, Failure> {
     let name = path.display();
     let file = PhotoFile::at(path)?.over([0.0; 3]);
     let (width, height) = file.size();
-    if width.checked_mul(height).is_none_or(|pixels| pixels > MOST) {
-        return Err(Failure::message(format!("{name}: expected at most {MOST} pixels, found {width} x {height}")));
+    if width.checked_mul(height).is_none_or(|pixels| pixels > MOST_PIXELS) {
+        return Err(Failure::message(format!(
+            "{name}: expected at most {MOST_PIXELS} pixels, found {width} x {height}"
+        )));
     }
     memory::check(width as u64 * height as u64 * FIT_BYTES, "a smaller picture takes less")?;
     let image = file.read()?.to_image();

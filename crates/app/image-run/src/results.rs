@@ -79,6 +79,9 @@ pub struct Method {
     pub steps: usize,
     /// Seed.
     pub seed: u64,
+    /// True if the first half of the steps is at half the size.
+    #[serde(default)]
+    pub coarse: bool,
     /// True for the published method.
     pub published: bool,
 }
@@ -106,7 +109,7 @@ impl Method {
             true => FitSettings::published(count, self.steps),
             false => FitSettings::new(count, self.steps),
         };
-        (settings.seed, settings.coded) = (self.seed, true);
+        (settings.seed, settings.coarse, settings.coded) = (self.seed, self.coarse, true);
         settings
     }
 

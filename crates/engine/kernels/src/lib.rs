@@ -1,5 +1,5 @@
 //! Numeric kernels on plain slices of `f32` and `f64`: matrix products, convolution, attention, normalization, resizing,
-//! reductions, nearest neighbors, and counter-based random numbers.
+//! reductions, nearest neighbors, greedy division of cells, and counter-based random numbers.
 //!
 //! A kernel is a function. The caller owns all memory and passes shapes as arguments; no kernel knows about automatic
 //! differentiation. Results are the same bits at any number of threads: parallel tasks write disjoint parts of the
@@ -33,6 +33,7 @@ pub mod rope;
 pub mod rows;
 pub mod simd;
 pub mod softmax;
+pub mod subdivision;
 mod target;
 
 pub use real::Real;

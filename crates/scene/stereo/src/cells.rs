@@ -3,7 +3,7 @@
 use crate::agreement::Map;
 use crate::picture::Picture;
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use weaver_kernels::subdivision::subdivide;
 
 /// A cell of a photo.
 #[derive(Clone, Debug)]
@@ -23,12 +23,21 @@ const SIDE: usize = 16;
 /// Error of a cell beside that of its colors, over the square of the number of its pixels: large ones are divided even where they are plain.
 const PLAIN: f64 = 1e-4 / 16.0;
 
-/// A square that may be divided.
+/// A square of a photo.
+#[derive(Clone, Copy)]
 struct Square {
     photo: usize,
     x: usize,
     y: usize,
     side: usize,
+}
+
+/// A square with owned pixels.
+struct Node {
+    square: Square,
+    sums: Sums,
+    /// In the order in which squares were made: of equal ones the first is divided first.
+    number: usize,
 }
 
 /// Owned pixels of a square: their number, the sums of colors, places and logarithms of inverse depth, and of the squares of colors and logarithms.
@@ -44,41 +53,37 @@ struct Sums {
 /// At most `count` cells of the owned pixels: the square that is worst described by one color and one depth is divided until there are enough.
 pub(crate) fn cells(pictures: &[Picture], maps: &[Map], owned: &[Vec<bool>], count: usize) -> Vec<Cell> {
     let view = View { pictures, maps, owned };
-    let mut squares: Vec<Square> = Vec::new();
-    let mut open = BinaryHeap::new();
-    let add = |squares: &mut Vec<Square>, open: &mut BinaryHeap<_>, square: Square| {
+    let mut made = 0;
+    let mut node = |square| {
         let sums = view.sums(&square);
-        if sums.pixels > 0.0 {
-            // Errors are not negative, so that their bits are in their order.
-            open.push((sums.error().to_bits(), Reverse(squares.len())));
-            squares.push(square);
-        }
+        made += 1;
+        (sums.pixels > 0.0).then_some(Node { square, sums, number: made })
     };
-    for (photo, picture) in pictures.iter().enumerate() {
-        for y in (0..picture.camera.height).step_by(SIDE) {
-            for x in (0..picture.camera.width).step_by(SIDE) {
-                add(&mut squares, &mut open, Square { photo, x, y, side: SIDE });
-            }
+    let mut roots = Vec::new();
+    for (photo, Picture { camera, .. }) in pictures.iter().enumerate() {
+        for y in (0..camera.height).step_by(SIDE) {
+            roots.extend((0..camera.width).step_by(SIDE).filter_map(|x| node(Square { photo, x, y, side: SIDE })));
         }
     }
-    // Three more than one that is divided, at most.
-    let mut done: Vec<usize> = Vec::new();
-    while open.len() + done.len() + 3 <= count {
-        let Some((_, Reverse(n))) = open.pop() else { break };
-        let Square { photo, x, y, side } = squares[n];
-        if side == 1 {
-            done.push(n);
-            continue;
-        }
+    // Errors are not negative, so that their bits are in their order.
+    let worst = |node: &Node| (node.sums.error().to_bits(), Reverse(node.number));
+    let mut nodes = subdivide(roots, count, 4, worst, |divided| {
+        divided.square.quarters().into_iter().filter_map(&mut node).collect::<Vec<_>>()
+    });
+    nodes.sort_unstable_by_key(|node| node.number);
+    nodes.truncate(count);
+    nodes.iter().map(|node| view.cell(node)).collect()
+}
+
+impl Square {
+    /// Its quarters, none of a pixel.
+    fn quarters(self) -> Vec<Self> {
+        let Self { photo, x, y, side } = self;
         let half = side / 2;
-        for (x, y) in [(x, y), (x + half, y), (x, y + half), (x + half, y + half)] {
-            add(&mut squares, &mut open, Square { photo, x, y, side: half });
-        }
+        let corners = [(x, y), (x + half, y), (x, y + half), (x + half, y + half)];
+        let corners = corners.into_iter().filter(|_| half > 0);
+        corners.map(|(x, y)| Self { photo, x, y, side: half }).collect()
     }
-    done.extend(open.into_iter().map(|(_, Reverse(n))| n));
-    done.sort_unstable();
-    done.truncate(count);
-    done.into_iter().map(|n| view.cell(&squares[n])).collect()
 }
 
 struct View<'a> {
@@ -113,15 +118,15 @@ impl View<'_> {
         sums
     }
 
-    fn cell(&self, square: &Square) -> Cell {
-        let Sums { pixels, color, place, .. } = self.sums(square);
+    fn cell(&self, Node { square, sums, .. }: &Node) -> Cell {
+        let Sums { pixels, color, place, .. } = sums;
         let width = self.pictures[square.photo].camera.width;
         let away = |at: &usize| {
             (at % width).abs_diff((place[0] / pixels).round() as usize).pow(2)
                 + (at / width).abs_diff((place[1] / pixels).round() as usize).pow(2)
         };
         let at = self.pixels(square).min_by_key(away).expect("squares without pixels are left out");
-        Cell { photo: square.photo, at, pixels: pixels as usize, color: color.map(|c| (c / pixels) as f32) }
+        Cell { photo: square.photo, at, pixels: *pixels as usize, color: color.map(|c| (c / pixels) as f32) }
     }
 }
 

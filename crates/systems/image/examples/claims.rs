@@ -59,7 +59,7 @@ fn processor_seconds() -> Result<f64> {
 }
 
 fn fits(pictures: &[Picture]) -> Result<()> {
-    for steps in [300, 1000] {
+    for steps in [300, 1000, 3000] {
         measure(&format!("ours, {steps} steps"), pictures, &|n| FitSettings::new(n, steps))?;
     }
     measure("control: random start at our rates, 300", pictures, &|n| {
@@ -67,7 +67,7 @@ fn fits(pictures: &[Picture]) -> Result<()> {
         (settings.start, settings.color_steps, settings.growth) = (Start::Random, 0, false);
         settings
     })?;
-    for steps in [300, 1000] {
+    for steps in [300, 1000, 3000] {
         measure(&format!("published, {steps} steps"), pictures, &|n| FitSettings::published(n, steps))?;
     }
     Ok(())

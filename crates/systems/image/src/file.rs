@@ -151,10 +151,13 @@ pub fn decode_region(
     read: &mut dyn FnMut(Range<u64>) -> std::io::Result<Vec<u8>>,
     window: Window,
 ) -> Result<Coded, ImageError> {
-    let mut known = FIRST.min(length);
+    let (mut front, mut known) = (Vec::new(), 0);
     let layout = loop {
-        match Layout::read(&read(0..known)?) {
-            Err(CodecError::Ended { .. }) if known < length => known = (4 * known).min(length),
+        let next = (4 * known).max(FIRST).min(length);
+        front.extend(read(known..next)?);
+        known = next;
+        match Layout::read(&front) {
+            Err(CodecError::Ended { .. }) if known < length => {}
             layout => break layout?,
         }
     };
@@ -163,7 +166,13 @@ pub fn decode_region(
     }
     check_streams(layout.gaussians, layout.streams.iter().map(|extent| (extent.name, extent.symbols)))?;
     let mut part = |extent: &Extent| -> Result<Vec<u8>, ImageError> {
-        let bytes = read(extent.bytes.clone())?;
+        let Range { start, end } = extent.bytes;
+        // No byte is read twice.
+        let mut bytes = front[front.len().min(start as usize)..front.len().min(end as usize)].to_vec();
+        let missing = start + bytes.len() as u64..end;
+        if !missing.is_empty() {
+            bytes.extend(read(missing)?);
+        }
         extent.check(&bytes)?;
         Ok(bytes)
     };

@@ -2,8 +2,7 @@
 
 use crate::picture::Picture;
 use crate::window::Window;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use weaver_kernels::subdivision::subdivide;
 
 /// A cell of a picture, and the best color for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,19 +31,9 @@ pub struct Leaf {
 /// ```
 pub fn quadtree(picture: &Picture, count: usize) -> Vec<Leaf> {
     let sums = Sums::new(picture);
-    let mut leaves = vec![sums.leaf(picture.window())];
-    let mut open = BinaryHeap::new();
-    let rank = |leaf: &Leaf, i: usize| (leaf.deviation.to_bits(), leaf.cell.pixels(), Reverse(i));
-    open.push(rank(&leaves[0], 0));
-    while leaves.len() < count {
-        let Some((.., Reverse(i))) = open.pop() else { break };
-        let Some([first, second]) = sums.halves(leaves[i].cell) else { continue };
-        open.push(rank(&first, i));
-        open.push(rank(&second, leaves.len()));
-        leaves[i] = first;
-        leaves.push(second);
-    }
-    leaves
+    // Deviations are not negative, so that their bits are in their order.
+    let worst = |leaf: &Leaf| (leaf.deviation.to_bits(), leaf.cell.pixels());
+    subdivide(vec![sums.leaf(picture.window())], count, 2, worst, |leaf| sums.halves(leaf.cell).into_iter().flatten())
 }
 
 /// Steps of a color.

@@ -67,6 +67,8 @@ fn what_a_fit_cannot_keep_is_said() {
     wave(80, 60, 0.0).write_png(here.join("plain.png")).unwrap();
     let line = told(here, "fit @plain.png -o @p.wgi --gaussians 20 --steps 5");
     assert_eq!(line.lines().count(), 1, "{line}");
+    assert_ne!(told(here, "fit @plain.png -o @p.wgi --gaussians 20 --steps 5 --coarse"), line);
+    refused(here, "fit @plain.png -o @p.wgi --coarse --published", "cannot be used with");
 }
 
 #[test]
@@ -101,5 +103,19 @@ fn a_region_reads_its_blocks_alone() {
     assert!(taken < length * 2 / 3, "{line}");
     let image = |name: &str| Image::read(here.join(name), Background::Black).unwrap();
     assert_eq!(image("part.png"), image("whole.png").crop(4, 6, 20, 10));
-    refused(here, "draw @p.wgi -o @part.png --region 290,0,20,10", "--region: expected pixels of 300 x 240");
+    refused(
+        here,
+        "draw @p.wgi -o @part.png --region 290,0,20,10",
+        "--region: expected pixels of 300 x 240, found 20 x 10",
+    );
+    refused(
+        here,
+        "draw @p.wgi -o @part.png --scale 1000",
+        "expected a drawing of at most 268435456 pixels, found 300000 x",
+    );
+    refused(here, "draw @p.wgi -o @part.jpg", "--out: expected the name of a PNG file");
+    refused(here, "fit @p.png -o @p.wgi --psnr nan", "--psnr: expected a number of decibels, found NaN");
+    // A file that is read as a whole is read once.
+    let line = told(here, "draw @p.wgi -o @part.png");
+    assert!(line.contains(&format!(", {length} of {length} bytes read")), "{line}");
 }

@@ -15,6 +15,7 @@ mod rope;
 mod rows;
 mod softmax;
 mod special;
+mod subdivision;
 mod twofold;
 
 use weaver_kernels::Real;
