@@ -16,6 +16,7 @@
 mod error;
 mod evaluation;
 mod job;
+mod looks;
 mod maps;
 mod meshing;
 mod plan;

@@ -73,6 +73,7 @@ impl<'a> Recorder<'a> {
         let before = read_records(&path)?.last().and_then(|record| record.value("seconds")).unwrap_or(0.0);
         let board = TensorBoard::create(folder.path().join(Folder::EVENTS))?;
         let (mean, now) = (Mean::default(), Instant::now());
+        let rhythm = Rhythm { save: folder.pace(rhythm.save), ..rhythm };
         let pause = match rhythm.save {
             Save::Seconds(seconds) => Duration::from_secs_f64(seconds),
             Save::Steps(_) => Duration::ZERO,
