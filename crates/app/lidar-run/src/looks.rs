@@ -32,11 +32,15 @@ pub(crate) fn beginning(job: &LidarJob, title: String) -> Result<Exhibit, LidarR
         sh: vec![harmonic(0.3); 3 * n],
         degree: 0,
     };
+    Ok(Exhibit { shots: vec![overview()], ..Exhibit::new(title, scene.to_stored(), Look::default()) })
+}
+
+/// The view of a map to begin with: from behind and above where the first scan was taken, z upward.
+pub fn overview() -> Shot {
     let [eye, target] = VIEW;
     let intrinsics = Intrinsics { fx: 560.0, fy: 560.0, cx: 320.0, cy: 240.0 };
     let camera = Camera { pose: trajectory::look_at(eye, target, DVec3::Z), intrinsics, width: 640, height: 480 };
-    let shots = vec![Shot::new("behind the first scan", camera)];
-    Ok(Exhibit { shots, ..Exhibit::new(title, scene.to_stored(), Look::default()) })
+    Shot::new("behind the first scan", camera)
 }
 
 /// All maps of a state as one scene.

@@ -13,7 +13,7 @@ use weaver_scene::Gaussians;
 /// Makes the scene of a checkpoint.
 pub type SceneOf<'a> = &'a (dyn Fn(&Tensors) -> weaver_io::Result<Gaussians> + Sync);
 
-/// What a page shows of a run beside its curves.
+/// A part of a run that a page shows beside its curves.
 #[derive(Clone, Copy)]
 pub enum Showing<'a> {
     /// The scene of its last checkpoint.
@@ -38,7 +38,7 @@ pub struct Followed<'a> {
     pub folder: &'a Path,
     /// Steps of the whole run.
     pub steps: usize,
-    /// What is shown beside the curves.
+    /// The part that is shown beside the curves.
     pub showing: Showing<'a>,
     /// Ends the run after its step where it is set, as Ctrl-C does.
     pub stop: &'a AtomicBool,

@@ -73,7 +73,7 @@ pub enum Score {
     Importance,
     /// Opacity alone
     Opacity,
-    /// What shows in the pictures of --cameras: the sum of its weights over all pixels
+    /// Weights in the pictures of --cameras, summed over all pixels
     Contribution,
 }
 

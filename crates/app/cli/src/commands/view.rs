@@ -11,7 +11,9 @@ use weaver_view::{HtmlOptions, Look};
 use weaver_view_run::{Exhibit, Moving, Server, Visitors};
 
 /// Scenes in folders, the best first: of fits and networks, of lidar runs, and a scene in many files.
-const RESULTS: [&str; 3] = ["scene.ply", "map.ply", "meta.json"];
+const RESULTS: [&str; 3] = ["scene.ply", MAP, "meta.json"];
+/// The map of a lidar run.
+const MAP: &str = "map.ply";
 /// The file by which a folder of `dynamic train` is told.
 const MIXTURE: &str = "model.safetensors";
 /// Megabytes of a page above which there is a warning.
@@ -148,12 +150,15 @@ pub fn exhibit(seen: &Seen<'_>) -> Result<Exhibit, Failure> {
         let coverage = folder.and_then(coverage).unwrap_or_default();
         exhibit.shots.iter_mut().for_each(|shot| shot.coverage = coverage.0.get(&shot.name).copied());
     }
+    if file.ends_with(MAP) {
+        exhibit.shots.push(weaver_lidar_run::overview());
+    }
     exhibit.report = within("report.html");
     exhibit.file = Some(file);
     Ok(exhibit)
 }
 
-/// What photos agree about, as the summary of a fit says.
+/// The part of each photo that others agree about, as the summary of a fit says.
 fn coverage(folder: &Path) -> Option<Coverage> {
     let summary = weaver_io::read_text(folder.join("summary.json")).ok()?;
     Some(serde_json::from_str::<Outcome>(&summary).ok()?.coverage)

@@ -75,7 +75,7 @@ fn edits_happen_in_their_order() {
     assert_eq!(convert(folder.path(), &["scene.ply", "few.ply", "--keep", "7", "--drop-floaters"])["gaussians"], 7);
 }
 
-/// What no camera sees goes first, whatever its size.
+/// Gaussians that no camera sees go first, whatever their size.
 #[test]
 fn what_shows_stays() {
     let folder = folder();

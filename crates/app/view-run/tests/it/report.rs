@@ -48,8 +48,9 @@ fn a_report_has_the_scene_within() {
     server.during(|| {
         for address in [format!("file://{}", file.display()), format!("{start}/report?{token}")] {
             browser.open(&address);
-            let within = "document.querySelector('iframe').contentDocument";
-            browser.wait(&format!("{within}?.getElementById('view')?.classList.contains('shown')"));
+            browser.frame(true);
+            browser.wait("document.getElementById('view')?.classList.contains('shown')");
+            browser.frame(false);
             assert!(browser.is("document.querySelector('iframe').inert"));
             browser.value("document.querySelector('figure.embed button').click()");
             assert!(
