@@ -68,7 +68,7 @@ pub struct View {
 pub fn run(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || {
         let View { scene, cameras, photos, drawing, .. } = arguments;
-        if scene.join(MIXTURE).is_file() {
+        if scene.join(MIXTURE).is_file() && !scene.join(RESULTS[0]).exists() {
             return film(arguments, console, interrupt);
         }
         if arguments.expert.is_some() {
