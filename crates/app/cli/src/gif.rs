@@ -1,5 +1,6 @@
 //! Pictures as a GIF that repeats, without another program.
 
+use crate::film::Film;
 use gif::{Encoder, Frame, Repeat};
 use std::path::{Path, PathBuf};
 use weaver_command::Failure;
@@ -28,16 +29,16 @@ impl Gif {
         let delay = (100.0 / rate).round().clamp(2.0, 6000.0) as u16;
         Ok(Self { path: path.into(), encoder, delay })
     }
+}
 
-    /// Adds a picture; all have one size.
-    pub fn push(&mut self, image: &Image) -> Result<(), Failure> {
+impl Film for Gif {
+    fn push(&mut self, image: &Image) -> Result<(), Failure> {
         let mut frame = Frame::from_rgb_speed(image.width as u16, image.height as u16, &image.to_bytes(), SPEED);
         frame.delay = self.delay;
         Ok(self.encoder.write_frame(&frame)?)
     }
 
-    /// Writes the file, and returns its path.
-    pub fn finish(self) -> Result<PathBuf, Failure> {
+    fn finish(self: Box<Self>) -> Result<PathBuf, Failure> {
         let bytes = self.encoder.into_inner()?;
         atomic_write(&self.path, |w| w.write_all(&bytes))?;
         Ok(self.path)

@@ -8,6 +8,7 @@ mod commands;
 mod estimate;
 mod failure_kind;
 mod ffmpeg;
+mod film;
 mod flags;
 mod gif;
 mod old_names;
@@ -17,6 +18,7 @@ mod refine;
 mod request;
 mod units;
 mod video;
+mod webp;
 
 pub use ffmpeg::end_all as end_programs;
 pub use weaver_command::{Console, Interrupt};

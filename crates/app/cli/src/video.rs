@@ -1,6 +1,7 @@
 //! Encodes pictures into a video with the installed ffmpeg.
 
 use crate::ffmpeg::{Ffmpeg, INSTALL};
+use crate::film::Film;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdin, Command, Stdio};
@@ -41,8 +42,19 @@ impl Video {
         Ok(Self { path: path.to_owned(), unfinished, ffmpeg, pipe })
     }
 
-    /// Adds a picture; all have one size.
-    pub fn push(&mut self, image: &Image) -> Result<(), Failure> {
+    /// Ends the input, waits for ffmpeg, and passes on its error messages.
+    fn end(&mut self) -> Result<(), Failure> {
+        drop(self.pipe.take());
+        self.ffmpeg.end()?.fault().map_or(Ok(()), |fault| Err(self.failure(&fault)))
+    }
+
+    fn failure(&self, reason: &str) -> Failure {
+        Failure::message(format!("{}: {reason}", self.path.display()))
+    }
+}
+
+impl Film for Video {
+    fn push(&mut self, image: &Image) -> Result<(), Failure> {
         let written =
             self.pipe.as_mut().map_or(Err(ErrorKind::BrokenPipe.into()), |pipe| pipe.write_all(&image.to_bytes()));
         match written {
@@ -52,21 +64,10 @@ impl Video {
         }
     }
 
-    /// Gives the video its name, and returns it.
-    pub fn finish(mut self) -> Result<PathBuf, Failure> {
+    fn finish(mut self: Box<Self>) -> Result<PathBuf, Failure> {
         self.end()?;
         std::fs::rename(&self.unfinished, &self.path).map_err(|error| self.failure(&error.to_string()))?;
         Ok(std::mem::take(&mut self.path))
-    }
-
-    /// Ends the input, waits for ffmpeg, and passes on its error messages.
-    fn end(&mut self) -> Result<(), Failure> {
-        drop(self.pipe.take());
-        self.ffmpeg.end()?.fault().map_or(Ok(()), |fault| Err(self.failure(&fault)))
-    }
-
-    fn failure(&self, reason: &str) -> Failure {
-        Failure::message(format!("{}: {reason}", self.path.display()))
     }
 }
 

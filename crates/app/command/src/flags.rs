@@ -18,6 +18,14 @@ pub struct DeviceFlag {
     pub device: Option<String>,
 }
 
+/// A page that follows a run.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct LiveFlag {
+    /// Shows the run in the browser while it goes on, at an address that is printed
+    #[arg(long)]
+    pub live: bool,
+}
+
 /// Number of threads.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct Threads {

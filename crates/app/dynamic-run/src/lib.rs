@@ -16,6 +16,7 @@ mod beginning;
 mod error;
 mod evaluate;
 mod mixture;
+mod moment;
 mod objective;
 mod optimizer;
 mod prune;

@@ -7,6 +7,7 @@ use crate::optimizer::Optimizer;
 use crate::views::Views;
 use crate::{FilmSource, RunError, RunSettings, Stage};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use weaver_autograd::{Params, Tape};
@@ -26,7 +27,7 @@ pub struct Run {
     pub(crate) settings: RunSettings,
     pub(crate) film: Film,
     pub(crate) params: Params<f32>,
-    pub(crate) mixture: Mixture,
+    pub(crate) mixture: Arc<Mixture>,
     /// The teacher of a distilled expert: the numbers that the run began with.
     teacher: Option<Params<f32>>,
     place: Place,
@@ -180,7 +181,7 @@ impl Run {
             None => bounds(&beginnings),
         };
         let mut params = Params::new();
-        let mixture = Mixture::new(&mut params, &settings, &film, &beginnings, bounds);
+        let mixture = Arc::new(Mixture::new(&mut params, &settings, &film, &beginnings, bounds));
         if let Some(tensors) = init {
             take_params(tensors, "", &mut params)?;
         }
@@ -243,6 +244,11 @@ impl Run {
         [of(&stages[..self.place.stage.min(stages.len())]) + self.place.step, of(stages)]
     }
 
+    /// Lets a page follow the run: [`Folder::follow`].
+    pub fn follow(&mut self) {
+        self.claimed.iter_mut().for_each(Folder::follow);
+    }
+
     /// Runs to the last step, or until `stop` is set, and leaves a checkpoint, or the model; says whether it came to the end. `observe` is
     /// called after every step.
     ///
@@ -300,7 +306,7 @@ impl Run {
         let shot = &self.film.shots[number];
         let seen = || views.of(number, || self.mixture.see(&self.params, (&shot.camera, shot.time), workspace));
         let loss = {
-            let models = (&self.mixture, &self.params, self.teacher.as_ref());
+            let models = (&*self.mixture, &self.params, self.teacher.as_ref());
             let loss = objective(tape, models, &self.settings, stage, shot, seen)?;
             let value = loss.item();
             if value.is_finite() {

@@ -32,8 +32,13 @@ pub fn pictured(views: usize) -> impl Iterator<Item = usize> {
     (0..chosen).map(move |i| i * views / chosen)
 }
 
-/// The page, but for its curves.
-pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged]) -> Result<Page, RunError> {
+/// The page, but for its curves; `look` is the page to look at the scene.
+pub fn page(
+    run: &Fitting,
+    outcome: &Outcome,
+    look: Option<&str>,
+    (train, test): (&[Judged], &[Judged]),
+) -> Result<Page, RunError> {
     let mut page = Page::new("SplatWeaver fit");
     let cameras = CamerasSummary::of_capture(&run.settings.capture);
     if let Some(cameras) = &cameras {
@@ -66,8 +71,8 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
         let [psnr, aligned, ssim, lpips] = numbers(&views.quality);
         [name.to_string(), views.views.to_string(), psnr, aligned, ssim, lpips]
     };
-    if run.settings.html {
-        page.link("Look at the scene", crate::view::FILE);
+    if let Some(look) = look {
+        page.embed("Look at the scene", crate::view::FILE, look);
     }
     let rows: Vec<_> = [outcome.test.as_ref().map(|t| row("held out", t)), Some(row("fitted", &outcome.train))]
         .into_iter()

@@ -47,8 +47,9 @@ impl Run {
         }
         let test_cameras = job.held_out_cameras()?;
         job.write_cameras(&test_cameras, out)?;
-        if job.settings.html {
-            write_text(out.file(view::FILE)?, &view::page(job, &gaussians, &test_cameras)?)?;
+        let look = job.settings.html.then(|| view::page(job, &gaussians, &test_cameras)).transpose()?;
+        if let Some(look) = &look {
+            write_text(out.file(view::FILE)?, look)?;
         }
         let seconds = job.seconds();
         let train = job.judge_training()?;
@@ -56,7 +57,7 @@ impl Run {
         let outcome = job.outcome(seconds, &train, &test);
         job.write_transients(folder.out())?;
         folder.summarize(&outcome)?;
-        let mut page = report::page(job, &outcome, &train, &test)?;
+        let mut page = report::page(job, &outcome, look.as_deref(), (&train, &test))?;
         folder.report(page.curves(&folder.records()?, &report::CURVES))?;
         Ok(outcome)
     }

@@ -178,6 +178,11 @@ impl Run {
         self.0.job.seconds()
     }
 
+    /// Lets a page follow the run: [`Folder::follow`].
+    pub fn follow(&mut self) {
+        self.0.folder.follow();
+    }
+
     /// Runs to the last step, or until `stop` is set, and leaves a checkpoint. `observe` is called after every step.
     ///
     /// # Errors

@@ -31,7 +31,8 @@ pub fn shots(run: &Fitting, test_cameras: &[Camera]) -> Result<Vec<Shot>, RunErr
         let Camera { width, height, .. } = photo.camera;
         let file = || photo_file(&Bitmap { width, height, pixels: photo.rgb.clone() });
         let photo_file = chosen.contains(&i).then(file).transpose().map_err(weaver_view::ViewError::from)?;
-        Ok(Shot { name: photo.name.clone(), camera, held_out, photo: photo_file })
+        let coverage = run.capture.coverage.0.get(&photo.name).copied();
+        Ok(Shot { held_out, photo: photo_file, coverage, ..Shot::new(photo.name.clone(), camera) })
     };
     all.into_iter().enumerate().map(shot).collect()
 }

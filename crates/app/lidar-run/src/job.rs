@@ -175,23 +175,11 @@ impl Job for LidarJob {
         let poses = |name: &str, n: usize| -> Result<Vec<Pose>, LidarRunError> {
             Ok(state.values::<f64>(name, &[n, POSE])?.chunks_exact(POSE).map(pose_of).collect())
         };
-        let [since, lost, count, finished] = *state.values::<u64>("counts", &[4])? else {
+        let [since, lost, count, _] = *state.values::<u64>("counts", &[4])? else {
             return Err(invalid("counts", "four numbers".into(), "others".into()));
         };
-        let map = |i: usize| -> Result<Surfels<f32>, LidarRunError> {
-            let n = state.get(&format!("map.{i}.opacity_logits"))?.data.len();
-            let column = |name: &str, numbers: usize| -> Result<Vec<f32>, LidarRunError> {
-                Ok(state.values::<f32>(&format!("map.{i}.{name}"), &[n, numbers])?.to_vec())
-            };
-            Ok(Surfels {
-                centers: column("centers", 3)?,
-                quats: column("quats", 4)?,
-                log_scales: column("log_scales", 2)?,
-                opacity_logits: state.values::<f32>(&format!("map.{i}.opacity_logits"), &[n])?.to_vec(),
-            })
-        };
-        let complete: Vec<Surfels<f32>> = (0..finished as usize).map(map).collect::<Result<_, _>>()?;
-        let surfels = map(complete.len())?;
+        let mut complete = maps_of(state)?;
+        let surfels = complete.pop().unwrap_or_default();
         let e = state.get("edges")?.data.len() / 2;
         let ends = state.values::<u64>("edges", &[e, 2])?;
         let k = state.get("keyframe_scans")?.data.len();
@@ -246,6 +234,26 @@ impl Job for LidarJob {
     fn rhythm(&self) -> Rhythm {
         Rhythm { log: Log::Every(1), save: Save::Seconds(20.0) }
     }
+}
+
+/// All maps of a state: those that are finished, and last the one under way.
+pub(crate) fn maps_of(state: &Tensors) -> weaver_io::Result<Vec<Surfels<f32>>> {
+    let finished = state.values::<u64>("counts", &[4])?[3] as usize;
+    (0..=finished).map(|i| map_of(state, i)).collect()
+}
+
+/// A map of a state.
+fn map_of(state: &Tensors, i: usize) -> weaver_io::Result<Surfels<f32>> {
+    let n = state.get(&format!("map.{i}.opacity_logits"))?.data.len();
+    let column = |name: &str, numbers: usize| -> weaver_io::Result<Vec<f32>> {
+        Ok(state.values::<f32>(&format!("map.{i}.{name}"), &[n, numbers])?.to_vec())
+    };
+    Ok(Surfels {
+        centers: column("centers", 3)?,
+        quats: column("quats", 4)?,
+        log_scales: column("log_scales", 2)?,
+        opacity_logits: state.values::<f32>(&format!("map.{i}.opacity_logits"), &[n])?.to_vec(),
+    })
 }
 
 /// Numbers of a pose: translation, and the rotation by columns, so that it comes back to the same bits.

@@ -16,6 +16,7 @@
 mod error;
 mod evaluation;
 mod job;
+mod looks;
 mod maps;
 mod meshing;
 mod plan;
@@ -26,6 +27,7 @@ mod run;
 pub use error::LidarRunError;
 pub use evaluation::{Errors, EvalTrajectory, eval_trajectory, paired_errors};
 pub use job::{LidarJob, ScanRecord};
+pub use looks::overview;
 pub use meshing::{EvalMesh, Meshing, eval_mesh, mesh};
 pub use plan::LidarPlan;
 pub use results::Summary;

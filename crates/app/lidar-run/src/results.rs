@@ -4,9 +4,11 @@ use crate::evaluation::Errors;
 use crate::{LidarJob, LidarPlan, LidarRunError, paired_errors};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
+use weaver_geometry::glam::{DQuat, DVec3};
 use weaver_io::{TrajectoryFile, TrajectoryFormat, write_gaussians, write_text};
 use weaver_run::Folder;
 use weaver_scene::Gaussians;
+use weaver_scene::forms::harmonic;
 use weaver_surfel::Surfels;
 
 /// The file of poses.
@@ -108,15 +110,20 @@ fn graph(job: &LidarJob, trajectory: &TrajectoryFile) -> String {
     text
 }
 
-/// Surfels as Gaussians of no thickness, gray.
+/// Surfels as Gaussians of no thickness, in the colors of their normals, which face up: gray ones would show nothing of their shape.
 pub(crate) fn gaussians(surfels: &Surfels<f32>) -> Gaussians {
+    let color = |q: &[f32]| -> [f32; 3] {
+        let normal = DQuat::from_xyzw(q[1].into(), q[2].into(), q[3].into(), q[0].into()).normalize() * DVec3::Z;
+        let up = if normal.z < 0.0 { -normal } else { normal };
+        (0.5 + 0.5 * up).as_vec3().to_array().map(harmonic)
+    };
     let triples = |x: &[f32]| x.chunks_exact(3).map(|x| [x[0], x[1], x[2]]).collect();
     Gaussians {
         means: triples(&surfels.centers),
         log_scales: surfels.log_scales.chunks_exact(2).map(|s| [s[0], s[1], THICKNESS]).collect(),
         quats: surfels.quats.chunks_exact(4).map(|q| [q[0], q[1], q[2], q[3]]).collect(),
         opacity_logits: surfels.opacity_logits.clone(),
-        sh: vec![0.0; 3 * surfels.len()],
+        sh: surfels.quats.chunks_exact(4).flat_map(color).collect(),
         degree: 0,
     }
 }

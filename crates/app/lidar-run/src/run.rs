@@ -1,13 +1,15 @@
 //! `splatweaver lidar`.
 
 use crate::job::said;
+use crate::looks::{beginning, scene_of};
 use crate::plan::name;
 use crate::results::{KEYFRAMES, MAP, Summary, TRAJECTORY, write};
 use crate::{LidarJob, LidarPlan};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, Progress, Threads, in_pool};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress, Threads, in_pool};
 use weaver_run::{Folder, Job, Kind, Run};
+use weaver_view_run::{Followed, Server, Showing, Visitors, live};
 
 /// The folders of these runs.
 pub const KIND: Kind = Kind { command: "lidar", settings: "run.json", results: &[TRAJECTORY, KEYFRAMES, MAP] };
@@ -35,6 +37,8 @@ pub struct Lidar {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    live: LiveFlag,
+    #[command(flatten)]
     threads: Threads,
 }
 
@@ -44,7 +48,7 @@ pub struct Lidar {
 pub fn run(arguments: &Lidar, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || {
         let run = opened(arguments)?;
-        advance(run, arguments.json, console, interrupt)
+        advance(run, arguments, console, interrupt)
     })
 }
 
@@ -69,13 +73,27 @@ fn opened(arguments: &Lidar) -> Result<Run<LidarJob>, Failure> {
     Ok(Run::resume(folder, LidarJob::new(plan)?)?)
 }
 
-fn advance(mut run: Run<LidarJob>, json: bool, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+fn advance(
+    mut run: Run<LidarJob>,
+    arguments: &Lidar,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
     let [before, of] = run.job.steps();
+    let (path, stop) = (run.folder.path().to_path_buf(), interrupt.watch());
+    let exhibit = arguments.live.live.then(|| beginning(&run.job, path.display().to_string())).transpose()?;
+    let followed = Followed { folder: &path, steps: of, showing: Showing::Scene(&scene_of), stop };
+    let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
+    if server.is_some() {
+        run.folder.follow();
+    }
     let mut progress = Progress::new("lidar", before, of, console);
-    let complete = run.advance(interrupt.watch(), |report| {
-        let shown = || report.scalar("fitness").map_or(String::new(), |fitness| format!("fitness {fitness:.2}"));
-        progress.at(report.step, report.of, shown, console);
-        Ok(())
+    let complete = live(server.as_ref(), console, |console| {
+        run.advance(stop, |report| {
+            let shown = || report.scalar("fitness").map_or(String::new(), |fitness| format!("fitness {fitness:.2}"));
+            progress.at(report.step, report.of, shown, console);
+            Ok(())
+        })
     })?;
     progress.finish();
     remark(&run.job, before, console);
@@ -89,7 +107,7 @@ fn advance(mut run: Run<LidarJob>, json: bool, console: &mut Console, interrupt:
         console.note(&format!("tracking ended after scan {done} of {}", run.job.files().len()));
     }
     let summary = write(&mut run.job, &run.folder)?;
-    finish(&mut run, &summary, json, console)
+    finish(&mut run, &summary, arguments.json, console)
 }
 
 /// Says what was lost, and why: one line for each scan, and one for all whose ranges were not used.

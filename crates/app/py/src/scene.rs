@@ -218,7 +218,7 @@ impl SceneData {
     fn html(&self, py: Python<'_>, title: &str, cameras: Vec<Py<Camera>>, lossless: bool) -> Result<String, Failed> {
         let shot = |camera: &Py<Camera>| {
             let frame = &camera.get().0;
-            Shot { name: frame.name.clone(), camera: frame.camera, held_out: false, photo: None }
+            Shot::new(frame.name.clone(), frame.camera)
         };
         let shots: Vec<Shot> = cameras.iter().map(shot).collect();
         let look = Look { background: self.background, settings: self.settings };

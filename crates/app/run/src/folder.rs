@@ -1,6 +1,6 @@
 //! The folder of a run.
 
-use crate::{Error, Page, Record, read_records};
+use crate::{Error, Page, Record, Save, read_records};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
@@ -30,7 +30,11 @@ pub struct Kind {
 pub struct Folder {
     out: OutputFolder,
     kind: Kind,
+    followed: bool,
 }
+
+/// Seconds between checkpoints of a run that is followed, at least.
+const FOLLOWED: f64 = 3.0;
 
 impl Folder {
     /// The file to go on from.
@@ -61,7 +65,7 @@ impl Folder {
         }
         let out = OutputFolder::claim(path, kind.command, inputs)?;
         out.check(kind.files())?;
-        Ok(Self { out, kind })
+        Ok(Self { out, kind, followed: false })
     }
 
     /// Claims the folder of a run that goes on.
@@ -78,7 +82,7 @@ impl Folder {
     /// As [`OutputFolder::reopen`].
     pub fn reopen_with(path: &Path, kind: Kind, further: impl IntoIterator<Item = String>) -> Result<Self, Error> {
         let own = kind.files().map(String::from).chain(further);
-        Ok(Self { out: OutputFolder::reopen(path, kind.command, own)?, kind })
+        Ok(Self { out: OutputFolder::reopen(path, kind.command, own)?, kind, followed: false })
     }
 
     /// The folder.
@@ -89,6 +93,20 @@ impl Folder {
     /// The folder as one of results, for files beside those that every run has.
     pub fn out(&self) -> &OutputFolder {
         &self.out
+    }
+
+    /// Lets somebody follow the run by its files: a checkpoint that is written by time comes every three seconds, or as often as writing it
+    /// is worth its time.
+    pub fn follow(&mut self) {
+        self.followed = true;
+    }
+
+    /// The time of the next checkpoint, of a run that would save so.
+    pub(crate) fn pace(&self, save: Save) -> Save {
+        match save {
+            Save::Seconds(seconds) if self.followed => Save::Seconds(seconds.min(FOLLOWED)),
+            save => save,
+        }
     }
 
     /// Writes the settings as JSON. From here on the folder holds a run.
@@ -188,5 +206,22 @@ impl Kind {
     fn files(self) -> impl Iterator<Item = &'static str> {
         let common = [self.settings, Folder::CHECKPOINT, Folder::LOG, Folder::SUMMARY, Folder::REPORT];
         common.into_iter().chain(self.results.iter().copied())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Somebody who follows a run sees it as it was seconds ago; one that saves by steps, or more often, goes on as it does.
+    #[test]
+    fn a_run_that_is_followed_saves_more_often() {
+        let temporary = tempfile::tempdir().unwrap();
+        let kind = Kind { command: "count", settings: "run.json", results: &[] };
+        let mut folder = Folder::claim(&temporary.path().join("run"), kind, [""; 0]).unwrap();
+        let saves = [Save::Seconds(60.0), Save::Seconds(1.0), Save::Steps(7)];
+        assert_eq!(saves.map(|save| folder.pace(save)), saves);
+        folder.follow();
+        assert_eq!(saves.map(|save| folder.pace(save)), [Save::Seconds(FOLLOWED), saves[1], saves[2]]);
     }
 }

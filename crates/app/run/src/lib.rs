@@ -13,6 +13,7 @@ mod metrics_log;
 mod page;
 mod record;
 mod recorder;
+mod rhythm;
 pub mod settings;
 pub mod state;
 mod step_report;
@@ -24,7 +25,8 @@ pub use job::{Job, Run, advance};
 pub use metrics_log::{MetricsLog, read_metrics};
 pub use page::{Page, Span};
 pub use record::{Record, read_records};
-pub use recorder::{Log, Recorder, Rhythm, Save};
+pub use recorder::Recorder;
+pub use rhythm::{Log, Rhythm, Save};
 pub use step_report::{Scalar, StepReport};
 pub use tensorboard::TensorBoard;
 

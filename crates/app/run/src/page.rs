@@ -40,6 +40,8 @@ pub enum Span<'a> {
 const STYLE: &str = include_str!("../web/report.css");
 const SCRIPT: &str = include_str!("../web/report.js");
 
+/// Bytes of a page within a page, at most.
+const EMBEDDED: usize = 20_000_000;
 /// Sections from which a page has a table of contents.
 const LONG: usize = 4;
 /// Quality of compared pictures as libjpeg counts it.
@@ -91,6 +93,20 @@ impl Page {
     pub fn link(&mut self, text: &str, file: &str) -> &mut Self {
         let (text, file) = (escape(text), escape(file));
         self.put(format_args!("<p><a class=\"open\" href=\"./{file}\">{text}</a></p>"))
+    }
+
+    /// Adds another page, which needs no further file, in a frame that is looked at and takes no part until it is clicked, and a link to it as
+    /// a file beside this page. One of more than 20 MB is linked alone, and its size is said.
+    pub fn embed(&mut self, text: &str, file: &str, page: &str) -> &mut Self {
+        if page.len() > EMBEDDED {
+            return self.link(&format!("{text} ({} MB)", page.len() / 1_000_000), file);
+        }
+        let (text, file, page) = (escape(text), escape(file), escape(page));
+        self.scripted = true;
+        self.put(format_args!(
+            "<figure class=\"embed\"><div><iframe title=\"{text}\" srcdoc=\"{page}\" inert></iframe><button type=\"button\">{text}</button></div>\
+             <figcaption><a href=\"./{file}\">On a page of its own</a></figcaption></figure>"
+        ))
     }
 
     /// Adds text whose line breaks and spaces stay, in letters of one width.

@@ -1,43 +1,10 @@
 //! What is done beside the steps of a run: logs and checkpoints.
 
 use crate::record::{Mean, read_records};
-use crate::{Error, Folder, MetricsLog, StepReport, TensorBoard};
+use crate::{Error, Folder, Log, MetricsLog, Rhythm, Save, StepReport, TensorBoard};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use weaver_io::safetensors::Tensors;
-
-/// Intervals of logging and saving.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rhythm {
-    /// Which steps have a record.
-    pub log: Log,
-    /// When a checkpoint is written.
-    pub save: Save,
-}
-
-/// Which steps have a record.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Log {
-    /// The first, and every so many steps, by themselves.
-    Every(usize),
-    /// About so many records of the whole run, of means over the steps since the last.
-    Means(usize),
-}
-
-/// When a checkpoint is written.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Save {
-    /// After every so many steps.
-    Steps(usize),
-    /// After so many seconds, and so late that writing takes no more than a small share of the time.
-    Seconds(f64),
-}
-
-impl Default for Rhythm {
-    fn default() -> Self {
-        Self { log: Log::Means(500), save: Save::Seconds(20.0) }
-    }
-}
 
 /// Time between two checkpoints over the time that one takes to write, at least.
 const SAVING: u32 = 30;
@@ -73,6 +40,7 @@ impl<'a> Recorder<'a> {
         let before = read_records(&path)?.last().and_then(|record| record.value("seconds")).unwrap_or(0.0);
         let board = TensorBoard::create(folder.path().join(Folder::EVENTS))?;
         let (mean, now) = (Mean::default(), Instant::now());
+        let rhythm = Rhythm { save: folder.pace(rhythm.save), ..rhythm };
         let pause = match rhythm.save {
             Save::Seconds(seconds) => Duration::from_secs_f64(seconds),
             Save::Steps(_) => Duration::ZERO,

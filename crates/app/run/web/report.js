@@ -1,4 +1,12 @@
-// Sliders between two pictures, and values of curves under the pointer.
+// Sliders between two pictures, values of curves under the pointer, and frames that take part once they are clicked.
+for (const figure of document.querySelectorAll("figure.embed")) {
+  const [frame, button] = ["iframe", "button"].map((name) => figure.querySelector(name));
+  button.addEventListener("click", () => {
+    button.remove();
+    frame.inert = false;
+    frame.focus();
+  });
+}
 for (const figure of document.querySelectorAll("figure.compare")) {
   const slider = figure.querySelector("input");
   slider.addEventListener("input", () => figure.style.setProperty("--at", `${slider.value}%`));

@@ -1,7 +1,9 @@
 //! Scenes with their cameras and photos.
 
 use crate::Error;
+use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::{self, PosedOptions};
 use weaver_geometry::Undistortion;
@@ -27,10 +29,34 @@ pub struct Exhibit {
     pub shots: Vec<Shot>,
     /// Photos on disk.
     pub gallery: Option<Gallery>,
+    /// The scene at other times, of one that moves.
+    pub moving: Option<Moving>,
     /// The report of what made the scene.
     pub report: Option<PathBuf>,
     /// The file of the scene; edited ones are saved beside it.
     pub file: Option<PathBuf>,
+}
+
+/// A scene as a function of time, 0 to 1.
+#[derive(Clone)]
+pub struct Moving(Arc<dyn Fn(f64) -> Gaussians + Send + Sync>);
+
+impl Moving {
+    /// A scene that a function makes of a time.
+    pub fn new(at: impl Fn(f64) -> Gaussians + Send + Sync + 'static) -> Self {
+        Self(Arc::new(at))
+    }
+
+    /// The scene at a time.
+    pub fn at(&self, time: f64) -> Gaussians {
+        self.0(time)
+    }
+}
+
+impl fmt::Debug for Moving {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Moving").finish_non_exhaustive()
+    }
 }
 
 /// Photos on disk, one for each shot, which are read when they are asked for.
@@ -43,7 +69,8 @@ pub struct Gallery {
 impl Exhibit {
     /// A scene of this title without cameras.
     pub fn new(title: impl Into<String>, gaussians: Gaussians, look: Look) -> Self {
-        Self { title: title.into(), gaussians, look, shots: Vec::new(), gallery: None, report: None, file: None }
+        let (title, shots) = (title.into(), Vec::new());
+        Self { title, gaussians, look, shots, gallery: None, moving: None, report: None, file: None }
     }
 
     /// Adds the cameras of a file: transforms.json, a folder with a COLMAP model, or a RealEstate10K file. Photos are those that it names,
@@ -162,5 +189,5 @@ fn shot(frame: &Frame, file: &Path, held_out: bool) -> Result<Shot, Error> {
             undone.to
         }
     };
-    Ok(Shot { name: frame.name.clone(), camera, held_out, photo: None })
+    Ok(Shot { held_out, ..Shot::new(frame.name.clone(), camera) })
 }

@@ -3,9 +3,9 @@
 use crate::Error;
 use serde_json::{Map, Value, json};
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::UNIX_EPOCH;
+use std::time::{SystemTime, UNIX_EPOCH};
 use weaver_io::safetensors::Tensors;
 use weaver_run::{Folder, Record, read_records};
 use weaver_scene::Gaussians;
@@ -13,46 +13,73 @@ use weaver_scene::Gaussians;
 /// Makes the scene of a checkpoint.
 pub type SceneOf<'a> = &'a (dyn Fn(&Tensors) -> weaver_io::Result<Gaussians> + Sync);
 
-/// A run whose log and checkpoints a page follows. The run itself does nothing for it: files are read when a page asks.
+/// A part of a run that a page shows beside its curves.
 #[derive(Clone, Copy)]
+pub enum Showing<'a> {
+    /// The scene of its last checkpoint.
+    Scene(SceneOf<'a>),
+    /// The last by name of the PNG pictures in a folder, which need not exist yet.
+    Pictures(&'a Path),
+}
+
+impl fmt::Debug for Showing<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Scene(_) => f.write_str("Scene"),
+            Self::Pictures(folder) => f.debug_tuple("Pictures").field(folder).finish(),
+        }
+    }
+}
+
+/// A run whose log and checkpoints a page follows. The run itself does nothing for it: files are read when a page asks.
+#[derive(Clone, Copy, Debug)]
 pub struct Followed<'a> {
     /// The run's folder.
     pub folder: &'a Path,
     /// Steps of the whole run.
     pub steps: usize,
-    /// Makes the scene of a checkpoint.
-    pub scene: SceneOf<'a>,
+    /// The part that is shown beside the curves.
+    pub showing: Showing<'a>,
     /// Ends the run after its step where it is set, as Ctrl-C does.
     pub stop: &'a AtomicBool,
 }
 
-impl fmt::Debug for Followed<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Followed").field("folder", &self.folder).field("steps", &self.steps).finish_non_exhaustive()
-    }
-}
-
 impl Followed<'_> {
-    /// The number of the last checkpoint: when it was written, milliseconds; 0 where there is none.
+    /// The number of what is shown: when it was written, milliseconds; 0 where there is nothing yet.
     pub fn version(&self) -> u64 {
-        let written = || self.folder.join(Folder::CHECKPOINT).metadata().ok()?.modified().ok();
-        let since = written().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        let since = self.shown().and_then(|(written, _)| written.duration_since(UNIX_EPOCH).ok());
         since.map_or(0, |since| since.as_millis() as u64)
     }
 
-    /// The scene of the last checkpoint; none where there is no checkpoint.
+    /// The file of what is shown, and when it was written.
+    fn shown(&self) -> Option<(SystemTime, PathBuf)> {
+        let dated = |path: PathBuf| Some((path.metadata().ok()?.modified().ok()?, path));
+        match self.showing {
+            Showing::Scene(_) => dated(self.folder.join(Folder::CHECKPOINT)),
+            Showing::Pictures(folder) => dated(weaver_io::list_files(folder, &["png"]).ok()?.pop()?),
+        }
+    }
+
+    /// The scene of the last checkpoint; none where there is no checkpoint, or no scene to the run.
     ///
     /// # Errors
     /// When the checkpoint cannot be read or holds no scene.
     pub fn gaussians(&self) -> Result<Option<Gaussians>, Error> {
-        let path = self.folder.join(Folder::CHECKPOINT);
-        if !path.is_file() {
-            return Ok(None);
-        }
-        Ok(Some((self.scene)(&Tensors::read(&path)?)?))
+        let Showing::Scene(scene) = self.showing else { return Ok(None) };
+        let checkpoint = self.shown().map(|(_, path)| Tensors::read(&path)).transpose()?;
+        Ok(checkpoint.map(|tensors| scene(&tensors)).transpose()?)
     }
 
-    /// Records after a step, how far the run is, and the number of its last checkpoint.
+    /// The newest picture, a PNG file; none where there is none yet, or the run shows its scene.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn picture(&self) -> Result<Option<Vec<u8>>, Error> {
+        let Showing::Pictures(_) = self.showing else { return Ok(None) };
+        Ok(self.shown().map(|(_, path)| weaver_io::read_bytes(&path)).transpose()?)
+    }
+
+    /// Records after a step, how far the run is, and the number of what is shown.
     ///
     /// # Errors
     /// When the log cannot be read.
@@ -76,7 +103,12 @@ impl Followed<'_> {
     }
 }
 
+/// A record; the loss of a run with several stages, which mean different things by it, is one of its stage.
 fn record_json(record: &Record) -> Value {
-    let values: Map<String, Value> = record.values.iter().map(|(name, value)| (name.clone(), json!(value))).collect();
+    let named = |name: &str| match record.stage.as_str() {
+        stage if name == "loss" && !stage.is_empty() => format!("loss, {stage}"),
+        _ => name.to_string(),
+    };
+    let values: Map<String, Value> = record.values.iter().map(|(name, value)| (named(name), json!(value))).collect();
     json!({ "step": record.step, "values": values })
 }

@@ -6,11 +6,13 @@
 mod error;
 mod exhibit;
 mod follow;
+mod live;
 mod server;
 
 pub use error::Error;
-pub use exhibit::{Exhibit, Gallery};
-pub use follow::Followed;
+pub use exhibit::{Exhibit, Gallery, Moving};
+pub use follow::{Followed, Showing};
+pub use live::live;
 pub use server::{Server, Visitors};
 
 /// The example of the README, compiled and run.

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tiny_http::{Method, Request};
 use weaver_io::{SceneFormat, write_gaussians_to};
-use weaver_view::ServedPage;
+use weaver_view::{RunPage, ServedPage};
 
 /// Formats that scenes are saved in.
 const FORMATS: [&str; 3] = ["ply", "spz", "compressed"];
@@ -36,7 +36,7 @@ pub enum Visitors {
 pub struct Server<'a> {
     http: tiny_http::Server,
     guard: Guard,
-    exhibit: &'a Exhibit,
+    exhibit: Option<&'a Exhibit>,
     followed: Option<Followed<'a>>,
     page: String,
     policy: String,
@@ -50,18 +50,13 @@ impl std::fmt::Debug for Server<'_> {
 }
 
 impl<'a> Server<'a> {
-    /// Listens at a free port, of the loopback alone unless for the network. Nothing is answered before [`run`](Self::run).
+    /// A server that shows an exhibit, and follows a run if that is said. It listens at a free port, of the loopback alone unless for the
+    /// network. Nothing is answered before [`run`](Self::run).
     ///
     /// # Errors
     /// When no port is to be had, or the page cannot be made.
     pub fn bind(exhibit: &'a Exhibit, followed: Option<Followed<'a>>, visitors: Visitors) -> Result<Self, Error> {
-        let ip = if visitors == Visitors::Here { Ipv4Addr::LOCALHOST } else { Ipv4Addr::UNSPECIFIED };
-        let address = SocketAddr::from((ip, 0));
-        let failed = |message: String| Error::Bind { address: address.to_string(), message };
-        let http = tiny_http::Server::http(address).map_err(|error| failed(error.to_string()))?;
-        let port = http.server_addr().to_ip().map(|address| address.port());
-        let port = port.ok_or_else(|| failed("no port".into()))?;
-        let guard = Guard { port, token: random()?, visitors };
+        let (http, guard) = listen(visitors)?;
         let nonce = random()?;
         let photo = |i: usize| exhibit.has_photo(i).then(|| format!("photo/{i}?token={}", guard.token));
         let report = exhibit.report.as_ref().map(|_| format!("report?token={}", guard.token));
@@ -72,9 +67,22 @@ impl<'a> Server<'a> {
             formats: if exhibit.file.is_some() { &FORMATS } else { &[] },
             report: report.as_deref(),
             live: followed.is_some(),
+            moves: exhibit.moving.is_some(),
         };
         let (html, policy) = (page.html(&exhibit.subject(), &exhibit.shots)?, page.policy());
-        Ok(Self { http, guard, exhibit, followed, page: html, policy, saving: Mutex::new(()) })
+        Ok(Self { http, guard, exhibit: Some(exhibit), followed, page: html, policy, saving: Mutex::new(()) })
+    }
+
+    /// A server that follows a run without a scene, for this machine alone: curves and the newest picture under a title.
+    ///
+    /// # Errors
+    /// When no port is to be had.
+    pub fn of_run(title: &str, followed: Followed<'a>) -> Result<Self, Error> {
+        let (http, guard) = listen(Visitors::Here)?;
+        let nonce = random()?;
+        let page = RunPage { title, nonce: &nonce };
+        let (page, policy) = (page.html(), page.policy());
+        Ok(Self { http, guard, exhibit: None, followed: Some(followed), page, policy, saving: Mutex::new(()) })
     }
 
     /// The address to open, with the token.
@@ -129,8 +137,9 @@ impl<'a> Server<'a> {
         }
         match (request.method(), path) {
             (Method::Get, "/") => Ok(Answer::html(self.page.clone())),
-            (Method::Get, "/scene") => self.scene(),
+            (Method::Get, "/scene") => self.scene(query),
             (Method::Get, "/progress") => self.progress(query),
+            (Method::Get, "/picture") => self.picture(),
             (Method::Get, "/report") => self.report(),
             (Method::Get, photo) if photo.starts_with("/photo/") => Ok(self.photo(&photo["/photo/".len()..])),
             (Method::Post, "/save") => self.save(request, query),
@@ -140,23 +149,36 @@ impl<'a> Server<'a> {
         }
     }
 
-    fn scene(&self) -> Result<Answer, Error> {
-        let latest = self.followed.as_ref().map(Followed::gaussians).transpose()?.flatten();
+    fn scene(&self, query: &str) -> Result<Answer, Error> {
+        let time = guard::value(query, "time").and_then(|time| time.parse::<f64>().ok()).filter(|t| t.is_finite());
+        let moment = self.exhibit.and_then(|exhibit| exhibit.moving.as_ref()).zip(time);
+        let latest = match moment {
+            Some((moving, time)) => Some(moving.at(time.clamp(0.0, 1.0))),
+            None => self.followed.as_ref().map(Followed::gaussians).transpose()?.flatten(),
+        };
+        let Some(scene) = latest.as_ref().or(self.exhibit.map(|exhibit| &exhibit.gaussians)) else {
+            return Ok(Answer::nothing());
+        };
         let mut bytes = Vec::new();
         let ply = "ply".parse().expect("the format is in the table");
-        write_gaussians_to(&mut bytes, ply, latest.as_ref().unwrap_or(&self.exhibit.gaussians))?;
+        write_gaussians_to(&mut bytes, ply, scene)?;
         Ok(Answer::new("application/octet-stream", bytes))
     }
 
     fn photo(&self, number: &str) -> Answer {
-        let photo = number.parse().ok().and_then(|i| self.exhibit.photo(i));
+        let photo = self.exhibit.zip(number.parse().ok()).and_then(|(exhibit, i)| exhibit.photo(i));
         photo.map_or_else(Answer::nothing, |bytes| {
             Answer::new(if bytes.starts_with(b"\x89PNG") { "image/png" } else { "image/jpeg" }, bytes)
         })
     }
 
+    fn picture(&self) -> Result<Answer, Error> {
+        let picture = self.followed.as_ref().map(Followed::picture).transpose()?.flatten();
+        Ok(picture.map_or_else(Answer::nothing, |bytes| Answer::new("image/png", bytes)))
+    }
+
     fn report(&self) -> Result<Answer, Error> {
-        let Some(path) = &self.exhibit.report else { return Ok(Answer::nothing()) };
+        let Some(path) = self.exhibit.and_then(|exhibit| exhibit.report.as_ref()) else { return Ok(Answer::nothing()) };
         Ok(Answer::report(weaver_io::read_text(path)?))
     }
 
@@ -174,16 +196,16 @@ impl<'a> Server<'a> {
 
     /// Saves what is left: the body has a byte for each Gaussian, 1 where it is deleted.
     fn save(&self, request: &mut Request, query: &str) -> Result<Answer, Error> {
-        let count = self.exhibit.gaussians.len();
+        let Some(exhibit) = self.exhibit.filter(|exhibit| exhibit.file.is_some()) else {
+            return Ok(Answer::text(400, "this scene has no file to save beside"));
+        };
+        let count = exhibit.gaussians.len();
         let name = guard::value(query, "format").unwrap_or_default();
         let Some(format) =
             FORMATS.iter().find(|format| **format == name).and_then(|name| name.parse::<SceneFormat>().ok())
         else {
             return Ok(Answer::text(400, format!("expected a format of {}", FORMATS.join(", "))));
         };
-        if self.exhibit.file.is_none() {
-            return Ok(Answer::text(400, "this scene has no file to save beside"));
-        }
         if request.body_length() != Some(count) {
             return Ok(Answer::text(413, format!("expected {count} bytes, one for each Gaussian")));
         }
@@ -193,10 +215,21 @@ impl<'a> Server<'a> {
         if read.is_err() || dropped.len() != count {
             return Ok(Answer::text(400, format!("expected {count} bytes, found {}", dropped.len())));
         }
-        let path = self.exhibit.save(&dropped, format)?;
+        let path = exhibit.save(&dropped, format)?;
         let kept = dropped.iter().filter(|byte| **byte == 0).count();
         Ok(Answer::text(200, format!("Saved {kept} Gaussians in {}.", path.display())))
     }
+}
+
+/// A port to listen at, and who is answered.
+fn listen(visitors: Visitors) -> Result<(tiny_http::Server, Guard), Error> {
+    let ip = if visitors == Visitors::Here { Ipv4Addr::LOCALHOST } else { Ipv4Addr::UNSPECIFIED };
+    let address = SocketAddr::from((ip, 0));
+    let failed = |message: String| Error::Bind { address: address.to_string(), message };
+    let http = tiny_http::Server::http(address).map_err(|error| failed(error.to_string()))?;
+    let port = http.server_addr().to_ip().map(|address| address.port());
+    let port = port.ok_or_else(|| failed("no port".into()))?;
+    Ok((http, Guard { port, token: random()?, visitors }))
 }
 
 /// 128 random bits as text.

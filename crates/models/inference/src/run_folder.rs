@@ -63,8 +63,13 @@ impl RunFolder {
         self.path.join("events")
     }
 
+    /// The folder of sample pictures.
+    pub fn samples_path(&self) -> PathBuf {
+        self.path.join("samples")
+    }
+
     /// The sample picture of a step.
     pub fn sample_path(&self, step: usize) -> PathBuf {
-        self.path.join("samples").join(format!("step-{step:06}.png"))
+        self.samples_path().join(format!("step-{step:06}.png"))
     }
 }

@@ -39,7 +39,7 @@ impl Home {
         let up: DVec3 = shots.iter().map(|shot| -shot.camera.pose.rotation.row(1)).sum();
         let up = if up.length() > 0.1 * shots.len() as f64 { up.normalize() } else { DVec3::NEG_Y };
         let (picture, depth) = drawn(subject, &camera)?;
-        let distance = distance.or(depth).unwrap_or(1.0);
+        let distance = distance.or(depth).or_else(|| before(subject).1).unwrap_or(1.0);
         Ok(Self { camera, up, distance, picture })
     }
 

@@ -6,11 +6,13 @@ mod error;
 mod home;
 mod modules;
 mod page;
+mod run_page;
 mod subject;
 mod template;
 
 pub use error::ViewError;
 pub use page::{HtmlOptions, ServedPage, html};
+pub use run_page::RunPage;
 pub use subject::{Look, Shot, Subject, photo_file, pictured};
 
 /// The example of the README, compiled and run.

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 /// Modules of the page, each behind those that it imports.
 const PAGE: &[(&str, &str)] = &[
+    ("status", include_str!("../web/status.js")),
     ("vectors", include_str!("../web/vectors.js")),
     ("viewpoint", include_str!("../web/viewpoint.js")),
     ("shaders", include_str!("../web/shaders.js")),
@@ -14,7 +15,15 @@ const PAGE: &[(&str, &str)] = &[
     ("shots", include_str!("../web/shots.js")),
     ("panel", include_str!("../web/panel.js")),
     ("live", include_str!("../web/live.js")),
+    ("moment", include_str!("../web/moment.js")),
     ("main", include_str!("../web/main.js")),
+];
+
+/// Modules of the page about a run without a scene.
+const RUN: &[(&str, &str)] = &[
+    ("status", include_str!("../web/status.js")),
+    ("live", include_str!("../web/live.js")),
+    ("run", include_str!("../web/run.js")),
 ];
 
 /// Modules of the worker.
@@ -26,6 +35,10 @@ const WORKER: &[(&str, &str)] = &[
 
 pub(crate) fn page() -> String {
     joined(PAGE)
+}
+
+pub(crate) fn run() -> String {
+    joined(RUN)
 }
 
 pub(crate) fn worker() -> String {
@@ -77,7 +90,7 @@ mod tests {
     /// Every import is of an earlier module that exports it.
     #[test]
     fn imports_are_of_earlier_modules() {
-        for modules in [PAGE, WORKER] {
+        for modules in [PAGE, RUN, WORKER] {
             for (i, (name, source)) in modules.iter().enumerate() {
                 for line in source.lines().filter(|line| line.starts_with("import ")) {
                     let (names, from) = line.strip_prefix("import { ").unwrap().split_once(" } from \"./").unwrap();
@@ -93,7 +106,7 @@ mod tests {
 
     #[test]
     fn text_never_becomes_markup_or_code() {
-        for (name, source) in PAGE.iter().chain(WORKER) {
+        for (name, source) in PAGE.iter().chain(RUN).chain(WORKER) {
             for word in ["innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(", "new Function"] {
                 assert!(!source.contains(word), "{word} in {name}.js");
             }
@@ -102,7 +115,7 @@ mod tests {
 
     #[test]
     fn nothing_ends_the_script_element_early() {
-        for script in [page(), worker()] {
+        for script in [page(), run(), worker()] {
             assert!(!script.contains("</script") && !script.contains("<!--"));
         }
     }

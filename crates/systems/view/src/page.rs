@@ -14,7 +14,7 @@ use weaver_io::{Checksum, SceneFormat, write_gaussians_to};
 use weaver_scene::Gaussians;
 
 const PAGE: &str = include_str!("../web/page.html");
-const STYLE: &str = include_str!("../web/style.css");
+pub(crate) const STYLE: &str = include_str!("../web/style.css");
 
 /// Choices of a page in one file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -75,6 +75,8 @@ pub struct ServedPage<'a> {
     pub report: Option<&'a str>,
     /// The page follows a run: `progress?since=STEP`, `scene` and `POST stop`.
     pub live: bool,
+    /// The scene moves: `scene?time=T` has it at a time, 0 to 1, and `scene` in the middle.
+    pub moves: bool,
 }
 
 impl std::fmt::Debug for ServedPage<'_> {
@@ -89,14 +91,14 @@ impl ServedPage<'_> {
     /// # Errors
     /// When the picture of the scene cannot be drawn.
     pub fn html(&self, subject: &Subject<'_>, shots: &[Shot]) -> Result<String, ViewError> {
-        let Self { nonce, scene, photo, formats, report, live } = *self;
-        let further = json!({ "source": scene, "formats": formats, "report": report, "live": live });
+        let Self { nonce, scene, photo, formats, report, live, moves } = *self;
+        let further = json!({ "source": scene, "formats": formats, "report": report, "live": live, "moves": moves });
         Parts { subject, shots, photo, further, scene: "", nonce, connect: "'self'" }.page()
     }
 
     /// The content security policy of the page, for the header of the answer.
     pub fn policy(&self) -> String {
-        policy(self.nonce, "'self'") + "; frame-ancestors 'none'"
+        served_policy(self.nonce)
     }
 }
 
@@ -157,6 +159,7 @@ impl Parts<'_> {
             camera["name"] = json!(shot.name);
             camera["held_out"] = json!(shot.held_out);
             camera["photo"] = json!((self.photo)(i));
+            camera["coverage"] = json!(shot.coverage);
             camera
         });
         let mut about = json!({
@@ -195,6 +198,11 @@ fn policy(nonce: &str, connect: &str) -> String {
         "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; img-src 'self' data: blob:; \
          worker-src blob:; connect-src {connect}; base-uri 'none'; form-action 'none'"
     )
+}
+
+/// That of a page that a server sends.
+pub(crate) fn served_policy(nonce: &str) -> String {
+    policy(nonce, "'self'") + "; frame-ancestors 'none'"
 }
 
 /// A JPEG or PNG file as an address.

@@ -44,6 +44,15 @@ pub struct Shot {
     pub held_out: bool,
     /// Bytes of a JPEG or PNG file of any size, with the aspect ratio of the camera.
     pub photo: Option<Vec<u8>>,
+    /// The part of the photo whose depth other photos agree about, 0 to 1, where that is known.
+    pub coverage: Option<f64>,
+}
+
+impl Shot {
+    /// A camera without a photo, of which nothing else is known.
+    pub fn new(name: impl Into<String>, camera: Camera) -> Self {
+        Self { name: name.into(), camera, held_out: false, photo: None, coverage: None }
+    }
 }
 
 /// Photos that a page in one file holds at most.

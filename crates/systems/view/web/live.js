@@ -1,10 +1,10 @@
-// A run that is followed: its steps, curves and the scene as it becomes.
+// A run that is followed: its steps, curves, and the scene or the picture as it becomes.
+
+import { element, say, token } from "./status.js";
 
 const NAMESPACE = "http://www.w3.org/2000/svg";
 /** Milliseconds between two looks at the run. */
 const PAUSE = 1000;
-
-const element = (id) => document.getElementById(id);
 
 /** A number in few characters. */
 const short = (value) => (Number.isInteger(value) ? value.toLocaleString("en") : value.toPrecision(4));
@@ -34,8 +34,9 @@ function chart(name, values) {
 }
 
 export class Live {
-  constructor(page, say, token) {
-    Object.assign(this, { page, say, token, curves: new Map(), since: 0, version: page.about.version ?? 0 });
+  /** `take` gets the bytes of each new scene; without it, the newest picture is shown. */
+  constructor(take) {
+    Object.assign(this, { take, curves: new Map(), since: 0, version: 0 });
     element("run").hidden = false;
     element("stop").addEventListener("click", () => this.stop());
     this.look();
@@ -53,7 +54,7 @@ export class Live {
   }
 
   async follow() {
-    const answer = await fetch(`progress?since=${this.since}`, { headers: { "X-Token": this.token } });
+    const answer = await fetch(`progress?since=${this.since}`, { headers: { "X-Token": token() } });
     if (!answer.ok) throw new Error("no progress");
     const { step, of, records, version, finished } = await answer.json();
     element("steps").max = of;
@@ -71,24 +72,33 @@ export class Live {
       element("curves").replaceChildren(...shown.map(([name, values]) => chart(name.replaceAll("_", " "), values)));
     }
     if (version !== this.version) {
-      const scene = await fetch("scene", { headers: { "X-Token": this.token } });
-      if (scene.ok) {
-        await this.page.replace(await scene.arrayBuffer());
-        this.version = version;
-      }
+      if (this.take) await this.scene();
+      else this.picture(version);
+      this.version = version;
     }
     if (finished) this.end("The run has ended.");
+  }
+
+  async scene() {
+    const scene = await fetch("scene", { headers: { "X-Token": token() } });
+    if (!scene.ok) throw new Error("no scene");
+    await this.take(await scene.arrayBuffer());
+  }
+
+  picture(version) {
+    element("picture").src = `picture?version=${version}&token=${token()}`;
+    element("picture").hidden = false;
   }
 
   end(text) {
     this.ended = true;
     element("stop").disabled = true;
-    this.say(text, true);
+    say(text, true);
   }
 
   async stop() {
     element("stop").disabled = true;
-    const answer = await fetch("stop", { method: "POST", headers: { "X-Token": this.token } });
-    this.say(await answer.text(), true);
+    const answer = await fetch("stop", { method: "POST", headers: { "X-Token": token() } });
+    say(await answer.text(), true);
   }
 }

@@ -2,11 +2,13 @@
 
 import { Controls } from "./controls.js";
 import { Live } from "./live.js";
+import { Moment } from "./moment.js";
 import { Overlay } from "./overlay.js";
 import { Panel } from "./panel.js";
 import { Renderer } from "./renderer.js";
 import { Selection, SelectionTool } from "./selection.js";
 import { Shots, placeOf } from "./shots.js";
+import { element, say, token } from "./status.js";
 import { add, times } from "./vectors.js";
 import { Viewpoint, between } from "./viewpoint.js";
 
@@ -15,16 +17,8 @@ const SLOW = 50;
 /** Milliseconds of the way from one camera to another. */
 const TRAVEL = 450;
 
-const element = (id) => document.getElementById(id);
-
-/** A sentence over the page; a quiet one stands at its edge and goes by itself. */
-export function say(text, quiet = false) {
-  const status = element("status");
-  status.textContent = text;
-  status.classList.toggle("quiet", quiet);
-  clearTimeout(say.timer);
-  if (quiet) say.timer = setTimeout(() => (status.textContent = ""), 6000);
-}
+/** The row of a camera by which depths are computed. */
+const rowOf = (camera) => [...camera.A.slice(6), camera.t[2]];
 
 /** Calls of the worker, each answered by a promise. */
 class Background {
@@ -138,7 +132,7 @@ class Page {
 
   /** Sorts anew where the direction changed; one sort at a time, the last one wanted follows. */
   async sort(camera) {
-    const row = [...camera.A.slice(6), camera.t[2]];
+    const row = rowOf(camera);
     if (this.sortedRow?.every((x, i) => x === row[i])) return;
     if (this.sorting) return;
     this.sorting = true;
@@ -251,16 +245,20 @@ class Page {
     say(await answer.text(), true);
   }
 
-  /** Takes a scene in place of this one, from the same place. */
-  async replace(bytes) {
+  /** Takes a scene in place of this one, from the same place; `same` Gaussians keep what was selected, hidden and deleted. */
+  async replace(bytes, same = false) {
     const scene = await this.background.call("load", { bytes }, [bytes]);
+    const row = rowOf(this.camera());
+    const { order, range } = await this.background.call("order", { row, near: this.look.near, far: this.look.far });
+    // At once from here on: no picture has the one scene in the order of the other.
     this.scene = scene;
     this.renderer.setScene(scene);
-    this.selection = new Selection(scene.means, () => this.edited());
-    this.sortedRow = null;
+    this.renderer.setOrder(order);
+    [this.sortedRow, this.look.depths] = [row, range];
+    if (same) this.selection.means = scene.means;
+    else this.selection = new Selection(scene.means, () => this.edited());
     this.counted();
-    this.panel.selected();
-    this.changed();
+    this.edited();
   }
 
   counted() {
@@ -285,9 +283,6 @@ class Page {
     return btoa(text);
   }
 }
-
-/** The word that writing takes, from the address that was printed. */
-export const token = () => new URLSearchParams(location.search).get("token") ?? "";
 
 /** The scene as the file or the server has it. */
 async function request(about) {
@@ -322,7 +317,8 @@ async function begin() {
     element("report").href = about.report;
     element("report").hidden = false;
   }
-  if (about.live) new Live(page, say, token());
+  if (about.moves) new Moment(page);
+  if (about.live) new Live((bytes) => page.replace(bytes));
 }
 
 begin().catch((error) => {

@@ -140,7 +140,7 @@ export class Panel {
     const { page } = this;
     const actions = {
       h: () => page.home(), l: () => page.level(), p: () => page.picture(), m: () => this.fold(), n: () => page.shots.step(1), v: () => page.shots.step(-1),
-      f: () => element("frusta").click(), b: () => this.tool("box"), r: () => this.tool("brush"), i: () => page.selection.invert(),
+      f: () => element("frusta").click(), t: () => page.about.moves && element("play").click(), b: () => this.tool("box"), r: () => this.tool("brush"), i: () => page.selection.invert(),
       x: () => page.selection.hide(), u: () => page.selection.show(), 1: () => this.mode("color"), 2: () => this.mode("depth"),
       3: () => this.mode("count"), 4: () => this.mode("centers"), "?": () => element("help").showModal(),
       delete: () => page.selection.remove(), backspace: () => page.selection.remove(),

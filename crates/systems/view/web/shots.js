@@ -3,7 +3,7 @@
 import { length, subtract } from "./vectors.js";
 
 export class Shots {
-  /** `about.cameras` are name, A, eye, lens, held_out and photo (an address, if there is one); `page` has go(shot) and moved(). */
+  /** `about.cameras` are name, A, eye, lens, held_out, photo (an address) and coverage, these if there are any; `page` has go(shot) and moved(). */
   constructor(cameras, page) {
     this.page = page;
     this.all = cameras.map((camera) => ({ ...camera, axes: [0, 3, 6].map((row) => camera.A.slice(row, row + 3)) }));
@@ -27,6 +27,11 @@ export class Shots {
       const [item, button] = [document.createElement("li"), document.createElement("button")];
       button.type = "button";
       button.title = shot.held_out ? `${shot.name} (held out)` : shot.name;
+      if (typeof shot.coverage === "number") {
+        button.title += `: other photos agree about the depth of ${Math.round(100 * shot.coverage)} % of it`;
+        button.style.setProperty("--coverage", shot.coverage);
+        button.classList.add("covered");
+      }
       button.classList.toggle("held-out", Boolean(shot.held_out));
       button.addEventListener("click", () => this.choose(i));
       if (shot.photo) {

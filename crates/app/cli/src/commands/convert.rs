@@ -1,7 +1,10 @@
 //! `splatweaver convert`.
 
+mod contribution;
+
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
+use contribution::contributions;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure};
@@ -43,6 +46,9 @@ pub struct Convert {
     /// The score that they are judged by
     #[arg(long, value_enum, value_name = "SCORE", default_value_t, requires = "keep")]
     pub by: Score,
+    /// Cameras of the scene as it is read, for --by contribution: transforms.json, a folder with a COLMAP model, or a RealEstate10K file
+    #[arg(long, value_name = "FILE", required_if_eq("by", "contribution"), requires = "keep", conflicts_with_all = ["rotate", "scale", "translate"])]
+    pub cameras: Option<PathBuf>,
     /// Largest degree of spherical harmonics that stays
     #[arg(long, value_name = "0..4", value_parser = clap::value_parser!(u8).range(0..=4))]
     pub degree: Option<u8>,
@@ -67,6 +73,8 @@ pub enum Score {
     Importance,
     /// Opacity alone
     Opacity,
+    /// Weights in the pictures of --cameras, summed over all pixels
+    Contribution,
 }
 
 /// Number of Gaussians that stay.
@@ -122,6 +130,7 @@ fn after_help() -> String {
     let examples = [
         "convert scene.ply scene.spz",
         "convert scene.ply scene.sog --degree 1 --keep 500000",
+        "convert scene.ply small.ply --keep 0.3 --by contribution --cameras transforms.json",
         "convert left.ply right.spz both.glb",
         "convert scene.ply turned.ply --rotate 180,0,0 --crop -2,-2,-2,2,2,2 --drop-floaters",
     ];
@@ -142,7 +151,7 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
     check_output_file(to, from)?;
     let (read, drawing) = joined(from, console)?;
     let count = read.len();
-    let gaussians = edited(read, arguments);
+    let gaussians = edited(read, drawing, arguments)?;
     write_scene(to, &gaussians, drawing)?;
     let written =
         Written { format, gaussians: gaussians.len(), bytes: scene_bytes(to)?, loss: loss(to, format, &gaussians)? };
@@ -174,7 +183,7 @@ fn joined(files: &[impl AsRef<Path>], console: &mut Console) -> Result<(Gaussian
 }
 
 /// Applies the flags, in the order that the help promises.
-fn edited(mut gaussians: Gaussians, arguments: &Convert) -> Gaussians {
+fn edited(mut gaussians: Gaussians, drawing: Drawing, arguments: &Convert) -> Result<Gaussians, Failure> {
     let Convert { rotate, scale, translate, crop, drop_floaters, keep, by, degree, .. } = arguments;
     if rotate.is_some() || scale.is_some() || translate.is_some() {
         let Triple([x, y, z]) = rotate.unwrap_or(Triple([0.0; 3]));
@@ -199,12 +208,16 @@ fn edited(mut gaussians: Gaussians, arguments: &Convert) -> Gaussians {
         let values = match by {
             Score::Importance => gaussians.importance(),
             Score::Opacity => gaussians.opacity_logits.iter().map(|logit| forms::opacity(*logit)).collect(),
+            Score::Contribution => {
+                let cameras = arguments.cameras.as_deref().expect("clap requires cameras for this score");
+                contributions(&gaussians, cameras, (&arguments.inputs_and_output().0[0], drawing))?
+            }
         };
         gaussians = gaussians.select(&gaussians.largest(&values, count));
     }
     match degree.map(usize::from) {
-        Some(degree) if degree < gaussians.degree => gaussians.with_degree(degree),
-        _ => gaussians,
+        Some(degree) if degree < gaussians.degree => Ok(gaussians.with_degree(degree)),
+        _ => Ok(gaussians),
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod distil;
 mod eval;
+mod looks;
 mod prune;
 mod render;
 mod train;
@@ -9,6 +10,7 @@ mod train;
 use clap::{Args, Subcommand};
 use distil::DynamicDistil;
 use eval::DynamicEval;
+pub use looks::exhibit;
 use prune::DynamicPrune;
 use render::DynamicRender;
 use train::DynamicTrain;

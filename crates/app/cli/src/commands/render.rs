@@ -2,9 +2,11 @@
 
 mod path;
 
+use crate::film::Film;
 use crate::flags::rate;
 use crate::gif::Gif;
 use crate::video::Video;
+use crate::webp::WebP;
 use clap::{ArgGroup, Args};
 use path::{PathKind, along};
 use rayon::prelude::*;
@@ -21,9 +23,9 @@ use weaver_splat::Renderer;
 /// Draws a file of Gaussians from given cameras or along an orbit.
 ///
 /// One PNG per camera, named after its photo where the names are distinct, else numbered; or a video, with an ffmpeg on
-/// the PATH; or a GIF; or all of them.
+/// the PATH; or a GIF; or a WebP; or all of them.
 #[derive(Args, Debug)]
-#[command(group(ArgGroup::new("film").multiple(true).args(["video", "gif"])))]
+#[command(group(ArgGroup::new("film").multiple(true).args(["video", "gif", "webp"])))]
 #[command(group(ArgGroup::new("viewpoints").required(true).args(["cameras", "orbit"])))]
 #[command(after_help = "Examples:
   splatweaver render scene.ply --cameras transforms.json -o renders
@@ -57,7 +59,10 @@ pub struct Render {
     /// Makes a GIF of the pictures, in the cameras' order, of 256 colors each
     #[arg(long, value_name = "FILE.gif")]
     pub gif: Option<PathBuf>,
-    /// Pictures of the video or GIF per second
+    /// Makes a WebP of the pictures, in the cameras' order, without loss
+    #[arg(long, value_name = "FILE.webp")]
+    pub webp: Option<PathBuf>,
+    /// Pictures of the video, GIF or WebP per second
     #[arg(long, value_name = "F", default_value = "30", value_parser = rate, requires = "film")]
     pub fps: f64,
     /// Width in pixels; intrinsics follow [default: the cameras', or 640 for an orbit]
@@ -85,7 +90,8 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
 fn draw(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let read: Vec<&Path> = std::iter::once(&arguments.scene).chain(&arguments.cameras).map(PathBuf::as_path).collect();
     let out = arguments.out.as_ref().map(|folder| OutputFolder::claim(folder, "render", &read)).transpose()?;
-    arguments.video.iter().chain(&arguments.gif).try_for_each(|path| check_output_file(path, &read))?;
+    let mut films = arguments.video.iter().chain(&arguments.gif).chain(&arguments.webp);
+    films.try_for_each(|path| check_output_file(path, &read))?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
     let cameras = match (&arguments.cameras, arguments.orbit) {
@@ -145,23 +151,32 @@ const MOST_WAITING: usize = 8;
 /// Where the pictures go.
 struct Output<'a> {
     folder: Option<&'a OutputFolder>,
-    video: Option<Video>,
-    gif: Option<Gif>,
+    films: Vec<Box<dyn Film>>,
 }
 
 impl<'a> Output<'a> {
     fn create(arguments: &Render, folder: Option<&'a OutputFolder>, cameras: &[Frame]) -> Result<Self, Failure> {
+        let Render { video, gif, webp, fps, .. } = arguments;
         let size = |view: &Frame| (view.camera.width, view.camera.height);
         let first = cameras.first().map(size).unwrap_or_default();
-        let flag = if arguments.video.is_some() { "--video" } else { "--gif" };
+        let flags = [("--video", video), ("--gif", gif), ("--webp", webp)];
+        let flag = flags.iter().find(|(_, path)| path.is_some());
         let other = cameras.iter().map(size).find(|other| *other != first);
-        if let (Some(other), true) = (other, arguments.video.is_some() || arguments.gif.is_some()) {
+        if let (Some(other), Some((flag, _))) = (other, flag) {
             let sizes = format!("{}x{} and {}x{}", first.0, first.1, other.0, other.1);
             return Err(Failure::Usage(format!("{flag}: pictures of {sizes}; --width and --height make them equal")));
         }
-        let video = arguments.video.as_ref().map(|path| Video::create(path, first, arguments.fps)).transpose()?;
-        let gif = arguments.gif.as_ref().map(|path| Gif::create(path, first, arguments.fps)).transpose()?;
-        Ok(Self { folder, video, gif })
+        let mut films: Vec<Box<dyn Film>> = Vec::new();
+        if let Some(path) = video {
+            films.push(Box::new(Video::create(path, first, *fps)?));
+        }
+        if let Some(path) = gif {
+            films.push(Box::new(Gif::create(path, first, *fps)?));
+        }
+        if let Some(path) = webp {
+            films.push(Box::new(WebP::create(path, first, *fps)?));
+        }
+        Ok(Self { folder, films })
     }
 
     /// Writes pictures with these names.
@@ -170,16 +185,16 @@ impl<'a> Output<'a> {
             let write = |(stem, image): &(&str, Image)| image.write_png(folder.file(format!("{stem}.png"))?);
             pictures.par_iter().try_for_each(write)?;
         }
-        self.video.as_mut().map_or(Ok(()), |video| pictures.iter().try_for_each(|(_, image)| video.push(image)))?;
-        self.gif.as_mut().map_or(Ok(()), |gif| pictures.iter().try_for_each(|(_, image)| gif.push(image)))
+        let push = |film: &mut Box<dyn Film>| pictures.iter().try_for_each(|(_, image)| film.push(image));
+        self.films.par_iter_mut().try_for_each(push)
     }
 
     /// Prints where the results are.
     fn finish(self) -> Result<String, Failure> {
-        let folder = self.folder.map(|folder| folder.path().display().to_string());
-        let video = self.video.map(Video::finish).transpose()?.map(|path| path.display().to_string());
-        let gif = self.gif.map(Gif::finish).transpose()?.map(|path| path.display().to_string());
-        Ok(folder.into_iter().chain(video).chain(gif).collect::<Vec<_>>().join(" and "))
+        let folder = self.folder.map(|folder| Ok(folder.path().to_path_buf()));
+        let files = folder.into_iter().chain(self.films.into_iter().map(|film| film.finish()));
+        let files = files.map(|path| Ok(path?.display().to_string())).collect::<Result<Vec<_>, Failure>>()?;
+        Ok(files.join(" and "))
     }
 }
 

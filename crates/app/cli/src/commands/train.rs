@@ -5,12 +5,13 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weaver_command::{
-    Console, DeviceFlag, Failure, Interrupt, MOST_SEED, MOST_THREADS, Progress, device, duration, in_pool,
+    Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_SEED, MOST_THREADS, Progress, device, duration, in_pool,
 };
 use weaver_inference::RunFolder;
 use weaver_trainer::{
     ConfigSource, Error, Folder, Observer, Ranks, ResolvedConfig, StepReport, Summary, Training, claim_run, reclaim_run,
 };
+use weaver_view_run::{Followed, Server, Showing, live};
 
 /// Headings of groups of flags.
 const CONFIGURATION: &str = "Configuration";
@@ -75,7 +76,7 @@ pub struct Train {
     pub threads: Option<u16>,
     /// Measures what the run would take (parameters, activations, optimizer, peak) on a few steps of each stage, and writes
     /// nothing
-    #[arg(long, conflicts_with_all = ["out", "trace"], help_heading = MEASURING)]
+    #[arg(long, conflicts_with_all = ["out", "trace", "live"], help_heading = MEASURING)]
     pub dry_run: bool,
     /// Writes every op of one step of each stage into this file, in Chrome's trace format (chrome://tracing, Perfetto)
     #[arg(long, value_name = "FILE", help_heading = MEASURING)]
@@ -83,6 +84,8 @@ pub struct Train {
     /// Prints the result as JSON, and nothing else on standard output
     #[arg(long, help_heading = RUN)]
     pub json: bool,
+    #[command(flatten)]
+    pub live: LiveFlag,
     #[command(flatten)]
     pub device: DeviceFlag,
 }
@@ -202,16 +205,22 @@ fn train(
     if let Some(path) = &arguments.trace {
         session.trace_to(&std::path::absolute(path)?);
     }
-    let path = folder.path().display();
+    let path = folder.path().display().to_string();
     console.note(session.plan().trim_end());
     console.note(&format!("run folder {path}"));
     let (done, total) = session.steps();
     let label = session.labeler();
-    let mut shown = Shown { progress: Progress::new("train", done, total, console), label, total, console };
-    let result = session.train(folder, &mut shown, interrupt.watch());
-    let Shown { progress, console, .. } = shown;
-    progress.finish();
-    let summary = result?;
+    let stop = interrupt.watch();
+    let samples = RunFolder::at(folder.path()).samples_path();
+    let followed = Followed { folder: folder.path(), steps: total, showing: Showing::Pictures(&samples), stop };
+    let server = arguments.live.live.then(|| Server::of_run(&path, followed)).transpose()?;
+    let progress = Progress::new("train", done, total, console);
+    let summary = live(server.as_ref(), console, |console| {
+        let mut shown = Shown { progress, label, total, console };
+        let result = session.train(folder, &mut shown, stop);
+        shown.progress.finish();
+        result
+    })?;
     report(&summary, folder, arguments.json, console)
 }
 

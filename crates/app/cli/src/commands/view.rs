@@ -1,13 +1,21 @@
 //! `splatweaver view`.
 
+use super::dynamic;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Interrupt, Threads, in_pool};
-use weaver_io::{SceneFile, check_output_file, read_scene, write_text};
+use weaver_fit_run::{Coverage, Outcome};
+use weaver_io::{Drawing, SceneFile, SceneFormat, check_output_file, read_scene, write_text};
 use weaver_view::{HtmlOptions, Look};
-use weaver_view_run::{Exhibit, Server, Visitors};
+use weaver_view_run::{Exhibit, Moving, Server, Visitors};
 
+/// Scenes in folders, the best first: of fits and networks, of lidar runs, and a scene in many files.
+const RESULTS: [&str; 3] = ["scene.ply", MAP, "meta.json"];
+/// The map of a lidar run.
+const MAP: &str = "map.ply";
+/// The file by which a folder of `dynamic train` is told.
+const MIXTURE: &str = "model.safetensors";
 /// Megabytes of a page above which there is a warning.
 const LARGE: f64 = 60.0;
 /// Megabytes of a page above which it is written only with --yes.
@@ -16,7 +24,7 @@ const TOO_LARGE: f64 = 200.0;
 /// Shows a scene in the browser, or writes it as one HTML file.
 ///
 /// The page is served to this machine alone, at a free port. A folder of `fit`, `reconstruct` or `infer` is opened with its cameras, photos
-/// and report.
+/// and report, one of `lidar` with its map and report, one of `dynamic train` with a slider for the time.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver view scene
@@ -32,6 +40,9 @@ pub struct View {
     /// Folder with the photos of the cameras [default: where the cameras say that they are]
     #[arg(long, value_name = "DIR", requires = "cameras")]
     pub photos: Option<PathBuf>,
+    /// Expert of a mixture of moving Gaussians that is shown [default: the one that was trained last]
+    #[arg(long, value_name = "NAME")]
+    pub expert: Option<String>,
     /// Writes one HTML file that needs nothing else, in place of a server
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
@@ -57,6 +68,13 @@ pub struct View {
 pub fn run(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || {
         let View { scene, cameras, photos, drawing, .. } = arguments;
+        if scene.join(MIXTURE).is_file() && !scene.join(RESULTS[0]).exists() {
+            return film(arguments, console, interrupt);
+        }
+        if arguments.expert.is_some() {
+            let scene = scene.display();
+            return Err(Failure::Usage(format!("--expert: expected the folder of `dynamic train`, found {scene}")));
+        }
         let seen = Seen { scene, cameras: cameras.as_deref(), photos: photos.as_deref(), drawing: (*drawing).into() };
         let exhibit = exhibit(&seen)?;
         match &arguments.html {
@@ -64,6 +82,28 @@ pub fn run(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Re
             None => serve(&exhibit, arguments, console, interrupt),
         }
     })
+}
+
+/// Shows an expert of a mixture of moving Gaussians at any time.
+fn film(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let folder = &arguments.scene;
+    if arguments.html.is_some() || arguments.cameras.is_some() {
+        let folder = folder.display();
+        let message = format!("--html, --cameras: expected a scene that does not move, found the mixture of {folder}");
+        return Err(Failure::Usage(message));
+    }
+    let run = weaver_dynamic_run::Run::open(folder)?;
+    let expert = match &arguments.expert {
+        Some(name) => run.settings().expert(name)?,
+        None => run.expert_at_hand(),
+    };
+    let report = Some(folder.join("report.html")).filter(|path| path.is_file());
+    let asked = DrawingOptions::from(arguments.drawing);
+    let asked = DrawingOptions { background: asked.background.or(Some(run.film().background)), ..asked };
+    let (background, settings) = asked.beside(&folder.join(MIXTURE), Drawing::default())?;
+    let (look, moving) = (Look { background, settings }, Some(Moving::new(run.moments(expert))));
+    let exhibit = Exhibit { look, moving, report, ..dynamic::exhibit(&run, expert, folder)? };
+    serve(&exhibit, arguments, console, interrupt)
 }
 
 /// A scene and what belongs to it, as files.
@@ -86,7 +126,19 @@ impl<'a> Seen<'a> {
 pub fn exhibit(seen: &Seen<'_>) -> Result<Exhibit, Failure> {
     let folder = seen.scene.is_dir().then_some(seen.scene);
     let within = |name: &str| folder.map(|folder| folder.join(name)).filter(|path| path.exists());
-    let file = within("scene.ply").unwrap_or_else(|| seen.scene.to_path_buf());
+    let file = match folder {
+        Some(folder) => RESULTS.iter().find_map(|name| within(name)).ok_or_else(|| {
+            let (folder, names) = (folder.display(), RESULTS.join(", "));
+            Failure::message(format!("{folder}: expected a folder with one of {names}, found none of them"))
+        })?,
+        None if seen.scene.exists() => seen.scene.to_path_buf(),
+        None => {
+            let (path, formats) = (seen.scene.display(), SceneFormat::extensions());
+            return Err(Failure::message(format!(
+                "{path}: expected a file of Gaussians ({formats}) or the folder of a result, found neither"
+            )));
+        }
+    };
     let SceneFile { gaussians, drawing } = read_scene(&file)?;
     let (background, settings) = seen.drawing.beside(&file, drawing)?;
     let named = folder.unwrap_or(&file);
@@ -95,10 +147,21 @@ pub fn exhibit(seen: &Seen<'_>) -> Result<Exhibit, Failure> {
     let mut exhibit = Exhibit::new(title, gaussians, Look { background, settings });
     if let Some(cameras) = seen.cameras.map(PathBuf::from).or_else(|| within("transforms.json")) {
         exhibit = exhibit.with_cameras(&cameras, seen.photos)?;
+        let coverage = folder.and_then(coverage).unwrap_or_default();
+        exhibit.shots.iter_mut().for_each(|shot| shot.coverage = coverage.0.get(&shot.name).copied());
+    }
+    if file.ends_with(MAP) {
+        exhibit.shots.push(weaver_lidar_run::overview());
     }
     exhibit.report = within("report.html");
     exhibit.file = Some(file);
     Ok(exhibit)
+}
+
+/// The part of each photo that others agree about, as the summary of a fit says.
+fn coverage(folder: &Path) -> Option<Coverage> {
+    let summary = weaver_io::read_text(folder.join("summary.json")).ok()?;
+    Some(serde_json::from_str::<Outcome>(&summary).ok()?.coverage)
 }
 
 fn write(exhibit: &Exhibit, file: &Path, arguments: &View, console: &mut Console) -> Result<(), Failure> {

@@ -75,6 +75,24 @@ fn edits_happen_in_their_order() {
     assert_eq!(convert(folder.path(), &["scene.ply", "few.ply", "--keep", "7", "--drop-floaters"])["gaussians"], 7);
 }
 
+/// Gaussians that no camera sees go first, whatever their size.
+#[test]
+fn what_shows_stays() {
+    let folder = folder();
+    let mut scene = gaussians();
+    // Behind the only camera, at the origin.
+    (0..6).for_each(|i| scene.means[4 * i][2] = -3.0);
+    (0..24).filter(|i| i % 4 != 0).for_each(|i| scene.means[i] = [0.05 * i as f32 - 0.6, 0.0, 3.0]);
+    write_gaussians(folder.path().join("scene.ply"), &scene).unwrap();
+    let cameras = r#"{"fl_x":60,"fl_y":60,"cx":32,"cy":24,"w":64,"h":48,"frames":[{"file_path":"a.png",
+        "transform_matrix":[[1,0,0,0],[0,-1,0,0],[0,0,-1,0],[0,0,0,1]]}]}"#;
+    std::fs::write(folder.path().join("cameras.json"), cameras).unwrap();
+    let flags = ["--keep", "18", "--by", "contribution", "--cameras", "cameras.json"];
+    convert(folder.path(), &[&["scene.ply", "seen.ply"][..], &flags].concat());
+    let seen = read_gaussians(folder.path().join("seen.ply")).unwrap();
+    assert!(seen.len() == 18 && seen.means.iter().all(|mean| mean[2] == 3.0));
+}
+
 #[test]
 fn harmonics_that_are_left_out_are_counted() {
     let folder = folder();
@@ -111,6 +129,7 @@ fn failures_are_one_line() {
         &["convert", "scene.ply"][..],
         &["convert", "scene.ply", "a.spz", "--crop", "1,2"],
         &["convert", "scene.ply", "a.spz", "--by", "opacity"],
+        &["convert", "scene.ply", "a.spz", "--keep", "3", "--by", "contribution"],
     ] {
         assert_eq!(splatweaver(folder.path(), wrong).status.code(), Some(2), "{wrong:?}");
     }

@@ -1,4 +1,4 @@
-//! Scenes that are looked at: pages in files, servers, live fits, paths and GIFs.
+//! Scenes that are looked at: pages in files, servers, live runs, paths and moving pictures.
 
 use crate::command::{BINARY, capture, printed, refused};
 use crate::compare::gaussians;
@@ -64,7 +64,14 @@ fn a_page_is_one_file_and_replaces_nothing_else() {
     assert!(message.contains("scene.ply"), "{message}");
     assert!(std::fs::read(folder.join("scene.ply")).unwrap() == before);
     refused(folder, "view scene.ply --lossless", 2);
-    refused(folder, "view missing.ply", 1);
+    refused(folder, "view scene.ply --expert keys", 2);
+    let message = refused(folder, "view nothere", 1);
+    assert!(
+        message.contains("nothere: expected a file of Gaussians (.ply, ") && message.ends_with("found neither\n"),
+        "{message}"
+    );
+    std::fs::create_dir(folder.join("empty")).unwrap();
+    assert!(refused(folder, "view empty", 1).contains("empty: expected a folder with one of scene.ply, "));
 }
 
 #[test]
@@ -74,9 +81,12 @@ fn a_fit_leaves_a_page_that_its_report_leads_to() {
     capture(folder);
     let said = printed(folder, "fit capture -o fit --steps 3 --gaussians 200");
     assert!(said.contains("look: fit/view.html"), "{said}");
-    assert!(std::fs::read_to_string(folder.join("fit/report.html")).unwrap().contains("href=\"./view.html\""));
+    let report = std::fs::read_to_string(folder.join("fit/report.html")).unwrap();
     let page = std::fs::read_to_string(folder.join("fit/view.html")).unwrap();
     assert!(page.contains("<title>capture</title>") && page.contains("images/00.png"));
+    // The page is in the report as well.
+    let within = "srcdoc=\"&lt;!doctype html&gt;";
+    assert!(report.contains("href=\"./view.html\"") && report.contains(within) && report.len() > page.len());
     printed(folder, "fit capture -o bare --steps 3 --gaussians 200 --no-html");
     assert!(!folder.join("bare/view.html").exists());
     assert!(!std::fs::read_to_string(folder.join("bare/report.html")).unwrap().contains("view.html"));
@@ -104,6 +114,19 @@ fn a_server_shows_a_folder_until_it_is_interrupted() {
     assert!(child.wait().unwrap().success());
 }
 
+/// Waits until a run that is followed tells its progress.
+fn progress(address: &str, expected: &str) -> String {
+    let mut progress = String::new();
+    for _ in 0..1200 {
+        progress = String::from_utf8(asked(address, "GET", "/progress?since=0").1).unwrap();
+        if progress.contains(expected) {
+            return progress;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    panic!("waited in vain for {expected}: {progress}");
+}
+
 #[test]
 fn a_live_fit_is_stopped_from_its_page_and_saves() {
     let temporary = tempfile::tempdir().unwrap();
@@ -111,16 +134,7 @@ fn a_live_fit_is_stopped_from_its_page_and_saves() {
     capture(folder);
     let mut child = start(folder, "fit capture -o fit --steps 100000 --gaussians 300 --live");
     let (address, mut rest) = address(child.stderr.take().unwrap());
-    let mut progress = String::new();
-    for _ in 0..600 {
-        let (_, body) = asked(&address, "GET", "/progress?since=0");
-        progress = String::from_utf8(body).unwrap();
-        if progress.contains("\"psnr\"") {
-            break;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(50));
-    }
-    assert!(progress.contains("\"psnr\"") && progress.contains("\"of\":100000"), "{progress}");
+    assert!(progress(&address, "\"psnr\"").contains("\"of\":100000"));
     let (line, _) = asked(&address, "POST", "/stop");
     assert!(line.contains("200"), "{line}");
     let mut said = String::new();
@@ -130,18 +144,42 @@ fn a_live_fit_is_stopped_from_its_page_and_saves() {
     assert!(folder.join("fit/checkpoint.safetensors").is_file() && folder.join("fit/view.html").is_file());
 }
 
+/// A network has no scene to show: its page has curves and pictures. A film's has the scene of the expert at hand.
 #[test]
-fn paths_along_cameras_become_pictures_and_gifs() {
+fn other_runs_are_followed_as_well() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    let film =
+        "dynamic train -o film --shots 2x4 --long-side 16 --experts keys,poly --gaussians 40 --steps 100000 --live";
+    for (line, scene) in [("train --preset micro --steps 100000 -o run --live", "404"), (film, "200")] {
+        let mut child = start(folder, line);
+        let (address, mut rest) = address(child.stderr.take().unwrap());
+        assert!(progress(&address, "loss").contains("\"version\":"));
+        assert!(asked(&address, "GET", "/").0.contains("200"));
+        let (status, _) = asked(&address, "GET", "/scene");
+        assert!(status.contains(scene), "{line}: {status}");
+        assert!(asked(&address, "POST", "/stop").0.contains("200"));
+        let mut said = String::new();
+        rest.read_to_string(&mut said).unwrap();
+        assert!(child.wait().unwrap().success() && said.contains("to go on:"), "{said}");
+    }
+}
+
+#[test]
+fn paths_along_cameras_become_moving_pictures() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     capture(folder);
     scene(folder);
     for path in ["ellipse", "spline", "dolly"] {
         let line = format!(
-            "render scene.ply --cameras capture/transforms.json --path {path} --pictures 4 --gif {path}.gif -o {path}"
+            "render scene.ply --cameras capture/transforms.json --path {path} --pictures 4 --gif {path}.gif --webp {path}.webp -o {path}"
         );
         let said = printed(folder, &line);
-        assert!(said.contains(&format!("pictures: 4 of 24 Gaussians, in {path} and {path}.gif")), "{said}");
+        let files = format!("{path} and {path}.gif and {path}.webp");
+        assert!(said.contains(&format!("pictures: 4 of 24 Gaussians, in {files}")), "{said}");
+        let webp = std::fs::read(folder.join(format!("{path}.webp"))).unwrap();
+        assert_eq!(webp.windows(4).filter(|part| *part == b"ANMF").count(), 4);
         let gif = std::fs::read(folder.join(format!("{path}.gif"))).unwrap();
         assert!(gif.starts_with(b"GIF89a") && gif.windows(11).any(|part| part == b"NETSCAPE2.0"));
         // One graphic control block for each picture.

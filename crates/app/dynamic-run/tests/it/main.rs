@@ -5,6 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_dynamic_run::{
     DerivedFrom, Evaluation, ExpertKind, FilmSource, KeepBy, Preset, Run, RunError, RunSettings, Scores, Stage,
 };
+use weaver_io::safetensors::Tensors;
+use weaver_run::Folder;
 
 fn settings(experts: &[ExpertKind], steps: usize) -> RunSettings {
     let stages = (0..experts.len()).map(|index| Stage::Expert { index, steps }).chain([Stage::Router { steps }]);
@@ -65,6 +67,23 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bits() {
     assert!(stops >= 6 && bits(&whole) == bits(&resumed));
     assert!(matches!(Run::resume(&parts), Err(RunError::Run(weaver_run::Error::Complete { .. }))));
     assert_eq!(bits(&Run::open(&parts).unwrap()), bits(&whole));
+}
+
+/// A checkpoint has the scene of the run that wrote it; a moving one differs from time to time.
+#[test]
+fn a_checkpoint_is_a_scene_at_any_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Run::create(folder.path(), settings(&[ExpertKind::Keys, ExpertKind::Poly], 4), None).unwrap();
+    let scenes = [0.0, 0.5].map(|time| run.scenes(time));
+    let stop = AtomicBool::new(false);
+    run.advance(&stop, |step| stop.store(step.step == 6, Ordering::Relaxed)).unwrap();
+    let state = Tensors::read(folder.path().join(Folder::CHECKPOINT)).unwrap();
+    let [first, middle] = [0, 1].map(|i| scenes[i](&state).unwrap());
+    let moments = run.moments(run.expert_at_hand());
+    assert!(first == moments(0.0) && middle == moments(0.5) && first.means != middle.means);
+    assert_eq!(middle.len(), run.mixture().counts()[1]);
+    let near: Vec<usize> = run.shots_near(0.5).iter().map(|shot| shot.viewpoint).collect();
+    assert!(near == [0, 1, 2] && run.shots_near(0.5).iter().all(|shot| (shot.time - 0.5).abs() < 0.1));
 }
 
 /// Every stage lowers its loss, and a stage changes the numbers of its own expert only.

@@ -99,7 +99,9 @@ fn a_stopped_run_goes_on_to_the_same_bits() {
         });
         assert!(!done.unwrap() && run.job.steps() == [3, 5]);
     }
-    command(&["--resume", &stopped]).0.unwrap();
+    let (resumed, _, notes) = command(&["--resume", &stopped, "--live"]);
+    resumed.unwrap();
+    assert!(notes.contains("live: http://127.0.0.1:"), "{notes}");
     for name in ["trajectory.txt", "map.ply", "keyframes.toml"] {
         let [a, b] = [&whole, &stopped].map(|run| std::fs::read(Path::new(run).join(name)).unwrap());
         assert!(a == b, "{name}");

@@ -28,7 +28,8 @@ impl Answer {
 
     /// A report, which has styles, pictures and scripts of its own and asks nobody.
     pub fn report(page: String) -> Self {
-        let policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; sandbox allow-scripts";
+        let policy = "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; worker-src blob:; \
+                      frame-src 'self'; sandbox allow-scripts allow-downloads";
         Self { policy: Some(policy), ..Self::html(page) }
     }
 

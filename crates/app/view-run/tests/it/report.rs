@@ -1,8 +1,10 @@
 //! Reports of runs in a browser.
 
 use crate::browser::Browser;
+use crate::server::exhibit;
 use weaver_io::Image;
 use weaver_run::Page;
+use weaver_view_run::{Exhibit, Server, Visitors};
 
 #[test]
 fn a_report_compares_pictures_and_reads_curves() {
@@ -28,5 +30,33 @@ fn a_report_compares_pictures_and_reads_curves() {
     assert!(value.starts_with("loss: 0.0") && value.contains(" at step 2"), "{value}");
     browser.resize(360, 640, true);
     assert!(browser.is("document.documentElement.scrollWidth <= 360"));
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
+/// The viewer within a report draws, takes part once it is clicked, and does so too where a server sends the report.
+#[test]
+fn a_report_has_the_scene_within() {
+    let Some(browser) = Browser::start("a_report_has_the_scene") else { return };
+    browser.resize(900, 700, false);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("report.html");
+    let view = exhibit(None).html(Default::default()).unwrap();
+    Page::new("report").heading(1, "Report").embed("Look at the scene", "view.html", &view).write(&file).unwrap();
+    let shown = Exhibit { report: Some(file.clone()), ..exhibit(None) };
+    let server = Server::bind(&shown, None, Visitors::Here).unwrap();
+    let (start, token) = server.address().split_once("/?").map(|(a, b)| (a.to_string(), b.to_string())).unwrap();
+    server.during(|| {
+        for address in [format!("file://{}", file.display()), format!("{start}/report?{token}")] {
+            browser.open(&address);
+            browser.frame(true);
+            browser.wait("document.getElementById('view')?.classList.contains('shown')");
+            browser.frame(false);
+            assert!(browser.is("document.querySelector('iframe').inert"));
+            browser.value("document.querySelector('figure.embed button').click()");
+            assert!(
+                browser.is("!document.querySelector('iframe').inert && !document.querySelector('figure.embed button')")
+            );
+        }
+    });
     assert_eq!(browser.errors(), Vec::<String>::new());
 }

@@ -3,9 +3,10 @@
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_scene::Gaussians;
 use weaver_view::Look;
-use weaver_view_run::{Exhibit, Server, Visitors};
+use weaver_view_run::{Exhibit, Followed, Moving, Server, Showing, Visitors};
 
 pub fn gaussians(n: usize) -> Gaussians {
     let at = |i: usize| [(i % 7) as f32 * 0.2 - 0.6, (i % 5) as f32 * 0.2 - 0.4, 2.0 + (i % 3) as f32 * 0.1];
@@ -89,6 +90,21 @@ fn listed_addresses_are_answered_and_no_others() {
 }
 
 #[test]
+fn a_scene_that_moves_has_a_time() {
+    let moving = Some(Moving::new(|time| gaussians(10 + (20.0 * time) as usize)));
+    let exhibit = Exhibit { moving, ..exhibit(None) };
+    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    server.during(|| {
+        let count = |path: &str| {
+            let scene = get(&server, path).2;
+            weaver_io::read_gaussians_from(&scene, "ply".parse().unwrap()).unwrap().len()
+        };
+        let paths = ["/scene?time=0", "/scene?time=0.5", "/scene?time=1e300", "/scene", "/scene?time=nan"];
+        assert_eq!(paths.map(count), [10, 20, 30, 35, 35]);
+    });
+}
+
+#[test]
 fn other_hosts_are_refused() {
     let exhibit = exhibit(None);
     let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
@@ -148,6 +164,31 @@ fn saving_takes_the_token_and_replaces_nothing() {
         assert!(saved == exhibit.gaussians.select(&kept));
     });
     assert!(std::fs::read(&file).unwrap() == before);
+}
+
+#[test]
+fn a_run_without_a_scene_has_pictures_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let stop = AtomicBool::new(false);
+    let samples = folder.path().join("samples");
+    let followed = Followed { folder: folder.path(), steps: 5, showing: Showing::Pictures(&samples), stop: &stop };
+    let server = Server::of_run("run", followed).unwrap();
+    server.during(|| {
+        let (status, headers, page) = get(&server, "/");
+        assert!(status == 200 && page.starts_with(b"<!doctype html>") && headers.contains("script-src 'nonce-"));
+        for path in ["/scene", "/photo/0", "/report", "/picture"] {
+            assert_eq!(get(&server, path).0, 404, "{path}");
+        }
+        let (status, _, progress) = get(&server, "/progress");
+        assert!(status == 200 && String::from_utf8(progress).unwrap().contains("\"version\":0"));
+        std::fs::create_dir(&samples).unwrap();
+        weaver_io::Image::filled(4, 3, [0.5; 3]).write_png(samples.join("step-1.png")).unwrap();
+        let (status, headers, picture) = get(&server, "/picture?version=1");
+        assert!(status == 200 && headers.contains("image/png") && picture.starts_with(b"\x89PNG"));
+        assert_eq!(post(&server, "/save?format=ply", &token(&server), b"").0, 400);
+        assert_eq!(post(&server, "/stop", &token(&server), b"").0, 200);
+    });
+    assert!(stop.load(Ordering::Relaxed));
 }
 
 #[test]

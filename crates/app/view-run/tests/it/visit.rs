@@ -8,7 +8,7 @@ use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::Image;
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
-use weaver_view_run::{Exhibit, Followed, Server, Visitors};
+use weaver_view_run::{Exhibit, Followed, Moving, Server, Showing, Visitors};
 
 #[test]
 fn what_is_deleted_and_saved_is_read_back() {
@@ -69,7 +69,7 @@ fn a_page_follows_a_run_and_ends_it() {
     let exhibit = Exhibit::new("run", gaussians(10), Default::default());
     let scene = |state: &Tensors| Ok(gaussians(state.values::<u64>("n", &[1])?[0] as usize));
     let stop = AtomicBool::new(false);
-    let followed = Followed { folder: folder.path(), steps: 50, scene: &scene, stop: &stop };
+    let followed = Followed { folder: folder.path(), steps: 50, showing: Showing::Scene(&scene), stop: &stop };
     let log = |text: &str| std::fs::write(folder.path().join(Folder::LOG), text).unwrap();
     let save = |n: u64| {
         let mut state = Tensors::default();
@@ -93,6 +93,64 @@ fn a_page_follows_a_run_and_ends_it() {
         browser.wait("document.getElementById('status').textContent.includes('ends after this step')");
         assert!(stop.load(Ordering::Relaxed));
         browser.wait("document.getElementById('status').textContent.includes('has ended')");
+    });
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
+/// The slider shows other times, what is hidden stays hidden, and the film plays.
+#[test]
+fn a_scene_that_moves_is_shown_at_any_time() {
+    let Some(browser) = Browser::start("a_scene_that_moves") else { return };
+    let at = |time: f64| {
+        let mut scene = gaussians(20);
+        scene.means.iter_mut().for_each(|mean| mean[0] += time as f32);
+        scene
+    };
+    let exhibit = Exhibit { moving: Some(Moving::new(at)), ..Exhibit::new("film", at(0.5), Default::default()) };
+    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    server.during(|| {
+        browser.open_page(&server.address());
+        browser.value("splatweaver.selection.change((flag, i) => (i < 5 ? 2 : 0))");
+        let moved = "(splatweaver.scene.means[0] + 0.6).toFixed(2)";
+        assert_eq!(browser.text(moved), "0.50");
+        let slide = "(() => { const time = document.getElementById('time'); time.value = 0.9; time.dispatchEvent(new Event('input')); })()";
+        browser.value(slide);
+        browser.wait(&format!("{moved} === '0.90'"));
+        assert_eq!(browser.number("splatweaver.selection.count(2)"), 5.0);
+        browser.press(&["t"]);
+        browser.wait(&format!("{moved} !== '0.90'"));
+        browser.press(&["t"]);
+        browser.wait("document.getElementById('play').getAttribute('aria-pressed') === 'false'");
+    });
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
+/// Without a scene: curves, of the loss one for each stage, and the newest picture.
+#[test]
+fn a_run_without_a_scene_shows_curves_and_pictures() {
+    let Some(browser) = Browser::start("a_run_without_a_scene") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let samples = folder.path().join("samples");
+    let stop = AtomicBool::new(false);
+    let followed = Followed { folder: folder.path(), steps: 9, showing: Showing::Pictures(&samples), stop: &stop };
+    let log = |text: &str| std::fs::write(folder.path().join(Folder::LOG), text).unwrap();
+    let server = Server::of_run("run </h1><script>document.title='taken'</script>", followed).unwrap();
+    server.during(|| {
+        browser.resize(360, 640, true);
+        browser.open(&server.address());
+        log("{\"step\":1,\"stage\":\"a\",\"loss\":0.9}\n{\"step\":2,\"stage\":\"b\",\"loss\":4,\"rate\":0.1}\n");
+        browser.wait("document.querySelectorAll('#curves figure').length === 3");
+        assert_eq!(browser.text("document.querySelector('#curves span').textContent"), "loss, a");
+        assert!(browser.text("document.title").starts_with("run </h1>"));
+        std::fs::create_dir(&samples).unwrap();
+        for (name, width) in [("step-000002.png", 20), ("step-000010.png", 30)] {
+            Image::filled(width, 8, [0.2, 0.5, 0.3]).write_png(samples.join(name)).unwrap();
+            browser.wait(&format!("document.getElementById('picture').naturalWidth === {width}"));
+        }
+        assert!(browser.is("document.documentElement.scrollWidth <= 360"));
+        browser.value("document.getElementById('stop').click()");
+        browser.wait("document.getElementById('status').textContent.includes('has ended')");
+        assert!(stop.load(Ordering::Relaxed));
     });
     assert_eq!(browser.errors(), Vec::<String>::new());
 }

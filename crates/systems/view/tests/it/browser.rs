@@ -80,6 +80,11 @@ impl Browser {
         self.wait("document.body.classList.contains('failed') || globalThis.splatweaver?.canvas.classList.contains('shown') && !splatweaver.sorting && !splatweaver.pending");
     }
 
+    /// Goes into the first frame of the page, or back out of all.
+    pub fn frame(&self, within: bool) {
+        self.post("frame", &json!({ "id": within.then_some(0) }));
+    }
+
     /// The value of a JavaScript expression.
     pub fn value(&self, expression: &str) -> Value {
         self.post("execute/sync", &json!({ "script": format!("return ({expression})"), "args": [] }))

@@ -11,10 +11,9 @@ const ODD: &str =
 
 fn shots(names: &[&str]) -> Vec<Shot> {
     let shot = |(i, name): (usize, &&str)| Shot {
-        name: (*name).into(),
-        camera: camera([0.4 * i as f64, -0.3, -2.6], 320, 240),
         held_out: i == 0,
-        photo: None,
+        coverage: (i > 0).then_some(0.4),
+        ..Shot::new(*name, camera([0.4 * i as f64, -0.3, -2.6], 320, 240))
     };
     names.iter().enumerate().map(shot).collect()
 }

@@ -13,10 +13,10 @@ const QUIET: &str = "!splatweaver.sorting && !splatweaver.pending && !splatweave
 fn shots() -> Vec<Shot> {
     let photo = Bitmap { width: 64, height: 48, pixels: [200, 40, 20].repeat(64 * 48) }.to_jpeg(90).unwrap();
     let shot = |i: usize| Shot {
-        name: format!("images/{i}.jpg"),
-        camera: camera([0.8 * i as f64 - 0.8, -0.3, -2.6], 320, 240),
         held_out: i == 0,
         photo: (i < 2).then(|| photo.clone()),
+        coverage: (i == 1).then_some(0.6),
+        ..Shot::new(format!("images/{i}.jpg"), camera([0.8 * i as f64 - 0.8, -0.3, -2.6], 320, 240))
     };
     (0..3).map(shot).collect()
 }
@@ -38,6 +38,8 @@ fn the_view_moves_and_stays_in_the_address() {
     let written = Written::page(&scene, Look::default(), &shots(), false);
     browser.open_page(&written.address());
     assert_eq!(browser.text("document.getElementById('count').textContent"), "800 Gaussians");
+    let covered = browser.text("document.querySelectorAll('#strip button')[1].title");
+    assert!(covered.ends_with("agree about the depth of 60 % of it"), "{covered}");
     moves(&browser, "drag", || browser.drag([300, 300], [360, 330]));
     moves(&browser, "arrow", || browser.press(&["\u{e012}"]));
     moves(&browser, "fly", || browser.press(&["w"]));

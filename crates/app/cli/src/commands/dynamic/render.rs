@@ -1,5 +1,6 @@
 //! `splatweaver dynamic render`.
 
+use crate::film::Film;
 use crate::flags::rate;
 use crate::video::Video;
 use clap::Args;
@@ -86,7 +87,7 @@ pub fn run(arguments: &DynamicRender, console: &mut Console) -> Result<(), Failu
     let names = |i: usize| [format!("{i:04}.png"), format!("gate-{i:04}.png")];
     out.as_ref().map_or(Ok(()), |out| out.check((0..count).flat_map(names)))?;
     let mut video = match &arguments.video {
-        Some(file) => Some(Video::create(file, (first.width, first.height), arguments.fps)?),
+        Some(file) => Some(Box::new(Video::create(file, (first.width, first.height), arguments.fps)?)),
         None => None,
     };
     let mut progress = Progress::new("render", 0, count, console);
@@ -109,7 +110,7 @@ pub fn run(arguments: &DynamicRender, console: &mut Console) -> Result<(), Failu
     }
     progress.finish();
     let folder = arguments.out.as_ref().map(|folder| folder.display().to_string());
-    let video = video.map(Video::finish).transpose()?.map(|path| path.display().to_string());
+    let video = video.map(|video| video.finish()).transpose()?.map(|path| path.display().to_string());
     let places: Vec<String> = folder.into_iter().chain(video).collect();
     console.print(&format!("{count} pictures in {}", places.join(" and ")))
 }

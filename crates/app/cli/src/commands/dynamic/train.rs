@@ -1,12 +1,14 @@
 //! `splatweaver dynamic train`, and what every run of it does.
 
 use super::eval;
+use super::looks::{MOMENT, exhibit};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, MOST_SEED, Progress, Threads, choice, duration};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, MOST_SEED, Progress, Threads, choice, duration};
 use weaver_dynamic_run::{DerivedFrom, ExpertKind, FilmSource, Preset, Run, RunSettings, Stage};
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
+use weaver_view_run::{Followed, Server, Showing, Visitors, live};
 
 /// Trains experts one after the other, then their router, and writes a run folder: model.safetensors, logs, report.html.
 ///
@@ -64,6 +66,8 @@ pub struct DynamicTrain {
     ])]
     pub resume: Option<PathBuf>,
     #[command(flatten)]
+    pub live: LiveFlag,
+    #[command(flatten)]
     pub threads: Threads,
 }
 
@@ -77,7 +81,7 @@ const SIZE: [usize; 2] = [96, 72];
 
 pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     if let Some(folder) = &arguments.resume {
-        return finish(Run::resume(folder)?, folder, console, interrupt);
+        return finish(Run::resume(folder)?, (folder, arguments.live), console, interrupt);
     }
     let size = arguments.long_side.map(|size| size as usize);
     let film = match &arguments.data {
@@ -106,7 +110,7 @@ pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrup
         derived_from: None,
     };
     let out = arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), "dynamic"));
-    begin(&out, settings, None, console, interrupt)
+    begin((&out, arguments.live), settings, None, console, interrupt)
 }
 
 /// A run that comes out of another.
@@ -120,11 +124,11 @@ pub fn derive(
 ) -> Result<(), Failure> {
     let settings =
         RunSettings { stages, derived_from: Some(DerivedFrom { from: from.into(), by }), ..run.settings().clone() };
-    begin(out, settings, Some(tensors), console, interrupt)
+    begin((out, LiveFlag::default()), settings, Some(tensors), console, interrupt)
 }
 
 fn begin(
-    folder: &Path,
+    (folder, live): (&Path, LiveFlag),
     settings: RunSettings,
     init: Option<Tensors>,
     console: &mut Console,
@@ -141,15 +145,29 @@ fn begin(
         film.shots.len() - run.training().len()
     ));
     film.remarks.iter().for_each(|remark| console.note(&format!("note: {remark}")));
-    finish(run, folder, console, interrupt)
+    finish(run, (folder, live), console, interrupt)
 }
 
-fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+fn finish(
+    mut run: Run,
+    (folder, follows): (&Path, LiveFlag),
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
     let [done, steps] = run.steps();
+    let (scenes, stop) = (run.scenes(MOMENT), interrupt.watch());
+    let exhibit = follows.live.then(|| exhibit(&run, run.expert_at_hand(), folder)).transpose()?;
+    let followed = Followed { folder, steps, showing: Showing::Scene(&scenes), stop };
+    let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
+    if server.is_some() {
+        run.follow();
+    }
     let mut progress = Progress::new("train", done, steps, console);
-    let complete = run.advance(interrupt.watch(), |report| {
-        let shown = || format!("{}, loss {:.4}", report.stage, report.loss);
-        progress.at(report.step, report.of, shown, console);
+    let complete = live(server.as_ref(), console, |console| {
+        run.advance(stop, |report| {
+            let shown = || format!("{}, loss {:.4}", report.stage, report.loss);
+            progress.at(report.step, report.of, shown, console);
+        })
     })?;
     progress.finish();
     let folder = folder.display();

@@ -10,10 +10,8 @@ use weaver_fit::{FitRasterizer, Judge, Quality, gaussians_of};
 use weaver_fit_run::{Folder, Initial, Outcome, Run, RunSettings, Views, plan};
 use weaver_trainer::evaluate::load_lpips;
 use weaver_view::Look;
-use weaver_view_run::{Exhibit, Followed, Server, Visitors};
+use weaver_view_run::{Exhibit, Followed, Server, Showing, Visitors, live};
 
-/// Seconds between checkpoints of a fit that is followed, at least.
-const LIVE: f64 = 3.0;
 /// The page to look at a scene.
 pub const VIEW: &str = "view.html";
 /// Fewer points than this say little about cameras.
@@ -46,7 +44,7 @@ impl Means {
 
 /// Fits a capture, into a folder that was claimed.
 pub fn begin(
-    mut settings: RunSettings,
+    settings: RunSettings,
     Means { judge, rasterizer, initial, live }: Means,
     out: Folder,
     console: &mut Console,
@@ -65,9 +63,6 @@ pub fn begin(
     let given = initial.gaussians(&settings)?;
     if settings.fit.poses.refine {
         console.note(&format!("matching {} photos", plan.training + plan.held_out));
-    }
-    if live {
-        settings.save_every = settings.save_every.min(LIVE);
     }
     let folder = out.path().to_path_buf();
     let run = Run::begin(out, settings, given.as_ref(), judge, rasterizer)?;
@@ -112,7 +107,7 @@ fn covered(run: &Run, console: &mut Console) {
 /// Goes on to the end; a page follows if the fit is live.
 pub fn finish(
     mut run: Run,
-    (folder, live): (&Path, bool),
+    (folder, follows): (&Path, bool),
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<Outcome, Failure> {
@@ -125,15 +120,15 @@ pub fn finish(
         folder.display()
     ));
     let stop = interrupt.watch();
-    let exhibit = live.then(|| exhibit(&run, folder)).transpose()?;
-    let followed = Followed { folder, steps, scene: &gaussians_of, stop };
-    let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
-    if let Some(server) = &server {
-        console.note(&format!("live: {}", server.address()));
+    let exhibit = follows.then(|| exhibit(&run, folder)).transpose()?;
+    if follows {
+        run.follow();
     }
+    let followed = Followed { folder, steps, showing: Showing::Scene(&gaussians_of), stop };
+    let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
     let mut progress = Progress::new("fit", run.fit().steps_done(), steps, console);
     let (mut psnr, start) = (None, Instant::now());
-    let mut advance = || {
+    let advanced = live(server.as_ref(), console, |console| {
         run.advance(stop, |report| {
             // Smoothed over about fifty photos.
             let [last, gaussians] = ["psnr", "gaussians"].map(|name| report.scalar(name).unwrap_or(f64::NAN));
@@ -141,11 +136,7 @@ pub fn finish(
             psnr = Some(smooth);
             progress.at(report.step, steps, || format!("{smooth:.2} dB, {gaussians} Gaussians"), console);
         })
-    };
-    let advanced = match &server {
-        Some(server) => server.during(advance),
-        None => advance(),
-    };
+    });
     progress.finish();
     advanced?;
     console

@@ -1,0 +1,49 @@
+// A scene that moves: the time that is shown, and the film in a loop.
+
+import { element, say, token } from "./status.js";
+
+/** Seconds of the whole film. */
+const FILM = 4;
+
+export class Moment {
+  /** `page` has replace(bytes, same). */
+  constructor(page) {
+    Object.assign(this, { page, time: 0.5 });
+    element("moment").hidden = false;
+    element("time").addEventListener("input", ({ target }) => this.show(Number(target.value)));
+    element("play").addEventListener("click", () => this.play());
+  }
+
+  /** Shows a time; one question at a time, the last one wanted follows. */
+  async show(time) {
+    this.time = time;
+    element("time").value = time;
+    element("time-value").textContent = time.toFixed(2);
+    if (this.asking) return;
+    this.asking = true;
+    try {
+      for (let shown = null; shown !== this.time; ) {
+        shown = this.time;
+        const answer = await fetch(`scene?time=${shown}`, { headers: { "X-Token": token() } });
+        if (!answer.ok) throw new Error(await answer.text());
+        await this.page.replace(await answer.arrayBuffer(), true);
+      }
+    } catch (error) {
+      this.playing = false;
+      say(`This time could not be loaded: ${error.message}`, true);
+    } finally {
+      this.asking = false;
+    }
+  }
+
+  async play() {
+    this.playing = !this.playing;
+    for (let last = performance.now(); this.playing; ) {
+      element("play").setAttribute("aria-pressed", "true");
+      const now = await new Promise(requestAnimationFrame);
+      await this.show((this.time + Math.max(0, now - last) / 1000 / FILM) % 1);
+      last = now;
+    }
+    element("play").setAttribute("aria-pressed", "false");
+  }
+}

@@ -1,0 +1,15 @@
+// What every page has: its elements by name, a sentence over the page, and the word that writing takes.
+
+export const element = (id) => document.getElementById(id);
+
+/** A sentence over the page; a quiet one stands at its edge and goes by itself. */
+export function say(text, quiet = false) {
+  const status = element("status");
+  status.textContent = text;
+  status.classList.toggle("quiet", quiet);
+  clearTimeout(say.timer);
+  if (quiet) say.timer = setTimeout(() => (status.textContent = ""), 6000);
+}
+
+/** The word that writing takes, from the address that was printed. */
+export const token = () => new URLSearchParams(location.search).get("token") ?? "";
