@@ -6,27 +6,36 @@ use std::process::{Command, Stdio};
 /// Prefix of what a test prints that lacks something; why follows.
 const SKIPPED: &str = "skipped: ";
 
+/// All there is. Examples are left out: no test runs them, and `check` compiles them.
+const ALL: [&[&str]; 2] = [
+    &["--workspace", "--features", "weaver-cli/gpu", "--lib", "--bins", "--tests"],
+    &["--workspace", "--features", "weaver-cli/gpu", "--doc"],
+];
+
 pub fn run(arguments: &[String]) -> Result<(), String> {
-    let which = if arguments.is_empty() {
-        vec!["--workspace", "--features", "weaver-cli/gpu"]
+    let mut summary = Summary::default();
+    let passed = if arguments.is_empty() {
+        // One failure must not hide others.
+        ALL.iter().try_fold(true, |passed, which| Ok::<_, String>(passed & tests(which, &mut summary)?))?
     } else {
-        arguments.iter().map(String::as_str).collect()
+        tests(&arguments.iter().map(String::as_str).collect::<Vec<_>>(), &mut summary)?
     };
-    // One failure must not hide others.
-    let line: Vec<&str> =
-        ["test", "--locked", "--no-fail-fast"].into_iter().chain(which).chain(["--", "--show-output"]).collect();
+    println!("{}", summary.text());
+    if passed { Ok(()) } else { Err("tests failed".into()) }
+}
+
+/// Runs the tests that arguments of `cargo test` choose; true if all passed.
+fn tests(which: &[&str], summary: &mut Summary) -> Result<bool, String> {
+    let line = [&["test", "--locked", "--no-fail-fast"], which, &["--", "--show-output"]].concat();
     println!("cargo {}", line.join(" "));
     let failed = |e: std::io::Error| format!("cargo could not be run: {e}");
     let mut child = Command::new(env!("CARGO")).args(&line).stdout(Stdio::piped()).spawn().map_err(failed)?;
-    let mut summary = Summary::default();
     for line in BufReader::new(child.stdout.take().expect("a pipe was asked for")).lines() {
         if let Some(line) = summary.told(&line.map_err(failed)?) {
             println!("{line}");
         }
     }
-    let passed = child.wait().map_err(failed)?.success();
-    println!("{}", summary.text());
-    if passed { Ok(()) } else { Err("tests failed".into()) }
+    Ok(child.wait().map_err(failed)?.success())
 }
 
 /// Summary of the tests' output so far.

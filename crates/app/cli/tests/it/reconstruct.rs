@@ -264,7 +264,7 @@ fn a_killed_reconstruction_says_how_to_go_on() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     photos(folder, 12);
-    let line = "reconstruct photos -o scene --minutes 3 --gaussians 500";
+    let line = "reconstruct photos -o scene --minutes 0.3 --gaussians 500";
     let mut child = Command::new(BINARY)
         .current_dir(folder)
         .args(line.split(' '))
@@ -280,7 +280,7 @@ fn a_killed_reconstruction_says_how_to_go_on() {
     let again = run(folder, line);
     assert_eq!(again.status.code(), Some(2), "{}", said(&again));
     assert!(said(&again).contains("to go on: splatweaver fit --resume scene"), "{}", said(&again));
-    // Fewer steps than were chosen for three minutes, and then to the end.
+    // Fewer steps than were chosen for the time, and then to the end.
     let path = folder.join("scene/run.json");
     let mut run_file: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
     run_file["fit"]["steps"] = 40.into();

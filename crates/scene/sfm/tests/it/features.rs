@@ -262,7 +262,7 @@ fn matches_along_lines_are_those_of_the_slow_twin() {
 fn lesser_instruction_sets_find_the_same() {
     for level in ["portable", "avx2"] {
         let mut command = Command::new(std::env::current_exe().expect("a test has an executable"));
-        command.args(["features::places", "features::spots", "features::keypoints", "features::matches"]);
+        command.args(["features::places_are", "features::spots", "features::keypoints", "features::matches"]);
         let output = command.env("WEAVER_SIMD", level).output().expect("a test can be started again");
         let text = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success() && !text.contains("running 0 tests"), "{level}: {text}");
