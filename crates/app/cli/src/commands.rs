@@ -14,6 +14,7 @@ mod fit;
 mod infer;
 mod info;
 mod merge;
+mod mesh;
 mod plan;
 mod reconstruct;
 mod render;
@@ -128,7 +129,7 @@ table! {
         Dynamic(dynamic::Dynamic) => dynamic::run,
         Vad(weaver_vad_run::Vad) => weaver_vad_run::run,
         Lidar(weaver_lidar_run::Lidar) => weaver_lidar_run::run,
-        Mesh(weaver_lidar_run::Meshing) => |it, console, _| weaver_lidar_run::mesh(it, console),
+        Mesh(mesh::Meshing) => |it, console, _| mesh::run(it, console),
         EvalTrajectory(weaver_lidar_run::EvalTrajectory) => |it, console, _| weaver_lidar_run::eval_trajectory(it, console),
         EvalMesh(weaver_lidar_run::EvalMesh) => |it, console, _| weaver_lidar_run::eval_mesh(it, console),
         Image(weaver_image_run::Pictures) => weaver_image_run::run,

@@ -84,7 +84,7 @@ impl Run {
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
             let enough = steps_in(&mut job.capture.fit, left.max(0.0))?;
             let steps = enough.max(job.settings.least_steps);
-            let few = format!("{minutes} minutes are enough for {enough} steps");
+            let few = format!("{minutes:.2} minutes are enough for {enough} steps");
             if steps > enough {
                 job.capture.remarks.push(format!("{few}; {steps} are made, which takes longer"));
             } else if steps < job.fit().photos() {

@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     seen.colors = vec![[128; 3]; seen.positions.len()];
     write_points(folder.join("truth.ply"), &seen)?;
     let (vertices, triangles) = world.mesh();
-    write_triangles(folder.join("mesh.ply"), &vertices, &triangles)?;
+    write_triangles(folder.join("mesh.ply"), &vertices, &[], &triangles)?;
     let times = (0..count).map(|i| i as f64).collect();
     TrajectoryFile { poses, times }.write(folder.join("poses.txt"), TrajectoryFormat::Tum)?;
     println!("{count} scans: {}", folder.display());

@@ -1,4 +1,4 @@
-//! `splatweaver lidar`, `mesh`, `eval-trajectory` and `eval-mesh`: odometry and mapping of lidar scans in a folder, meshes of the maps, and
+//! `splatweaver lidar`, `eval-trajectory` and `eval-mesh`: odometry and mapping of lidar scans in a folder, meshes of the maps, and
 //! errors of both.
 //!
 //! | file | content |
@@ -28,7 +28,7 @@ pub use error::LidarRunError;
 pub use evaluation::{Errors, EvalTrajectory, eval_trajectory, paired_errors};
 pub use job::{LidarJob, ScanRecord};
 pub use looks::overview;
-pub use meshing::{EvalMesh, Meshing, eval_mesh, mesh};
+pub use meshing::{EvalMesh, eval_mesh, map_mesh};
 pub use plan::LidarPlan;
 pub use results::Summary;
 pub use run::{KIND, Lidar, run};

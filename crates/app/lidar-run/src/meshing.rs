@@ -1,4 +1,4 @@
-//! `splatweaver mesh` and `eval-mesh`.
+//! Meshes of maps, and `splatweaver eval-mesh`.
 
 use crate::plan::read;
 use crate::results::{MAP, Summary, TRAJECTORY, surfels};
@@ -8,8 +8,8 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Progress, Threads, in_pool};
 use weaver_geometry::Pose;
-use weaver_io::ply::{read_triangles, write_triangles};
-use weaver_io::{TrajectoryFile, check_output_file, read_gaussians, read_lidar_scan, read_text};
+use weaver_io::ply::read_triangles;
+use weaver_io::{TrajectoryFile, read_gaussians, read_lidar_scan, read_text};
 use weaver_mesh::{DistanceField, Mesh, RangeView, compare, thinned};
 use weaver_run::Folder;
 use weaver_surfel::{Limits, RangeImages, Sight, SurfelWorkspace};
@@ -18,28 +18,6 @@ use weaver_surfel::{Limits, RangeImages, Sight, SurfelWorkspace};
 const PER_AREA: f64 = 5000.0;
 /// Side of the cubes that keep one point each, meters.
 const THINNED: f64 = 0.02;
-
-/// Makes a mesh of the map of a lidar run: drawn ranges and normals of its keyframes, averaged as truncated signed distances, and surface nets.
-#[derive(Args, Debug)]
-#[command(after_help = "Examples:
-  splatweaver mesh runs/street -o street.ply
-  splatweaver mesh runs/street --voxel 0.05 -o fine.ply --json")]
-pub struct Meshing {
-    /// Folder of a run of `lidar` that is complete
-    #[arg(value_name = "RUN")]
-    run: PathBuf,
-    /// The mesh, PLY
-    #[arg(short, long, value_name = "FILE", default_value = "mesh.ply")]
-    out: PathBuf,
-    /// Side of a cell, meters
-    #[arg(long, value_name = "METERS", default_value_t = 0.1)]
-    voxel: f64,
-    /// Prints figures as JSON
-    #[arg(long)]
-    json: bool,
-    #[command(flatten)]
-    threads: Threads,
-}
 
 /// Compares a mesh with a cloud of the true surface: accuracy, completeness, Chamfer distance, F-score.
 #[derive(Args, Debug)]
@@ -63,26 +41,12 @@ pub struct EvalMesh {
     threads: Threads,
 }
 
-/// Runs `splatweaver mesh`.
+/// The mesh of a run's map: drawn ranges and normals of its keyframes, averaged as truncated signed distances in cells of side `voxel` in
+/// meters, and surface nets.
 ///
-/// Fails where there is no complete run, cells are too small for the memory, or the mesh cannot be written.
-pub fn mesh(arguments: &Meshing, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || {
-        check_output_file(&arguments.out, [&arguments.run])?;
-        let mesh = meshed(&arguments.run, arguments.voxel, console)?;
-        write_triangles(&arguments.out, &mesh.vertices, &mesh.triangles)?;
-        let (vertices, triangles, area) = (mesh.vertices.len(), mesh.triangles.len(), mesh.area());
-        if arguments.json {
-            let figures = json!({ "vertices": vertices, "triangles": triangles, "area_m2": area });
-            return console.print(&serde_json::to_string_pretty(&figures)?);
-        }
-        let out = arguments.out.display();
-        console.print(&format!("{out}: {vertices} vertices, {triangles} triangles, {area:.1} m^2"))
-    })
-}
-
-/// The mesh of a run's map.
-fn meshed(run: &Path, voxel: f64, console: &mut Console) -> Result<Mesh, Failure> {
+/// # Errors
+/// Where there is no complete run, or cells are too small for the memory.
+pub fn map_mesh(run: &Path, voxel: f64, console: &mut Console) -> Result<Mesh, Failure> {
     let plan: LidarPlan = Folder::settings(run, KIND, "odometry and mapping of lidar scans")?;
     let path = run.join(Folder::SUMMARY);
     let summary: Summary = serde_json::from_str(&read_text(&path)?).map_err(|error| LidarRunError::Invalid {

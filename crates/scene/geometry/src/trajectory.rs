@@ -53,3 +53,24 @@ pub fn through(keys: &[Pose], steps: usize) -> Vec<Pose> {
     };
     keys.windows(2).flat_map(segment).chain(keys.last().copied()).collect()
 }
+
+/// The point that is nearest to the optical axes of all cameras, by least squares; none where all look the same way.
+///
+/// (sum of I - a a^T) x = sum of (I - a a^T) c, for the axes a and the centers c.
+///
+/// ```
+/// use weaver_geometry::{glam::DVec3, trajectory::{focus, orbit}};
+/// let cameras = orbit(DVec3::new(3.0, 0.0, 1.0), DVec3::new(1.0, 0.0, 0.0), DVec3::Z, 5);
+/// assert!(focus(&cameras).unwrap().distance(DVec3::X) < 1e-12);
+/// assert_eq!(focus(&cameras[..1]), None);
+/// ```
+pub fn focus(cameras: &[Pose]) -> Option<DVec3> {
+    let (mut matrix, mut right) = (DMat3::ZERO, DVec3::ZERO);
+    for camera in cameras {
+        let axis = camera.rotation.transpose() * DVec3::Z;
+        let across = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+        matrix += across;
+        right += across * camera.center();
+    }
+    (matrix.determinant().abs() > 1e-9).then(|| matrix.inverse() * right)
+}

@@ -1,5 +1,6 @@
 //! Meshes from range images of any camera, and how far a mesh is from a surface; without files.
 //!
+//! - [`DrawnScene`] has the range images that cameras see of a scene of Gaussians.
 //! - A [`DistanceField`] averages truncated signed distances of range images in blocks of 8 x 8 x 8 cells near surfaces.
 //! - [`DistanceField::mesh`] is its zero level by surface nets: one vertex in each cell that the surface crosses.
 //! - [`compare`] has accuracy, completeness, Chamfer distance and F-score of a mesh and a cloud.
@@ -9,10 +10,13 @@ mod comparison;
 mod field;
 mod mesh;
 mod nets;
+mod pieces;
+mod scene;
 
 pub use comparison::{MeshErrors, compare, thinned};
 pub use field::{DistanceField, MeshError, RangeView};
 pub use mesh::Mesh;
+pub use scene::DrawnScene;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -1,12 +1,11 @@
 //! Quality by surfaces: meshes of the depth that scenes are drawn with.
 
 use crate::{CompressError, Pictures};
-use weaver_geometry::Camera;
-use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_mesh::{DistanceField, Mesh, RangeView, compare};
-use weaver_scene::{CameraRows, Gaussians};
-use weaver_splat::{CpuRasterizer, Images, RasterSettings, Rasterizer};
-use weaver_surfel::{Lens, SurfelCamera};
+use weaver_geometry::trajectory::focus;
+use weaver_geometry::{Camera, Pose};
+use weaver_mesh::{DistanceField, DrawnScene, Mesh, compare};
+use weaver_scene::Gaussians;
+use weaver_splat::RasterSettings;
 
 /// The least distance of a camera from the point that all look at, in units of which surfaces are compared: with it, distances beyond a twentieth
 /// of it count as such.
@@ -18,8 +17,6 @@ const TRUNCATION: f64 = 5.0;
 const FAR: f64 = 2.0;
 /// Points on a cell's area of a surface to which distances are.
 const PER_CELL: f64 = 32.0;
-/// Alpha below which nothing is there.
-const OPAQUE: f32 = 0.5;
 
 /// The surface of a scene: depth as its cameras see it, averaged as truncated signed distances, and its zero level by surface nets.
 #[derive(Debug)]
@@ -50,15 +47,12 @@ impl Surface {
         if cameras.is_empty() {
             return Err(CompressError::NoCameras);
         }
-        let focus = focus(cameras);
-        let distance = cameras.iter().map(|c| c.pose.center().distance(focus)).fold(f64::INFINITY, f64::min);
+        let poses: Vec<Pose> = cameras.iter().map(|camera| camera.pose).collect();
+        let nearest = |focus| poses.iter().map(|pose| pose.center().distance(focus)).fold(f64::INFINITY, f64::min);
+        let distance = focus(&poses).map_or(0.0, nearest);
         if !(distance.is_finite() && distance > 0.0) {
-            let expected = "a common point before them".into();
-            return Err(CompressError::Stream {
-                place: "cameras".into(),
-                expected,
-                found: format!("distance {distance}"),
-            });
+            let (place, expected) = ("cameras".into(), "a common point before them".into());
+            return Err(CompressError::Stream { place, expected, found: format!("distance {distance}") });
         }
         let mut surface = Self { cameras: cameras.to_vec(), background, settings, distance, points: Points::default() };
         surface.points = surface.points(gaussians)?;
@@ -91,60 +85,9 @@ impl Surface {
     }
 
     fn mesh(&self, gaussians: &Gaussians) -> Result<Mesh, CompressError> {
-        let activated = gaussians.to_activated();
-        let mut session = CpuRasterizer.session();
-        let mut drawn = Vec::with_capacity(self.cameras.len());
-        for camera in &self.cameras {
-            let pixels = camera.width * camera.height;
-            let (mut image, mut alpha, mut depth) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; pixels]);
-            let rows = CameraRows::new(&[*camera]);
-            let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
-            session.forward(&activated.as_slices(), &rows.as_slices(&self.background), &self.settings, images)?;
-            let lens =
-                SurfelCamera { lens: Lens::Pinhole(camera.intrinsics), width: camera.width, height: camera.height };
-            let range = |pixel: usize| {
-                if alpha[pixel] < OPAQUE {
-                    return 0.0;
-                }
-                let ray = lens.pixel_ray(pixel % camera.width, pixel / camera.width);
-                let range = f64::from(depth[pixel] / alpha[pixel]) / ray.z;
-                if range < FAR * self.distance { range as f32 } else { 0.0 }
-            };
-            drawn.push((lens, camera.pose, (0..pixels).map(range).collect::<Vec<f32>>()));
-        }
-        let views: Vec<RangeView<'_>> =
-            drawn.iter().map(|(camera, pose, range)| RangeView { camera, pose: *pose, range, normal: &[] }).collect();
+        let mut scene = DrawnScene::new(gaussians, self.background, self.settings, FAR * self.distance);
+        self.cameras.iter().try_for_each(|camera| scene.add(camera))?;
         let voxel = self.distance / CELLS;
-        Ok(DistanceField::new(&views, voxel, TRUNCATION * voxel)?.mesh())
-    }
-}
-
-/// The point that is nearest to all optical axes, by least squares.
-fn focus(cameras: &[Camera]) -> DVec3 {
-    let (mut matrix, mut right) = (DMat3::ZERO, DVec3::ZERO);
-    for camera in cameras {
-        let axis = camera.pose.rotation.transpose() * DVec3::Z;
-        let across = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
-        matrix += across;
-        right += across * camera.pose.center();
-    }
-    if matrix.determinant().abs() > 1e-9 { matrix.inverse() * right } else { DVec3::NAN }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use weaver_scene::orbit;
-
-    #[test]
-    fn an_orbit_looks_at_its_middle() {
-        let gaussians = Gaussians {
-            means: vec![[1.0, 2.0, 3.0], [1.5, 2.0, 3.0], [1.0, 2.5, 3.5]],
-            log_scales: vec![[-2.0; 3]; 3],
-            ..Gaussians::default()
-        };
-        let cameras = orbit(&gaussians, 7, [32, 32]).unwrap();
-        let middle = weaver_scene::middle(&gaussians).unwrap();
-        assert!(focus(&cameras).distance(middle) < 1e-6);
+        Ok(DistanceField::new(&scene.views(), voxel, TRUNCATION * voxel)?.mesh())
     }
 }

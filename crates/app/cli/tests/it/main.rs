@@ -28,6 +28,7 @@ mod left_behind;
 mod lift;
 mod lpips;
 mod masks;
+mod mesh;
 #[cfg(feature = "mpi")]
 mod mpi;
 mod outputs;

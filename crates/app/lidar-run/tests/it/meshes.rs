@@ -4,14 +4,9 @@ use crate::commands::{SMALL, command, scans, text};
 use clap::Parser;
 use weaver_command::Console;
 use weaver_data::lidar::LidarWorld;
-use weaver_lidar_run::{EvalMesh, Meshing, eval_mesh, mesh};
+use weaver_io::ply::write_triangles;
+use weaver_lidar_run::{EvalMesh, eval_mesh, map_mesh};
 use weaver_scene::PointCloud;
-
-#[derive(Parser)]
-struct MeshLine {
-    #[command(flatten)]
-    line: Meshing,
-}
 
 #[derive(Parser)]
 struct EvalLine {
@@ -31,9 +26,10 @@ fn a_map_becomes_a_mesh_near_the_room() {
         run(&mut Console::new(&mut out, &mut notes, false));
         String::from_utf8(out).unwrap()
     };
-    let meshing = MeshLine::parse_from(["mesh", &out, "--out", &at("mesh.ply"), "--voxel", "0.15"]);
-    let line = print(&|console| mesh(&meshing.line, console).unwrap());
-    assert!(line.contains("triangles"), "{line}");
+    print(&|console| {
+        let mesh = map_mesh(out.as_ref(), 0.15, console).unwrap();
+        write_triangles(at("mesh.ply"), &mesh.vertices, &[], &mesh.triangles).unwrap();
+    });
     // Points of the whole room: how near the mesh is to them is asked, not how much is missing.
     let (vertices, triangles) = LidarWorld::room().mesh();
     let room = weaver_mesh::Mesh { vertices, triangles };

@@ -157,8 +157,12 @@ fn surfaces_come_back_and_broken_ones_are_refused() {
     let (vertices, triangles) =
         (vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0; 3]], vec![[0, 1, 2], [1, 3, 2]]);
     let (_folder, path) = file("a.ply", []);
-    write_triangles(&path, &vertices, &triangles).unwrap();
-    assert_eq!(read_triangles(&path).unwrap(), (vertices.clone(), triangles));
+    write_triangles(&path, &vertices, &[], &triangles).unwrap();
+    assert_eq!(read_triangles(&path).unwrap(), (vertices.clone(), triangles.clone()));
+    let colored = path.with_file_name("colored.ply");
+    write_triangles(&colored, &vertices, &[[255, 0, 7]; 4], &triangles).unwrap();
+    assert_eq!(read_triangles(&colored).unwrap(), (vertices.clone(), triangles));
+    assert_eq!(weaver_io::ply::read_points(&colored).unwrap().colors, [[255, 0, 7]; 4]);
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() - 3]).unwrap();
     assert!(read_triangles(&path).unwrap_err().to_string().contains("as many lists as it says"));

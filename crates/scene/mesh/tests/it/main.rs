@@ -1,5 +1,7 @@
 //! Integration tests.
 
+mod scenes;
+
 use proptest::prelude::*;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};

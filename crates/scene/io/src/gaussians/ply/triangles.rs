@@ -8,19 +8,34 @@ use std::path::Path;
 /// Vertices and triangles.
 pub type Triangles = (Vec<[f32; 3]>, Vec<[u32; 3]>);
 
-/// Writes a surface as a binary little-endian PLY file.
+/// Writes a surface as a binary little-endian PLY file; `colors` are those of the vertices, or none.
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_triangles(path: impl AsRef<Path>, vertices: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<()> {
+///
+/// # Panics
+/// When there are colors, and not one for each vertex.
+pub fn write_triangles(
+    path: impl AsRef<Path>,
+    vertices: &[[f32; 3]],
+    colors: &[[u8; 3]],
+    triangles: &[[u32; 3]],
+) -> Result<()> {
+    assert!(colors.is_empty() || colors.len() == vertices.len(), "a color for each vertex, or none");
     atomic_write(path, |w| {
         writeln!(w, "ply\nformat binary_little_endian 1.0\nelement vertex {}", vertices.len())?;
         for name in ["x", "y", "z"] {
             writeln!(w, "property float {name}")?;
         }
+        for name in ["red", "green", "blue"].iter().filter(|_| !colors.is_empty()) {
+            writeln!(w, "property uchar {name}")?;
+        }
         let faces = triangles.len();
         writeln!(w, "element face {faces}\nproperty list uchar int vertex_indices\nend_header")?;
-        vertices.iter().flatten().try_for_each(|x| w.write_all(&x.to_le_bytes()))?;
+        for (i, vertex) in vertices.iter().enumerate() {
+            vertex.iter().try_for_each(|x| w.write_all(&x.to_le_bytes()))?;
+            w.write_all(colors.get(i).map_or(&[], |color| &color[..]))?;
+        }
         triangles.iter().try_for_each(|corners| {
             w.write_all(&[3])?;
             corners.iter().try_for_each(|i| w.write_all(&i.to_le_bytes()))

@@ -1,0 +1,101 @@
+//! `mesh` of scenes: from a folder, from a file with cameras, and what makes none.
+
+use crate::in_process::splatweaver;
+use std::path::Path;
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::trajectory::orbit;
+use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_io::ply::{read_points, read_triangles};
+use weaver_io::{Transforms, write_gaussians};
+use weaver_scene::{Frame, Gaussians};
+
+/// A ball of green Gaussians of radius 1 as scene.ply, and cameras around it as transforms.json.
+fn result(folder: &Path) {
+    let mut scene = Gaussians::default();
+    for i in 0..1500 {
+        let z = 1.0 - (2 * i + 1) as f32 / 1500.0;
+        let ((sin, cos), around) = ((i as f32 * 2.399_963).sin_cos(), (1.0 - z * z).sqrt());
+        scene.means.push([around * cos, around * sin, z]);
+        scene.quats.push([1.0, 0.0, 0.0, 0.0]);
+        scene.log_scales.push([0.05_f32.ln(); 3]);
+        scene.opacity_logits.push(6.0);
+        scene.sh.extend([-1.4, 1.4, -1.4]);
+    }
+    write_gaussians(folder.join("scene.ply"), &scene).unwrap();
+    let poses = [-2.0, 2.0].into_iter().flat_map(|z| orbit(DVec3::new(3.0, 0.0, z), DVec3::ZERO, DVec3::Z, 5));
+    cameras(folder, &poses.collect::<Vec<_>>());
+}
+
+fn cameras(folder: &Path, poses: &[Pose]) {
+    let intrinsics = Intrinsics { fx: 80.0, fy: 80.0, cx: 40.0, cy: 40.0 };
+    let camera = |pose: &Pose| Camera { pose: *pose, intrinsics, width: 80, height: 80 };
+    let frames = poses.iter().enumerate().map(|(i, pose)| Frame::new(format!("{i}.png"), camera(pose))).collect();
+    Transforms { frames, ..Transforms::default() }.write(folder.join("transforms.json")).unwrap();
+}
+
+#[test]
+fn a_scene_becomes_a_colored_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    result(folder);
+    let [scene, cameras, out, again] = ["scene.ply", "transforms.json", "a.ply", "b.ply"].map(|name| folder.join(name));
+    let said = splatweaver(&[&"mesh", &folder, &"--out", &out]).fine().stdout;
+    assert!(said.contains("triangles") && said.contains("square units"), "{said}");
+    let (vertices, triangles) = read_triangles(&out).unwrap();
+    let off = |v: &[f32; 3]| (v.iter().map(|x| x * x).sum::<f32>().sqrt() - 1.0).abs();
+    assert!(triangles.len() > 2000 && vertices.iter().all(|v| off(v) < 0.15), "{}", triangles.len());
+    let colors = read_points(&out).unwrap().colors;
+    let green = colors.iter().filter(|[r, g, b]| *g > 150 && *r < 90 && *b < 90).count();
+    assert!(10 * green > 9 * colors.len(), "{green} of {}", colors.len());
+    // The same from the files alone, on one thread, with the default cells spelled out; others are coarser.
+    let json = |voxel: &str| {
+        let line: [&dyn AsRef<std::ffi::OsStr>; 11] = [
+            &"mesh",
+            &scene,
+            &"--cameras",
+            &cameras,
+            &"--voxel",
+            &voxel,
+            &"--threads",
+            &"1",
+            &"--json",
+            &"--out",
+            &again,
+        ];
+        let figures: serde_json::Value = serde_json::from_str(&splatweaver(&line).fine().stdout).unwrap();
+        assert_eq!(figures["vertices"], read_triangles(&again).unwrap().0.len());
+        figures
+    };
+    let distance = f64::sqrt(13.0);
+    let fine = json(&(distance / 80.0).to_string());
+    assert_eq!(fine["triangles"], triangles.len());
+    assert!((fine["area"].as_f64().unwrap() / (4.0 * std::f64::consts::PI) - 1.0).abs() < 0.2, "{fine}");
+    assert!(json("0.2")["triangles"].as_u64().unwrap() < triangles.len() as u64 / 4);
+}
+
+#[test]
+fn what_gives_no_mesh_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    result(folder);
+    let [scene, out] = ["scene.ply", "mesh.ply"].map(|name| folder.join(name));
+    let line = |more: &[&str]| {
+        let words: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"mesh", &folder, &"--out", &out];
+        splatweaver(&words.into_iter().chain(more.iter().map(|w| w as &dyn AsRef<std::ffi::OsStr>)).collect::<Vec<_>>())
+    };
+    splatweaver(&[&"mesh", &scene, &"--out", &out]).refused(2, &["scene.ply", "expected --cameras"]);
+    line(&["--far", "0.5"]).refused(1, &["scene.ply", "expected a surface", "nearer than 0.500", "--far"]);
+    line(&["--voxel", "0"]).refused(1, &["cells: expected", "above 0"]);
+    splatweaver(&[&"mesh", &folder, &"--out", &scene]).refused(2, &["scene.ply"]);
+    // Side by side, looking the same way.
+    cameras(
+        folder,
+        &[0.0, 0.5, 1.0].map(|x| Pose::new(weaver_geometry::glam::DMat3::IDENTITY, DVec3::new(x, 0.0, 4.0))),
+    );
+    line(&[]).refused(2, &["transforms.json", "expected --far"]);
+    line(&["--far", "9"]).fine();
+    assert!(out.exists());
+    let empty = folder.join("empty");
+    std::fs::create_dir(&empty).unwrap();
+    splatweaver(&[&"mesh", &empty, &"--out", &out]).refused(1, &["empty", "run.json"]);
+}
