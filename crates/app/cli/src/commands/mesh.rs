@@ -18,7 +18,7 @@ const MAP_VOXEL: f64 = 0.1;
 const CELLS: f64 = 256.0;
 /// Cells of the truncation.
 const TRUNCATION: f64 = 5.0;
-/// What is farther than so many distances of the nearest camera from what all look at is background.
+/// Distances of the nearest camera from what all look at, beyond which everything is background.
 const FAR: f64 = 2.0;
 /// The largest pieces that are kept, and the least triangles of each.
 const PIECES: (usize, usize) = (50, 50);
@@ -45,7 +45,7 @@ pub struct Meshing {
     /// Side of a cell, world units [default: 0.1 m of a map; of a scene a 256th of the cameras' distance, and at least a pixel]
     #[arg(long, value_name = "DISTANCE")]
     voxel: Option<f64>,
-    /// What is farther from a camera is background, world units [default: twice the least distance of a camera from what all look at]
+    /// Distance from a camera beyond which everything is background, world units [default: twice the least distance of a camera from what all look at]
     #[arg(long, value_name = "DISTANCE")]
     far: Option<f64>,
     /// Longest side that photos are shrunk to, for drawing
