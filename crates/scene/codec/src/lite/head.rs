@@ -4,6 +4,7 @@ use super::quality::Quality;
 use crate::error::CodecError;
 use crate::exact::exp;
 use crate::octree::DEEPEST;
+use std::sync::LazyLock;
 
 /// Largest magnitude of a symbol, which leaves room for differences.
 pub(super) const LARGEST: i32 = 1 << 22;
@@ -64,10 +65,24 @@ impl Head {
         area * i64::from(self.scale_step) / 2 + ln_opacity[opacity as usize] - i64::from(self.reference)
     }
 
-    /// Factor of steps: smaller where more is to be seen.
-    pub(super) fn factor(&self, shows: i64, power: u32) -> f64 {
-        let exponent = -(shows as f64 / UNIT) * (f64::from(power) / UNIT);
-        exp(exponent.clamp(-FINEST, COARSEST))
+    /// Factor of steps, smaller where more is to be seen.
+    fn factor(&self, shows: i64, power: u32) -> f64 {
+        let exponent = -(shows.clamp(-1 << 30, 1 << 30) * i64::from(power)) >> (32 - 6);
+        FACTORS[(exponent.clamp(FINEST, COARSEST) - FINEST) as usize]
+    }
+
+    /// Steps of one Gaussian by the symbols that come first.
+    pub(super) fn steps(&self, scales: [i32; 3], shows: i64) -> Steps {
+        let factor = self.factor(shows, self.adaptation);
+        // What turns is the difference of two scales: thin Gaussians show it more.
+        let thin = i64::from(scales[0]).saturating_sub(i64::from(scales[2])) * i64::from(self.scale_step);
+        let thin = thin.min((2.0 * UNIT) as i64) - UNIT as i64;
+        let step = |parts: u32| f64::from(parts) / UNIT;
+        Steps {
+            rotation: step(self.rotation_step) * self.factor(shows + thin, self.rotation_adaptation),
+            dc: step(self.dc_step) * factor,
+            sh: step(self.sh_step) * factor,
+        }
     }
 
     pub(super) fn write(&self) -> Vec<u8> {
@@ -129,9 +144,20 @@ impl Head {
     }
 }
 
-/// Logarithms of the least and the largest factor of steps.
-const FINEST: f64 = 1.5;
-const COARSEST: f64 = 2.5;
+/// Steps of one Gaussian.
+pub(super) struct Steps {
+    pub(super) rotation: f64,
+    pub(super) dc: f64,
+    pub(super) sh: f64,
+}
+
+/// Logarithms of the least and the largest factor of steps, in parts of 64.
+const FINEST: i64 = -96;
+const COARSEST: i64 = 160;
+
+/// All factors of steps.
+static FACTORS: LazyLock<[f64; (COARSEST - FINEST + 1) as usize]> =
+    LazyLock::new(|| std::array::from_fn(|i| exp((i as i64 + FINEST) as f64 / 64.0)));
 
 /// Steps of opacities at most.
 pub(super) const MOST_LEVELS: u32 = 4095;
