@@ -1,6 +1,7 @@
-//! Time to decode and to encode a scene of a million Gaussians: `speed FILE [THREADS]`.
+//! Time to encode and to decode a million Gaussians: `speed FILE [THREADS]`.
 //!
-//! A smaller scene is put side by side with copies of itself, whose numbers differ by a thousandth, until there are a million.
+//! The scene is put side by side with copies of itself, whose numbers differ by a thousandth, until there are a million. Beside seconds on the
+//! clock there are seconds of processors (Linux), which other work on the machine changes little.
 
 use std::error::Error;
 use std::time::Instant;
@@ -9,17 +10,33 @@ use weaver_kernels::random::Stream;
 use weaver_scene::Gaussians;
 
 const MILLION: usize = 1_000_000;
+const ROUNDS: usize = 4;
 
-/// The copy of a number.
+/// A copy of a scene, beside the others.
 fn copy(tile: &Gaussians, number: usize, width: f32) -> Gaussians {
     let stream = Stream::new(number as u64, 0, "codec.speed");
-    let shift = width * number as f32;
     let mut copy = tile.clone();
-    copy.means.iter_mut().for_each(|mean| mean[0] += shift);
-    let numbers =
-        copy.log_scales.as_flattened_mut().iter_mut().chain(&mut copy.sh).chain(copy.quats.as_flattened_mut());
+    copy.means.iter_mut().for_each(|mean| mean[0] += width * number as f32);
+    let shapes = copy.log_scales.as_flattened_mut().iter_mut();
+    let numbers = shapes.chain(&mut copy.sh).chain(copy.quats.as_flattened_mut());
     numbers.zip(0..).for_each(|(x, i)| *x *= 1.0 + 1e-3 * stream.normal::<f32>(i));
     copy
+}
+
+/// Seconds of processors so far; NaN where the system does not say.
+fn processors() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let behind_name = stat.rsplit(')').next().unwrap_or_default();
+    let ticks = |field: usize| behind_name.split_whitespace().nth(field).and_then(|ticks| ticks.parse::<f64>().ok());
+    ticks(11).zip(ticks(12)).map_or(f64::NAN, |(user, system)| (user + system) / 100.0)
+}
+
+/// Runs something, and says how long it took.
+fn timed<T>(what: &str, run: impl FnOnce() -> T) -> T {
+    let (started, before) = (Instant::now(), processors());
+    let result = run();
+    println!("{what}: {:.2} s, {:.2} s of processors", started.elapsed().as_secs_f64(), processors() - before);
+    result
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -32,20 +49,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let x = || tile.means.iter().map(|mean| mean[0]);
     let width = x().fold(f32::MIN, f32::max) - x().fold(f32::MAX, f32::min);
     let copies: Vec<Gaussians> = (0..MILLION.div_ceil(tile.len())).map(|i| copy(&tile, i, width)).collect();
-    let all = Gaussians::joined(&copies);
-    let gaussians = all.select(&(0..MILLION).collect::<Vec<_>>());
-    let started = Instant::now();
-    let bytes = encode(&gaussians, &Quality::default())?;
-    let encoded = started.elapsed().as_secs_f64();
-    let parameters = MILLION as f64 * (11 + 3 * tile.coefficients()) as f64;
-    let bits = 8.0 * bytes.len() as f64 / MILLION as f64;
-    println!("degree {}: encoded in {encoded:.2} s, {bits:.1} bits a Gaussian", tile.degree);
-    let seconds = (0..5).map(|_| {
-        let started = Instant::now();
-        std::hint::black_box(decode(&bytes).map(|gaussians| gaussians.len())).ok();
-        started.elapsed().as_secs_f64()
-    });
-    let best = seconds.fold(f64::INFINITY, f64::min);
-    println!("decoded in {best:.3} s, {:.1} million parameters a second", parameters / best / 1e6);
+    let gaussians = Gaussians::joined(&copies).select(&(0..MILLION).collect::<Vec<_>>());
+    println!("degree {}, {} parameters of a Gaussian", tile.degree, 11 + 3 * tile.coefficients());
+    let bytes = timed("encode", || encode(&gaussians, &Quality::default()))?;
+    println!("{:.2} bits of a Gaussian", 8.0 * bytes.len() as f64 / MILLION as f64);
+    for _ in 0..ROUNDS {
+        timed("decode", || decode(&bytes))?;
+    }
     Ok(())
 }

@@ -7,7 +7,7 @@ use crc32c::crc32c;
 pub const MAGIC: [u8; 4] = *b"WVSZ";
 
 /// The version that is written.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 1;
 
 /// Gaussians that a byte may stand for: what bounds the memory that a small file can ask for.
 pub const GAUSSIANS_PER_BYTE: u64 = 8;

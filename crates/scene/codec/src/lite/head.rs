@@ -12,8 +12,11 @@ pub(super) const LARGEST: i32 = 1 << 22;
 /// Parts of a unit in which steps and logarithms are stored.
 pub(super) const UNIT: f64 = 65_536.0;
 
+/// The version of models and symbols, at the end of a head. The first one had none there.
+const VERSION: u8 = 2;
+
 /// Bytes of a head.
-const BYTES: usize = 12 + 4 + 1 + 10 * 4;
+const BYTES: usize = 12 + 4 + 1 + 10 * 4 + 1;
 
 /// Grid, steps, and how steps follow what a Gaussian can show.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,10 +95,15 @@ impl Head {
         let steps = [self.scale_step, self.opacity_levels, self.rotation_step, self.dc_step, self.sh_step];
         out.extend(steps.iter().chain(&[self.adaptation, self.rotation_adaptation]).flat_map(|x| x.to_le_bytes()));
         out.extend([self.reference, self.scale_mean, self.opacity_mean].iter().flat_map(|x| x.to_le_bytes()));
+        out.push(VERSION);
         out
     }
 
     pub(super) fn read(bytes: &[u8]) -> Result<Self, CodecError> {
+        let version = if bytes.len() == BYTES - 1 { 1 } else { bytes.last().copied().unwrap_or(VERSION) };
+        if version != VERSION {
+            return Err(CodecError::Version { expected: VERSION, found: version });
+        }
         if bytes.len() != BYTES {
             return Err(CodecError::invalid("stream head", format!("{BYTES} bytes"), bytes.len()));
         }
