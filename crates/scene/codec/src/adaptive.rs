@@ -57,9 +57,9 @@ impl AdaptiveModel {
 
     /// The first part of a symbol: one for each symbol before it, and its share of the others.
     fn first(&self, symbol: usize, before: u64) -> u32 {
+        // Below 2^48 symbols, products are below 2^64.
         let spare = u64::from(WHOLE) - self.symbols() as u64;
-        (symbol as u64 + u64::try_from(u128::from(before) * u128::from(spare) / u128::from(self.total)).unwrap_or(0))
-            as u32
+        (symbol as u64 + before * spare / self.total) as u32
     }
 
     /// Sum of the numbers of all symbols before one.

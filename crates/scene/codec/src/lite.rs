@@ -11,6 +11,7 @@ mod fields;
 mod head;
 mod neighbors;
 mod quality;
+mod restore;
 mod rotation;
 mod symbols;
 
@@ -19,7 +20,8 @@ use crate::error::CodecError;
 use blocks::{block_streams, decode_block, split};
 use head::Head;
 use rayon::prelude::*;
-use symbols::{Symbols, quantize, restore};
+use restore::restore;
+use symbols::{Symbols, quantize};
 use weaver_geometry::sh;
 use weaver_scene::Gaussians;
 
@@ -78,7 +80,7 @@ pub fn order(gaussians: &Gaussians, quality: &Quality) -> Result<Vec<usize>, Cod
 /// As [`encode`].
 pub fn rounded(gaussians: &Gaussians, quality: &Quality) -> Result<Gaussians, CodecError> {
     let (head, symbols, _) = quantize(gaussians, quality)?;
-    Ok(restore(&head, &symbols, gaussians.degree))
+    Ok(restore(&head, &[symbols], gaussians.degree))
 }
 
 /// Gaussians of the same pictures as those of [`rounded`], in the order and with the axes of those that are given: what training with
@@ -88,7 +90,7 @@ pub fn rounded(gaussians: &Gaussians, quality: &Quality) -> Result<Gaussians, Co
 /// As [`encode`].
 pub fn rounded_in_place(gaussians: &Gaussians, quality: &Quality) -> Result<Gaussians, CodecError> {
     let (head, symbols, order) = quantize(gaussians, quality)?;
-    let sorted = restore(&head, &symbols, gaussians.degree);
+    let sorted = restore(&head, &[symbols], gaussians.degree);
     let mut placed = gaussians.clone();
     let row = 3 * gaussians.coefficients();
     for (at, &i) in order.iter().enumerate() {
@@ -152,7 +154,5 @@ fn decode_streams(container: &Container) -> Result<Gaussians, CodecError> {
     let rest = usize::from(container.coefficients) - 1;
     let decoded: Vec<Symbols> =
         blocks.par_iter().map(|block| decode_block(&head, rest, block)).collect::<Result<_, _>>()?;
-    let mut symbols = Symbols::default();
-    decoded.into_iter().for_each(|block| symbols.extend(block));
-    Ok(restore(&head, &symbols, degree))
+    Ok(restore(&head, &decoded, degree))
 }

@@ -1,71 +1,27 @@
 //! Mixed adaptive models: numbers as decisions, each predicted in several contexts at once.
 
-use crate::logistic::Logistic;
+use crate::estimates::{Estimates, Mixer, Outcomes};
 use crate::range::Coder;
 
 /// Largest number of bits of a magnitude.
 const BITS: usize = 24;
 
-/// Nodes of the tree of decisions: is the number negative; is its magnitude longer than b bits, beside the two bits behind the highest one of
-/// those that are not. Those of small numbers lie next to each other, in one line of the cache.
-const SIGN: usize = 0;
-const NODES: usize = 1 + 4 * BITS;
+/// Decisions that are predicted together.
+const LANES: usize = 8;
 
-/// Observations after which an estimate forgets.
-const MEMORY: u32 = 60;
+/// Groups of decisions that have estimates in all contexts: is a magnitude longer than 0, 1, ... 7 bits? Then, for a length of 1, 2, ... 6, the
+/// sign and the three bits behind the highest.
+const GROUPS: usize = 7;
 
-/// Bits of an estimate's probability, above those of its count.
-const FINE: u32 = 22;
-const COUNT: u32 = 32 - FINE;
-
-/// Step of the mixer's descent: large at first, then this.
-const RATE: f32 = 0.01;
-const FIRST_RATE: f32 = 0.03;
-
-/// `2^16 / (n + 2)`: what the n-th observation moves an estimate by.
-const SHARES: [i64; 1 << COUNT] = {
-    let (mut shares, mut n) = ([0; 1 << COUNT], 0);
-    while n < shares.len() {
-        shares[n] = (1 << 16) / (n as i64 + 2);
-        n += 1;
-    }
-    shares
-};
-
-/// An estimate of a decision's probability: frequencies with ½ added, which forgets after 60 observations.
-#[derive(Clone, Copy, Debug)]
-struct Estimate(u32);
-
-impl Estimate {
-    const UNKNOWN: Self = Self(1 << 31);
-
-    /// The probability in parts of 2^16.
-    #[inline(always)]
-    fn probability(self) -> u16 {
-        (self.0 >> 16) as u16
-    }
-
-    #[inline(always)]
-    fn learn(&mut self, bit: bool) {
-        let (probability, count) = (i64::from(self.0 >> COUNT), self.0 & ((1 << COUNT) - 1));
-        let target = if bit { (1 << FINE) - 1 } else { 0 };
-        let moved = probability + (((target - probability) * SHARES[count as usize]) >> 16);
-        self.0 = (moved as u32) << COUNT | (count + 1).min(MEMORY);
-    }
-}
-
-/// Weights of the estimates at one node, and how often it came.
-#[derive(Clone, Copy, Debug)]
-struct Weights<const K: usize> {
-    weights: [f32; K],
-    rate: f32,
-}
+/// Further ones, which are rare, have estimates in one context only: is it longer than 8, 9, ... 23 bits? Then, for a length of 7, 8, ... 24,
+/// as above.
+const LENGTHS: usize = BITS / LANES;
+const FURTHER: usize = LENGTHS - 1 + BITS - (GROUPS - 1);
 
 /// A model of whole numbers below 2^24 in magnitude, by `K` contexts that are mixed.
 ///
-/// A number is a path of decisions: its length in bits, one at a time, its sign, the bits behind the highest one, of which the third and
-/// further ones are equally probable. Every decision has an estimate in each context. Their logits are added with weights that descend
-/// on the code length (Mahoney's logistic mixing), so that a context that predicts well is soon the one that counts.
+/// A number is a path of decisions: its length in bits, one at a time, its sign, the bits behind the highest one, of which the fourth and
+/// further ones are equally probable. Every decision has an estimate in each context, and the mixture of these is its probability.
 ///
 /// ```
 /// use weaver_codec::{CodeLength, MixedModel};
@@ -79,115 +35,144 @@ struct Weights<const K: usize> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct MixedModel<const K: usize> {
-    /// Of each context, estimates at all nodes for one value after the other.
-    estimates: [Vec<Estimate>; K],
-    nodes: usize,
-    weights: Vec<Weights<K>>,
-    logistic: Logistic,
+    /// Of each context, estimates of one value after the other.
+    contexts: [Vec<[Estimates<LANES>; GROUPS]>; K],
+    mixers: [Mixer<K, LANES>; GROUPS],
+    further: [Single; FURTHER],
 }
 
 impl<const K: usize> MixedModel<K> {
     /// A model before the first number; `contexts` are the values that each context may have.
     pub fn new(contexts: [usize; K]) -> Self {
-        Self::with_nodes(contexts, NODES)
-    }
-
-    /// A model for [`MixedModel::code_bit`] alone, which takes less memory.
-    pub fn of_bits(contexts: [usize; K]) -> Self {
-        Self::with_nodes(contexts, 1)
-    }
-
-    fn with_nodes(contexts: [usize; K], nodes: usize) -> Self {
-        let first = Weights { weights: [0.7 / (K as f32).sqrt(); K], rate: FIRST_RATE };
         Self {
-            estimates: contexts.map(|n| vec![Estimate::UNKNOWN; n * nodes]),
-            nodes,
-            weights: vec![first; nodes],
-            logistic: Logistic::default(),
+            contexts: contexts.map(|values| vec![[Estimates::UNKNOWN; GROUPS]; values]),
+            mixers: [Mixer::new(); GROUPS],
+            further: [(Estimates::UNKNOWN, Mixer::new()); FURTHER],
         }
     }
 
     /// Codes a number in its contexts. A context beyond the last value counts as that one.
     ///
     /// # Panics
-    /// In a model [of bits](MixedModel::of_bits); for numbers of 2^24 and above in magnitude, which no decoder returns.
+    /// For numbers of 2^24 and above in magnitude, which no decoder returns.
+    #[inline(always)]
     pub fn code(&mut self, coder: &mut impl Coder, contexts: [usize; K], value: i32) -> i32 {
         assert!(value.unsigned_abs() < 1 << BITS, "expected a magnitude below 2^24, found {value}");
-        let at = self.places(contexts);
-        let Self { estimates, weights, logistic, .. } = self;
-        let mut row = estimates.iter_mut().zip(at).map(|(estimates, at)| estimates[at..].first_chunk_mut::<NODES>());
-        let rows: [_; K] = std::array::from_fn(|_| row.next().flatten().expect("estimates of all nodes"));
-        let weights = weights.first_chunk_mut::<NODES>().expect("weights of all nodes");
-        let mut path = Path { rows, weights, logistic: *logistic };
+        let mut rows = self.contexts.iter_mut().zip(contexts).map(|(rows, context)| {
+            let last = rows.len() - 1;
+            &mut rows[context.min(last)]
+        });
+        let mut rows: [_; K] = std::array::from_fn(|_| rows.next().expect("a row in each context"));
         let magnitude = value.unsigned_abs();
         let length = (u32::BITS - magnitude.leading_zeros()) as usize;
         let mut bits = 0;
-        while bits < BITS && path.decide(coder, 1 + 4 * bits, bits < length) {
-            bits += 1;
-        }
+        let estimates = rows.each_mut().map(|row| &mut row[0]);
+        self.mixers[0].code(estimates, |parts| longer(coder, parts, &mut bits, length));
         if bits == 0 {
             return 0;
         }
-        let negative = path.decide(coder, SIGN, value < 0);
-        let mut found = 1_u32;
-        for place in (0..bits - 1).rev() {
-            let bit = magnitude >> place & 1;
-            // Behind the highest bit two are modeled, by those before them.
-            let bit = if found < 4 {
-                u32::from(path.decide(coder, 1 + 4 * (bits - 1) + found as usize, bit == 1))
-            } else {
-                coder.raw(1, bit)
-            };
-            found = found << 1 | bit;
+        if bits == LANES {
+            bits = long(coder, &mut self.further, length);
         }
-        if negative { -(found as i32) } else { found as i32 }
-    }
-
-    /// Codes a single decision in its contexts.
-    pub fn code_bit(&mut self, coder: &mut impl Coder, contexts: [usize; K], bit: bool) -> bool {
-        let at = self.places(contexts);
-        let Self { estimates, weights, logistic, .. } = self;
-        let mut estimates = estimates.iter_mut().zip(at).map(|(estimates, at)| &mut estimates[at]);
-        let estimates = std::array::from_fn(|_| estimates.next().expect("estimates of all contexts"));
-        decide(coder, estimates, &mut weights[0], *logistic, bit)
-    }
-
-    /// Where the estimates of each context begin.
-    fn places(&self, contexts: [usize; K]) -> [usize; K] {
-        std::array::from_fn(|k| (contexts[k] * self.nodes).min(self.estimates[k].len() - self.nodes))
-    }
-}
-
-/// Estimates of one number's contexts, and weights, at all nodes.
-struct Path<'a, const K: usize> {
-    rows: [&'a mut [Estimate; NODES]; K],
-    weights: &'a mut [Weights<K>; NODES],
-    logistic: Logistic,
-}
-
-impl<const K: usize> Path<'_, K> {
-    #[inline(always)]
-    fn decide(&mut self, coder: &mut impl Coder, node: usize, bit: bool) -> bool {
-        decide(coder, self.rows.each_mut().map(|row| &mut row[node]), &mut self.weights[node], self.logistic, bit)
+        let mut found = 0;
+        if bits < GROUPS {
+            let estimates = rows.each_mut().map(|row| &mut row[bits]);
+            self.mixers[bits].code(estimates, |parts| details(coder, parts, &mut found, bits, value));
+        } else {
+            let (estimates, mixer) = &mut self.further[LENGTHS - 1 + bits - GROUPS];
+            mixer.code([estimates], |parts| details(coder, parts, &mut found, bits, value));
+        }
+        let plain = bits.saturating_sub(1 + DETAILS) as u32;
+        if plain > 0 {
+            let low = coder.raw(plain, magnitude & ((1 << plain) - 1)) as i32;
+            let magnitude = found.abs() << plain | low;
+            found = if found < 0 { -magnitude } else { magnitude };
+        }
+        found
     }
 }
 
-/// Codes a decision by mixed estimates, which learn from it.
+/// An estimate in one context.
+type Single = (Estimates<LANES>, Mixer<1, LANES>);
+
+/// The length of a magnitude of at least eight bits.
+fn long(coder: &mut impl Coder, groups: &mut [Single], length: usize) -> usize {
+    let mut bits = LANES;
+    for (group, (estimates, mixer)) in groups[..LENGTHS - 1].iter_mut().enumerate() {
+        mixer.code([estimates], |parts| longer(coder, parts, &mut bits, length));
+        if bits < (group + 2) * LANES {
+            break;
+        }
+    }
+    bits
+}
+
+/// Codes that a magnitude is longer than `bits`, and so on up to its length or the last lane.
 #[inline(always)]
-fn decide<const K: usize>(
-    coder: &mut impl Coder,
-    estimates: [&mut Estimate; K],
-    mixer: &mut Weights<K>,
-    logistic: Logistic,
-    bit: bool,
-) -> bool {
-    let logits = estimates.each_ref().map(|estimate| logistic.stretch(estimate.probability()));
-    let sum = mixer.weights.iter().zip(&logits).fold(0.0, |sum, (weight, logit)| sum + weight * logit);
-    let p = logistic.squash(sum);
-    let bit = coder.bit(((p * 65_536.0) as i32).clamp(1, 65_535) as u16, bit);
-    let step = (if bit { 1.0 - p } else { -p }) * mixer.rate;
-    mixer.weights.iter_mut().zip(&logits).for_each(|(weight, logit)| *weight += step * logit);
-    estimates.into_iter().for_each(|estimate| estimate.learn(bit));
-    mixer.rate += (RATE - mixer.rate) * (1.0 / 128.0);
-    bit
+fn longer(coder: &mut impl Coder, parts: &[u32; LANES], bits: &mut usize, length: usize) -> Outcomes {
+    let mut lane = 0;
+    while lane < LANES && coder.bit(parts[lane], *bits < length) {
+        (lane, *bits) = (lane + 1, *bits + 1);
+    }
+    let ones = (1 << lane) - 1;
+    Outcomes { made: ones << 1 | 1, ones }
+}
+
+/// Bits behind the highest one that are predicted.
+const DETAILS: usize = 3;
+
+/// Codes the sign of a number, and the first bits of its magnitude, which has `bits`.
+#[inline(always)]
+fn details(coder: &mut impl Coder, parts: &[u32; LANES], found: &mut i32, bits: usize, value: i32) -> Outcomes {
+    let negative = coder.bit(parts[0], value < 0);
+    let (mut made, mut ones, mut top) = (1, u32::from(negative), 1);
+    // A bit has the lane of those before it, from the highest one on.
+    for place in (0..bits - 1).rev().take(DETAILS) {
+        let lane = top as usize % LANES;
+        let bit = u32::from(coder.bit(parts[lane], value.unsigned_abs() >> place & 1 == 1));
+        (made, ones) = (made | 1 << lane, ones | bit << lane);
+        top = top << 1 | bit as i32;
+    }
+    *found = if negative { -top } else { top };
+    Outcomes { made, ones }
+}
+
+/// A model of four bits at once, by `K` contexts that are mixed.
+#[derive(Clone, Debug)]
+pub(crate) struct MixedNibble<const K: usize> {
+    contexts: [Vec<Estimates<16>>; K],
+    mixer: Mixer<K, 16>,
+}
+
+impl<const K: usize> MixedNibble<K> {
+    pub(crate) fn new(contexts: [usize; K]) -> Self {
+        Self { contexts: contexts.map(|values| vec![Estimates::UNKNOWN; values]), mixer: Mixer::new() }
+    }
+
+    /// Codes four bits, the lowest first. The last one is not coded where it `must` be 1 if the others are 0.
+    #[inline(always)]
+    pub(crate) fn code(&mut self, coder: &mut impl Coder, contexts: [usize; K], must: bool, value: u8) -> u8 {
+        let mut estimates = self.contexts.iter_mut().zip(contexts).map(|(estimates, context)| {
+            let last = estimates.len() - 1;
+            &mut estimates[context.min(last)]
+        });
+        let estimates = std::array::from_fn(|_| estimates.next().expect("estimates in each context"));
+        let mut found = 1_usize;
+        self.mixer.code(estimates, |parts| {
+            let (mut made, mut ones) = (0, 0);
+            for place in 0..4 {
+                let lane = found % 16;
+                if must && found == 8 {
+                    found = 17;
+                    break;
+                }
+                let bit = coder.bit(parts[lane], value >> place & 1 == 1);
+                (made, ones) = (made | 1 << lane, ones | u32::from(bit) << lane);
+                found = found << 1 | usize::from(bit);
+            }
+            Outcomes { made, ones }
+        });
+        // The first bit has come to the top.
+        ((found as u8) << 4).reverse_bits()
+    }
 }

@@ -44,12 +44,13 @@ impl Slices for Uniform {
 /// An encoder takes the symbol that it is handed and returns it. A decoder ignores it and returns the one of the stream.
 pub trait Coder {
     /// Codes one of two outcomes; `probability` is that of `true` in parts of 2^16, neither none nor all of them.
-    fn bit(&mut self, probability: u16, bit: bool) -> bool;
+    fn bit(&mut self, probability: u32, bit: bool) -> bool;
 
     /// Codes a symbol by the slice that it has.
     fn symbol(&mut self, slices: &impl Slices, symbol: usize) -> usize;
 
     /// Codes the lowest bits of a number, all values equally probable; at most 32.
+    #[inline(always)]
     fn raw(&mut self, bits: u32, value: u32) -> u32 {
         let low = bits.min(PRECISION);
         let high =
@@ -136,8 +137,8 @@ impl RangeEncoder {
 }
 
 impl Coder for RangeEncoder {
-    fn bit(&mut self, probability: u16, bit: bool) -> bool {
-        let size = u32::from(probability);
+    fn bit(&mut self, probability: u32, bit: bool) -> bool {
+        let size = probability;
         if bit {
             self.narrow(0, size)
         } else {
@@ -186,7 +187,7 @@ impl<'a> RangeDecoder<'a> {
         self.code = (self.code << 8) | u32::from(byte);
     }
 
-    #[inline]
+    #[inline(always)]
     fn narrow(&mut self, part: u32, first: u32, size: u32) {
         self.code = self.code.wrapping_sub(part * first);
         self.range = if first + size == WHOLE { self.range - part * first } else { part * size };
@@ -203,10 +204,10 @@ impl<'a> RangeDecoder<'a> {
 }
 
 impl Coder for RangeDecoder<'_> {
-    #[inline]
-    fn bit(&mut self, probability: u16, _: bool) -> bool {
+    #[inline(always)]
+    fn bit(&mut self, probability: u32, _: bool) -> bool {
         // Selections in place of a branch, which would be predicted wrongly as often as the bit is uncertain.
-        let bound = (self.range >> PRECISION) * u32::from(probability);
+        let bound = (self.range >> PRECISION) * probability;
         let bit = self.code < bound;
         self.code = self.code.wrapping_sub(if bit { 0 } else { bound });
         self.range = if bit { bound } else { self.range - bound };
@@ -214,6 +215,7 @@ impl Coder for RangeDecoder<'_> {
         bit
     }
 
+    #[inline(always)]
     fn symbol(&mut self, slices: &impl Slices, _: usize) -> usize {
         let part = self.range >> PRECISION;
         let symbol = slices.at((self.code / part).min(WHOLE - 1));
@@ -241,8 +243,8 @@ impl CodeLength {
 }
 
 impl Coder for CodeLength {
-    fn bit(&mut self, probability: u16, bit: bool) -> bool {
-        let size = u32::from(probability);
+    fn bit(&mut self, probability: u32, bit: bool) -> bool {
+        let size = probability;
         self.add(if bit { size } else { WHOLE - size });
         bit
     }

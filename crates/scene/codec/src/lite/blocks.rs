@@ -6,6 +6,7 @@ use super::symbols::{Symbols, ln_opacities};
 use crate::container::Stream;
 use crate::error::CodecError;
 use crate::range::{CodeLength, Coder, RangeDecoder, RangeEncoder};
+use weaver_kernels::simd;
 
 /// Gaussians of a block at most.
 const BLOCK: usize = 1 << 16;
@@ -46,6 +47,7 @@ pub(super) fn block_streams(head: &Head, symbols: Symbols) -> Result<Vec<Stream<
         code(&mut fields, name, &mut encoder, blend)?;
         streams.push(stream(*name, encoder.finish()));
     }
+    fields.see();
     let last = last_streams(&mut fields, |fields, name, values| {
         let blend = best_blend(name, |length, blend| code_last(fields, name, length, (blend, values)))?;
         let mut encoder = RangeEncoder::default();
@@ -102,7 +104,10 @@ fn blend_of(name: &[u8; 4], coder: &mut impl Coder, blend: u32) -> u32 {
 
 fn code(fields: &mut Fields, name: &[u8; 4], coder: &mut impl Coder, blend: u32) -> Result<(), CodecError> {
     let blend = blend_of(name, coder, blend);
-    if name == b"scal" { fields.scales(coder, blend) } else { fields.opacities(coder) }
+    simd::dispatch(
+        #[inline(always)]
+        || if name == b"scal" { fields.scales(coder, blend) } else { fields.opacities(coder) },
+    )
 }
 
 fn code_last(
@@ -112,11 +117,14 @@ fn code_last(
     (blend, values): (u32, &mut [[i32; 3]]),
 ) -> Result<(), CodecError> {
     let blend = blend_of(name, coder, blend);
-    match name {
-        b"rota" => fields.rotations(coder, values),
-        b"colo" => fields.colors(coder, blend, values),
-        _ => fields.harmonics(coder, values),
-    }
+    simd::dispatch(
+        #[inline(always)]
+        || match name {
+            b"rota" => fields.rotations(coder, values),
+            b"colo" => fields.colors(coder, blend, values),
+            _ => fields.harmonics(coder, values),
+        },
+    )
 }
 
 /// Decodes a block; `rest` is the number of harmonics beyond the first.
@@ -138,6 +146,7 @@ pub(super) fn decode_block(head: &Head, rest: usize, streams: &[Stream]) -> Resu
         code(&mut fields, &stream.name, &mut decoder, 0)?;
         whole(&decoder, stream.name)?;
     }
+    fields.see();
     let bytes = |name: &[u8; 4]| STREAMS.iter().position(|other| other == name).map_or(&[][..], |i| &*streams[i].bytes);
     last_streams(&mut fields, |fields, name, values| {
         let mut decoder = RangeDecoder::new(bytes(name));

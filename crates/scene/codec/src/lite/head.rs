@@ -4,6 +4,7 @@ use super::quality::Quality;
 use crate::error::CodecError;
 use crate::exact::exp;
 use crate::octree::DEEPEST;
+use std::sync::LazyLock;
 
 /// Largest magnitude of a symbol, which leaves room for differences.
 pub(super) const LARGEST: i32 = 1 << 22;
@@ -11,8 +12,11 @@ pub(super) const LARGEST: i32 = 1 << 22;
 /// Parts of a unit in which steps and logarithms are stored.
 pub(super) const UNIT: f64 = 65_536.0;
 
+/// The version of models and symbols, at the end of a head. The first one had none there.
+const VERSION: u8 = 2;
+
 /// Bytes of a head.
-const BYTES: usize = 12 + 4 + 1 + 10 * 4;
+const BYTES: usize = 12 + 4 + 1 + 10 * 4 + 1;
 
 /// Grid, steps, and how steps follow what a Gaussian can show.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,10 +68,24 @@ impl Head {
         area * i64::from(self.scale_step) / 2 + ln_opacity[opacity as usize] - i64::from(self.reference)
     }
 
-    /// Factor of steps: smaller where more is to be seen.
-    pub(super) fn factor(&self, shows: i64, power: u32) -> f64 {
-        let exponent = -(shows as f64 / UNIT) * (f64::from(power) / UNIT);
-        exp(exponent.clamp(-FINEST, COARSEST))
+    /// Factor of steps, smaller where more is to be seen.
+    fn factor(&self, shows: i64, power: u32) -> f64 {
+        let exponent = -(shows.clamp(-1 << 30, 1 << 30) * i64::from(power)) >> (32 - 6);
+        FACTORS[(exponent.clamp(FINEST, COARSEST) - FINEST) as usize]
+    }
+
+    /// Steps of one Gaussian by the symbols that come first.
+    pub(super) fn steps(&self, scales: [i32; 3], shows: i64) -> Steps {
+        let factor = self.factor(shows, self.adaptation);
+        // What turns is the difference of two scales: thin Gaussians show it more.
+        let thin = i64::from(scales[0]).saturating_sub(i64::from(scales[2])) * i64::from(self.scale_step);
+        let thin = thin.min((2.0 * UNIT) as i64) - UNIT as i64;
+        let step = |parts: u32| f64::from(parts) / UNIT;
+        Steps {
+            rotation: step(self.rotation_step) * self.factor(shows + thin, self.rotation_adaptation),
+            dc: step(self.dc_step) * factor,
+            sh: step(self.sh_step) * factor,
+        }
     }
 
     pub(super) fn write(&self) -> Vec<u8> {
@@ -77,10 +95,15 @@ impl Head {
         let steps = [self.scale_step, self.opacity_levels, self.rotation_step, self.dc_step, self.sh_step];
         out.extend(steps.iter().chain(&[self.adaptation, self.rotation_adaptation]).flat_map(|x| x.to_le_bytes()));
         out.extend([self.reference, self.scale_mean, self.opacity_mean].iter().flat_map(|x| x.to_le_bytes()));
+        out.push(VERSION);
         out
     }
 
     pub(super) fn read(bytes: &[u8]) -> Result<Self, CodecError> {
+        let version = if bytes.len() == BYTES - 1 { 1 } else { bytes.last().copied().unwrap_or(VERSION) };
+        if version != VERSION {
+            return Err(CodecError::Version { expected: VERSION, found: version });
+        }
         if bytes.len() != BYTES {
             return Err(CodecError::invalid("stream head", format!("{BYTES} bytes"), bytes.len()));
         }
@@ -129,9 +152,20 @@ impl Head {
     }
 }
 
-/// Logarithms of the least and the largest factor of steps.
-const FINEST: f64 = 1.5;
-const COARSEST: f64 = 2.5;
+/// Steps of one Gaussian.
+pub(super) struct Steps {
+    pub(super) rotation: f64,
+    pub(super) dc: f64,
+    pub(super) sh: f64,
+}
+
+/// Logarithms of the least and the largest factor of steps, in parts of 64.
+const FINEST: i64 = -96;
+const COARSEST: i64 = 160;
+
+/// All factors of steps.
+static FACTORS: LazyLock<[f64; (COARSEST - FINEST + 1) as usize]> =
+    LazyLock::new(|| std::array::from_fn(|i| exp((i as i64 + FINEST) as f64 / 64.0)));
 
 /// Steps of opacities at most.
 pub(super) const MOST_LEVELS: u32 = 4095;

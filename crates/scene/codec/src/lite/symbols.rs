@@ -2,10 +2,10 @@
 
 use super::head::{Head, LARGEST, MOST_LEVELS, UNIT};
 use super::quality::Quality;
-use super::rotation::{imaginary_part, sort_axes, with_real_part};
+use super::rotation::{imaginary_part, sort_axes};
 use crate::error::CodecError;
 use crate::exact::ln;
-use crate::morton::{from_morton3, morton3};
+use crate::morton::morton3;
 use crate::octree::DEEPEST;
 use crate::quantizer::Quantizer;
 use rayon::prelude::*;
@@ -52,16 +52,6 @@ impl Symbols {
             harmonics: indices.iter().flat_map(|&i| self.harmonics[rest * i..][..rest].iter().copied()).collect(),
         }
     }
-
-    /// Appends Gaussians.
-    pub(super) fn extend(&mut self, other: Self) {
-        self.voxels.extend(other.voxels);
-        self.scales.extend(other.scales);
-        self.opacities.extend(other.opacities);
-        self.rotations.extend(other.rotations);
-        self.colors.extend(other.colors);
-        self.harmonics.extend(other.harmonics);
-    }
 }
 
 /// Logarithms of the opacities of all symbols, in parts of 2^16.
@@ -70,32 +60,9 @@ pub(super) fn ln_opacities(levels: u32) -> Vec<i64> {
 }
 
 /// The opacity of a symbol: those at the ends are a quarter of a step from 0 and 1, so that logits are finite.
-fn opacity(symbol: i32, levels: u32) -> f64 {
+pub(super) fn opacity(symbol: i32, levels: u32) -> f64 {
     let quarter = 0.25 / f64::from(levels);
     (f64::from(symbol) / f64::from(levels)).clamp(quarter, 1.0 - quarter)
-}
-
-/// Steps of one Gaussian.
-pub(super) struct Steps {
-    pub(super) rotation: f64,
-    pub(super) dc: f64,
-    pub(super) sh: f64,
-}
-
-impl Head {
-    /// Steps by the symbols that come first.
-    pub(super) fn steps(&self, scales: [i32; 3], shows: i64) -> Steps {
-        let factor = self.factor(shows, self.adaptation);
-        // What turns is the difference of two scales: thin Gaussians show it more.
-        let thin = i64::from(scales[0]).saturating_sub(i64::from(scales[2])) * i64::from(self.scale_step);
-        let thin = thin.min((2.0 * UNIT) as i64) - UNIT as i64;
-        let step = |parts: u32| f64::from(parts) / UNIT;
-        Steps {
-            rotation: step(self.rotation_step) * self.factor(shows + thin, self.rotation_adaptation),
-            dc: step(self.dc_step) * factor,
-            sh: step(self.sh_step) * factor,
-        }
-    }
 }
 
 /// Checks that every number can be stored.
@@ -237,47 +204,4 @@ impl Head {
         };
         morton3([place(0), place(1), place(2)])
     }
-
-    fn mean(&self, voxel: u64) -> [f32; 3] {
-        let place = from_morton3(voxel);
-        std::array::from_fn(|axis| {
-            let position = f64::from(self.origin[axis]) + f64::from(self.cell) * f64::from(place[axis]);
-            position.clamp(-f64::from(f32::MAX), f64::from(f32::MAX)) as f32
-        })
-    }
-}
-
-/// Gaussians of symbols that are complete.
-pub(super) fn restore(head: &Head, symbols: &Symbols, degree: usize) -> Gaussians {
-    let mut gaussians = Gaussians { degree, ..Gaussians::default() };
-    let (rest, count) = (gaussians.coefficients() - 1, symbols.voxels.len());
-    let logs = ln_opacities(head.opacity_levels);
-    let logit = |symbol: u32| {
-        let share = opacity(symbol as i32, head.opacity_levels);
-        ln(share / (1.0 - share)) as f32
-    };
-    let logits: Vec<f32> = (0..=head.opacity_levels).map(logit).collect();
-    let step = f64::from(head.scale_step) / UNIT;
-    let steps = |i: usize| head.steps(symbols.scales[i], head.shows(symbols.scales[i], symbols.opacities[i], &logs));
-    gaussians.means = symbols.voxels.par_iter().map(|&voxel| head.mean(voxel)).collect();
-    gaussians.log_scales =
-        symbols.scales.par_iter().map(|scales| scales.map(|s| (f64::from(s) * step) as f32)).collect();
-    gaussians.opacity_logits = symbols.opacities.iter().map(|&symbol| logits[symbol as usize]).collect();
-    gaussians.sh = vec![0.0; 3 * (rest + 1) * count];
-    gaussians.quats = vec![[0.0; 4]; count];
-    let rows = gaussians.sh.par_chunks_exact_mut(3 * (rest + 1)).zip(&mut gaussians.quats).enumerate();
-    rows.with_min_len(1024).for_each(|(i, (row, quat))| {
-        let steps = steps(i);
-        let part = symbols.rotations[i].map(|s| f64::from(s) * steps.rotation);
-        *quat = with_real_part(part).map(|x| x as f32);
-        let color = |[g, r, b]: [i32; 3], step: f64| {
-            let green = f64::from(g) * step;
-            [green + f64::from(r) * step, green, green + f64::from(b) * step].map(|x| x as f32)
-        };
-        row[..3].copy_from_slice(&color(symbols.colors[i], steps.dc));
-        for (to, &rgb) in row[3..].chunks_exact_mut(3).zip(&symbols.harmonics[rest * i..][..rest]) {
-            to.copy_from_slice(&color(rgb, steps.sh));
-        }
-    });
-    gaussians
 }

@@ -193,7 +193,9 @@ fn streams_that_disagree_are_refused() {
     refused(|c| _ = c.streams.pop());
     refused(|c| c.streams.swap(2, 3));
     refused(|c| c.streams.clear());
-    refused(|c| c.streams[0].bytes = vec![255; 57].into());
+    refused(|c| c.streams[0].bytes = [vec![255; 57], vec![2]].concat().into());
+    // A file of the version before.
+    assert_eq!(refused(|c| c.streams[0].bytes.to_mut().truncate(57)), "version: expected 2, found 1");
 }
 
 #[test]
