@@ -3,7 +3,7 @@
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use weaver_command::{Console, Interrupt};
-use weaver_lidar_run::{EvalMesh, EvalTrajectory, Lidar, Meshing, eval_mesh, eval_trajectory, mesh, run};
+use weaver_lidar_run::{EvalMesh, EvalTrajectory, Lidar, eval_mesh, eval_trajectory, run};
 
 #[derive(Parser)]
 struct Line {
@@ -14,7 +14,6 @@ struct Line {
 #[derive(Subcommand)]
 enum Command {
     Lidar(Lidar),
-    Mesh(Meshing),
     EvalTrajectory(EvalTrajectory),
     EvalMesh(EvalMesh),
 }
@@ -24,7 +23,6 @@ fn main() -> ExitCode {
     let mut console = Console::new(&mut out, &mut notes, false);
     let done = match Line::parse().command {
         Command::Lidar(arguments) => run(&arguments, &mut console, &Interrupt::new()),
-        Command::Mesh(arguments) => mesh(&arguments, &mut console),
         Command::EvalTrajectory(arguments) => eval_trajectory(&arguments, &mut console),
         Command::EvalMesh(arguments) => eval_mesh(&arguments, &mut console),
     };
