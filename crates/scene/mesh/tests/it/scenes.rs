@@ -15,7 +15,7 @@ fn ball(radius: f64) -> Gaussians {
         scene.quats.push([1.0, 0.0, 0.0, 0.0]);
         scene.log_scales.push([0.04_f32.ln(); 3]);
         scene.opacity_logits.push(6.0);
-        scene.sh.extend(color.map(|c| ((c - 0.5) / sh::C0) as f32));
+        scene.sh.extend(color.map(|c| ((c - 0.5) / sh::DC) as f32));
     };
     let count = 3000;
     for i in 0..count {
