@@ -23,6 +23,7 @@ pub struct DrawnScene {
     background: [f32; 3],
     settings: RasterSettings,
     far: f64,
+    normals: bool,
     session: Box<dyn Session<f32>>,
     views: Vec<DrawnView>,
 }
@@ -33,6 +34,8 @@ struct DrawnView {
     pose: Pose,
     /// `[H, W]`.
     range: Vec<f32>,
+    /// `[H, W, 3]`, or empty.
+    normals: Vec<f32>,
     /// `[H, W]`.
     color: Vec<[u8; 3]>,
 }
@@ -41,7 +44,14 @@ impl DrawnScene {
     /// A scene of which no camera has seen anything yet.
     pub fn new(gaussians: &Gaussians, background: [f32; 3], settings: RasterSettings, far: f64) -> Self {
         let (gaussians, session) = (gaussians.to_activated(), CpuRasterizer.session());
-        Self { gaussians, background, settings, far, session, views: Vec::new() }
+        Self { gaussians, background, settings, far, normals: false, session, views: Vec::new() }
+    }
+
+    /// The same with normals, those of the points that a pixel's four neighbors see. A pixel that lacks one of them gets no range: what is half
+    /// transparent there lies before nothing.
+    #[must_use]
+    pub fn with_normals(self) -> Self {
+        Self { normals: true, ..self }
     }
 
     /// Draws the scene from one camera more.
@@ -71,9 +81,15 @@ impl DrawnScene {
                 (255.0 * (alone / alpha[pixel].max(OPAQUE)).clamp(0.0, 1.0)).round() as u8
             })
         };
-        let range = (0..pixels).into_par_iter().map(range).collect();
+        let mut range: Vec<f32> = (0..pixels).into_par_iter().map(range).collect();
         let color = (0..pixels).into_par_iter().map(color).collect();
-        self.views.push(DrawnView { camera: lens, pose: camera.pose, range, color });
+        let mut normals = Vec::new();
+        if self.normals {
+            let found: Vec<_> = (0..pixels).into_par_iter().map(|pixel| normal(&lens, &range, pixel)).collect();
+            range.iter_mut().zip(&found).filter(|(_, normal)| normal.is_none()).for_each(|(range, _)| *range = 0.0);
+            normals = found.into_iter().flat_map(Option::unwrap_or_default).collect();
+        }
+        self.views.push(DrawnView { camera: lens, pose: camera.pose, range, normals, color });
         Ok(())
     }
 
@@ -100,9 +116,25 @@ impl DrawnScene {
     }
 }
 
+/// The direction across the points of a pixel's four neighbors, in the camera's frame; none where one of them is not seen.
+fn normal(camera: &SurfelCamera, range: &[f32], pixel: usize) -> Option<[f32; 3]> {
+    let (column, row) = (pixel % camera.width, pixel / camera.width);
+    if column == 0 || row == 0 || column + 1 == camera.width || row + 1 == camera.height {
+        return None;
+    }
+    let point = |column: usize, row: usize| {
+        let range = range[row * camera.width + column];
+        (range > 0.0).then(|| camera.pixel_ray(column, row) * f64::from(range))
+    };
+    let across = point(column + 1, row)? - point(column - 1, row)?;
+    let down = point(column, row + 1)? - point(column, row - 1)?;
+    point(column, row)?;
+    Some(across.cross(down).normalize_or_zero().to_array().map(|x| x as f32))
+}
+
 impl DrawnView {
     fn ranges(&self) -> RangeView<'_> {
-        RangeView { camera: &self.camera, pose: self.pose, range: &self.range, normal: &[] }
+        RangeView { camera: &self.camera, pose: self.pose, range: &self.range, normal: &self.normals }
     }
 
     /// The color of a point and its distance, if the view sees a surface within `reach` of it.
