@@ -47,7 +47,7 @@ pub struct RangeView<'a> {
     pub camera: &'a SurfelCamera,
     /// World to camera.
     pub pose: Pose,
-    /// Distances `[H, W]`, meters; 0 where nothing is.
+    /// Distances `[H, W]`, meters; 0 where nothing is known, infinite where nothing is.
     pub range: &'a [f32],
     /// Normals in the camera's frame, of any length, `[H, W, 3]`; empty where unknown.
     pub normal: &'a [f32],

@@ -47,8 +47,8 @@ impl DrawnScene {
         Self { gaussians, background, settings, far, normals: false, session, views: Vec::new() }
     }
 
-    /// The same with normals, those of the points that a pixel's four neighbors see. A pixel that lacks one of them gets no range: what is half
-    /// transparent there lies before nothing.
+    /// The same with normals, those of the points that a pixel's four neighbors see. A pixel that lacks one of them gets no range: it is at the
+    /// edge of something half transparent. One that sees nothing has an infinite range, which leaves nothing on its way.
     #[must_use]
     pub fn with_normals(self) -> Self {
         Self { normals: true, ..self }
@@ -67,13 +67,14 @@ impl DrawnScene {
         self.session.forward(&self.gaussians.as_slices(), &cameras, &self.settings, images)?;
         let lens = SurfelCamera { lens: Lens::Pinhole(camera.intrinsics), width: camera.width, height: camera.height };
         let (far, background) = (self.far, self.background);
+        let nothing = if self.normals { f32::INFINITY } else { 0.0 };
         let range = |pixel: usize| {
             if alpha[pixel] < OPAQUE {
-                return 0.0;
+                return nothing;
             }
             let ray = lens.pixel_ray(pixel % camera.width, pixel / camera.width);
             let range = f64::from(depth[pixel] / alpha[pixel]) / ray.z;
-            if range < far { range as f32 } else { 0.0 }
+            if range < far { range as f32 } else { nothing }
         };
         let color = |pixel: usize| {
             [0, 1, 2].map(|c| {
@@ -86,7 +87,8 @@ impl DrawnScene {
         let mut normals = Vec::new();
         if self.normals {
             let found: Vec<_> = (0..pixels).into_par_iter().map(|pixel| normal(&lens, &range, pixel)).collect();
-            range.iter_mut().zip(&found).filter(|(_, normal)| normal.is_none()).for_each(|(range, _)| *range = 0.0);
+            let edges = range.iter_mut().zip(&found).filter(|(range, normal)| range.is_finite() && normal.is_none());
+            edges.for_each(|(range, _)| *range = 0.0);
             normals = found.into_iter().flat_map(Option::unwrap_or_default).collect();
         }
         self.views.push(DrawnView { camera: lens, pose: camera.pose, range, normals, color });
@@ -124,7 +126,7 @@ fn normal(camera: &SurfelCamera, range: &[f32], pixel: usize) -> Option<[f32; 3]
     }
     let point = |column: usize, row: usize| {
         let range = range[row * camera.width + column];
-        (range > 0.0).then(|| camera.pixel_ray(column, row) * f64::from(range))
+        range.is_finite().then(|| camera.pixel_ray(column, row) * f64::from(range))
     };
     let across = point(column + 1, row)? - point(column - 1, row)?;
     let down = point(column, row + 1)? - point(column, row - 1)?;
