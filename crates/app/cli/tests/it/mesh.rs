@@ -12,12 +12,12 @@ use weaver_scene::{Frame, Gaussians};
 /// A ball of green Gaussians of radius 1 as scene.ply, and cameras around it as transforms.json.
 fn result(folder: &Path) {
     let mut scene = Gaussians::default();
-    for i in 0..1500 {
-        let z = 1.0 - (2 * i + 1) as f32 / 1500.0;
+    for i in 0..4000 {
+        let z = 1.0 - (2 * i + 1) as f32 / 4000.0;
         let ((sin, cos), around) = ((i as f32 * 2.399_963).sin_cos(), (1.0 - z * z).sqrt());
         scene.means.push([around * cos, around * sin, z]);
         scene.quats.push([1.0, 0.0, 0.0, 0.0]);
-        scene.log_scales.push([0.05_f32.ln(); 3]);
+        scene.log_scales.push([0.03_f32.ln(); 3]);
         scene.opacity_logits.push(6.0);
         scene.sh.extend([-1.4, 1.4, -1.4]);
     }

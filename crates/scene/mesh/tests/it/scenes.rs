@@ -13,11 +13,11 @@ fn ball(radius: f64) -> Gaussians {
     let mut add = |at: DVec3, color: [f64; 3]| {
         scene.means.push(at.to_array().map(|x| x as f32));
         scene.quats.push([1.0, 0.0, 0.0, 0.0]);
-        scene.log_scales.push([0.04_f32.ln(); 3]);
+        scene.log_scales.push([0.02_f32.ln(); 3]);
         scene.opacity_logits.push(6.0);
         scene.sh.extend(color.map(|c| ((c - 0.5) / sh::DC) as f32));
     };
-    let count = 3000;
+    let count = 8000;
     for i in 0..count {
         // A spiral from pole to pole has equal areas.
         let z = 1.0 - (2 * i + 1) as f64 / count as f64;
@@ -47,7 +47,7 @@ fn a_ball_of_gaussians_becomes_a_ball() {
     let mesh = DistanceField::new(&scene.views(), 0.05, 0.25).unwrap().mesh();
     let radii: Vec<f64> = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)).length()).collect();
     assert!(
-        mesh.triangles.len() > 4000 && radii.iter().all(|r| (0.9..1.12).contains(r)),
+        mesh.triangles.len() > 4000 && radii.iter().all(|r| (0.96..1.08).contains(r)),
         "{:?}",
         radii.iter().fold([f64::INFINITY, 0.0], |[least, most], r| [least.min(*r), f64::max(most, *r)])
     );
