@@ -22,7 +22,7 @@ fn result(folder: &Path) {
         scene.sh.extend([-1.4, 1.4, -1.4]);
     }
     write_gaussians(folder.join("scene.ply"), &scene).unwrap();
-    let poses = [-2.0, 2.0].into_iter().flat_map(|z| orbit(DVec3::new(3.0, 0.0, z), DVec3::ZERO, DVec3::Z, 5));
+    let poses = [-2.0, 2.0].into_iter().flat_map(|z| orbit(DVec3::new(3.0, 0.0, z), DVec3::ZERO, DVec3::Z, 8));
     cameras(folder, &poses.collect::<Vec<_>>());
 }
 
