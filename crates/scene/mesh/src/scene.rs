@@ -23,7 +23,7 @@ pub struct DrawnScene {
     background: [f32; 3],
     settings: RasterSettings,
     far: f64,
-    normals: bool,
+    carving: bool,
     session: Box<dyn Session<f32>>,
     views: Vec<DrawnView>,
 }
@@ -34,8 +34,6 @@ struct DrawnView {
     pose: Pose,
     /// `[H, W]`.
     range: Vec<f32>,
-    /// `[H, W, 3]`, or empty.
-    normals: Vec<f32>,
     /// `[H, W]`.
     color: Vec<[u8; 3]>,
 }
@@ -44,14 +42,14 @@ impl DrawnScene {
     /// A scene of which no camera has seen anything yet.
     pub fn new(gaussians: &Gaussians, background: [f32; 3], settings: RasterSettings, far: f64) -> Self {
         let (gaussians, session) = (gaussians.to_activated(), CpuRasterizer.session());
-        Self { gaussians, background, settings, far, normals: false, session, views: Vec::new() }
+        Self { gaussians, background, settings, far, carving: false, session, views: Vec::new() }
     }
 
-    /// The same with normals, those of the points that a pixel's four neighbors see. A pixel that lacks one of them gets no range: it is at the
-    /// edge of something half transparent. One that sees nothing has an infinite range, which leaves nothing on its way.
+    /// The same with pixels that see nothing as well: their range is infinite, which leaves nothing on their way. Their neighbors, at the edge
+    /// of something half transparent, get no range.
     #[must_use]
-    pub fn with_normals(self) -> Self {
-        Self { normals: true, ..self }
+    pub fn carving(self) -> Self {
+        Self { carving: true, ..self }
     }
 
     /// Draws the scene from one camera more.
@@ -67,7 +65,7 @@ impl DrawnScene {
         self.session.forward(&self.gaussians.as_slices(), &cameras, &self.settings, images)?;
         let lens = SurfelCamera { lens: Lens::Pinhole(camera.intrinsics), width: camera.width, height: camera.height };
         let (far, background) = (self.far, self.background);
-        let nothing = if self.normals { f32::INFINITY } else { 0.0 };
+        let nothing = if self.carving { f32::INFINITY } else { 0.0 };
         let range = |pixel: usize| {
             if alpha[pixel] < OPAQUE {
                 return nothing;
@@ -84,14 +82,11 @@ impl DrawnScene {
         };
         let mut range: Vec<f32> = (0..pixels).into_par_iter().map(range).collect();
         let color = (0..pixels).into_par_iter().map(color).collect();
-        let mut normals = Vec::new();
-        if self.normals {
-            let found: Vec<_> = (0..pixels).into_par_iter().map(|pixel| normal(&lens, &range, pixel)).collect();
-            let edges = range.iter_mut().zip(&found).filter(|(range, normal)| range.is_finite() && normal.is_none());
-            edges.for_each(|(range, _)| *range = 0.0);
-            normals = found.into_iter().flat_map(Option::unwrap_or_default).collect();
+        if self.carving {
+            let edges: Vec<bool> = (0..pixels).into_par_iter().map(|pixel| is_edge(&lens, &range, pixel)).collect();
+            range.iter_mut().zip(edges).filter(|(_, edge)| *edge).for_each(|(range, _)| *range = 0.0);
         }
-        self.views.push(DrawnView { camera: lens, pose: camera.pose, range, normals, color });
+        self.views.push(DrawnView { camera: lens, pose: camera.pose, range, color });
         Ok(())
     }
 
@@ -118,25 +113,18 @@ impl DrawnScene {
     }
 }
 
-/// The direction across the points of a pixel's four neighbors, in the camera's frame; none where one of them is not seen.
-fn normal(camera: &SurfelCamera, range: &[f32], pixel: usize) -> Option<[f32; 3]> {
+/// True if a pixel sees something, and one of its four neighbors does not.
+fn is_edge(camera: &SurfelCamera, range: &[f32], pixel: usize) -> bool {
     let (column, row) = (pixel % camera.width, pixel / camera.width);
-    if column == 0 || row == 0 || column + 1 == camera.width || row + 1 == camera.height {
-        return None;
-    }
-    let point = |column: usize, row: usize| {
-        let range = range[row * camera.width + column];
-        range.is_finite().then(|| camera.pixel_ray(column, row) * f64::from(range))
-    };
-    let across = point(column + 1, row)? - point(column - 1, row)?;
-    let down = point(column, row + 1)? - point(column, row - 1)?;
-    point(column, row)?;
-    Some(across.cross(down).normalize_or_zero().to_array().map(|x| x as f32))
+    let sees = |inside: bool, by: isize| !inside || range[pixel.wrapping_add_signed(by)].is_finite();
+    let (one, line) = (1, camera.width as isize);
+    let all = sees(column > 0, -one) && sees(column + 1 < camera.width, one);
+    range[pixel].is_finite() && !(all && sees(row > 0, -line) && sees(row + 1 < camera.height, line))
 }
 
 impl DrawnView {
     fn ranges(&self) -> RangeView<'_> {
-        RangeView { camera: &self.camera, pose: self.pose, range: &self.range, normal: &self.normals }
+        RangeView { camera: &self.camera, pose: self.pose, range: &self.range, normal: &[] }
     }
 
     /// The color of a point and its distance, if the view sees a surface within `reach` of it.

@@ -101,7 +101,7 @@ fn scene_mesh(file: &Path, arguments: &Meshing, console: &mut Console) -> Result
     let far = arguments.far.unwrap_or(FAR * scale);
     let pixels = cameras.iter().map(|camera| camera.intrinsics.fx).fold(0.0, f64::max);
     let voxel = arguments.voxel.unwrap_or(scale / pixels.min(CELLS));
-    let mut scene = DrawnScene::new(&gaussians, background, settings, far).with_normals();
+    let mut scene = DrawnScene::new(&gaussians, background, settings, far).carving();
     let mut progress = Progress::new("mesh", 0, cameras.len(), console);
     for (i, camera) in cameras.iter().enumerate() {
         scene.add(camera)?;

@@ -42,7 +42,7 @@ fn cameras() -> Vec<Camera> {
 /// promise: the mesh of a scene lies on its surface, is closed where cameras see it, has its colors, and ends at the distance that was given.
 #[test]
 fn a_ball_of_gaussians_becomes_a_ball() {
-    let mut scene = DrawnScene::new(&ball(1.0), [0.2, 0.4, 0.9], RasterSettings::default(), 6.0).with_normals();
+    let mut scene = DrawnScene::new(&ball(1.0), [0.2, 0.4, 0.9], RasterSettings::default(), 6.0).carving();
     cameras().iter().for_each(|camera| scene.add(camera).unwrap());
     let mesh = DistanceField::new(&scene.views(), 0.05, 0.25).unwrap().mesh();
     let radii: Vec<f64> = mesh.vertices.iter().map(|v| DVec3::from_array(v.map(f64::from)).length()).collect();
