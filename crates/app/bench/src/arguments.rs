@@ -2,7 +2,7 @@
 
 use clap::{ArgGroup, Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
-use weaver_command::{DeviceFlag, Threads};
+use weaver_command::{DeviceFlag, Threads, rows_and_columns};
 
 /// Measures how fast parts of this program are on this machine, beside the machine's own peak.
 #[derive(Args, Debug)]
@@ -11,6 +11,7 @@ use weaver_command::{DeviceFlag, Threads};
   splatweaver bench raster --workload scene.safetensors --threads 2 --json
   splatweaver bench fit
   splatweaver bench mixture
+  splatweaver bench surfels
   splatweaver bench compress scene.ply
   splatweaver bench engine")]
 pub struct Bench {
@@ -25,6 +26,7 @@ pub enum Subject {
     Raster(BenchRaster),
     Fit(BenchFit),
     Mixture(BenchMixture),
+    Surfels(BenchSurfels),
     Engine(BenchEngine),
 }
 
@@ -118,6 +120,31 @@ pub struct BenchMixture {
     #[arg(long)]
     pub backward: bool,
     /// Drawings in each way; medians are over these
+    #[arg(long, value_name = "R", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub runs: u32,
+    /// Prints the figures as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// Draws a map of surfels into range images, forward and backward: medians of the stages, beside those of ellipsoids.
+///
+/// The map is of one scan of a hall, fitted for the 200 steps of a keyframe, which are timed. The ellipsoids are those of
+/// `bench raster --synthetic 100000,640,480`.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver bench surfels
+  splatweaver bench surfels --size 128x1024 --threads 1 --json")]
+pub struct BenchSurfels {
+    /// Rows and columns of the range image
+    #[arg(long, value_name = "HxW", default_value = "64x1024", value_parser = rows_and_columns)]
+    pub size: [usize; 2],
+    /// Surfels for each pixel
+    #[arg(long, value_name = "SHARE", default_value_t = 0.3)]
+    pub density: f64,
+    /// Drawings; medians are over these
     #[arg(long, value_name = "R", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub runs: u32,
     /// Prints the figures as JSON, and nothing else on standard output

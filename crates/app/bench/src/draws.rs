@@ -3,7 +3,8 @@
 use weaver_command::device::Device;
 use weaver_scene::{CameraSlices, GaussianSlices};
 use weaver_splat::{
-    Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Workspace, rasterize, rasterize_backward,
+    Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Timings, Workspace, rasterize,
+    rasterize_backward,
 };
 
 /// A rasterizer with its memory.
@@ -37,6 +38,14 @@ impl Draws {
                 rasterize_backward(scene.0, scene.1, settings, workspace, cotangents, gradients)
             }
             Self::Device(device) => device.backward(scene, settings, cotangents, gradients),
+        }
+    }
+
+    /// Times of the last drawing by the processor.
+    pub fn timings(&self) -> Option<Timings> {
+        match self {
+            Self::Processor(workspace) => Some(workspace.timings()),
+            Self::Device(_) => None,
         }
     }
 

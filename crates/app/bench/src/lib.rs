@@ -9,6 +9,7 @@ mod fit;
 mod mixture;
 mod processor;
 mod raster;
+mod surfels;
 mod workload;
 
 pub use arguments::Bench;
@@ -26,6 +27,7 @@ pub fn run(arguments: &Bench, console: &mut Console) -> Result<(), Failure> {
         Subject::Fit(fit) => in_pool(fit.threads.count(), || fit::run(fit, console)),
         Subject::Mixture(mixture) => in_pool(mixture.threads.count(), || mixture::run(mixture, console)),
         Subject::Raster(raster) => in_pool(raster.threads.count(), || raster::run(raster, console)),
+        Subject::Surfels(surfels) => in_pool(surfels.threads.count(), || surfels::run(surfels, console)),
     }
 }
 

@@ -9,11 +9,11 @@ use std::time::Instant;
 use weaver_command::device::{self, Device};
 use weaver_command::{Console, Failure, Progress};
 use weaver_kernels::peak;
-use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, RasterStats, Target, Workspace};
+use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, RasterStats, Target, Timings, Workspace};
 
 /// About as many operations as compositing one Gaussian at one pixel takes in forward: the exponent, its exponential, the
 /// comparisons, the blending of three colors.
-const OPERATIONS: f64 = 20.0;
+pub const OPERATIONS: f64 = 20.0;
 
 pub fn run(arguments: &BenchRaster, console: &mut Console) -> Result<(), Failure> {
     let backward = !arguments.forward_only;
@@ -137,6 +137,17 @@ impl<'a> Frame<'a> {
             depth: depth.then(|| vec![0.0; pixels]),
             gradients,
         }
+    }
+
+    /// A frame that the processor draws.
+    pub fn on_the_processor(workload: &'a Workload) -> Self {
+        Self::new(workload, Draws::Processor(Box::new(Workspace::new())), false)
+    }
+
+    /// Draws once on the processor: times of the stages, and the pairs.
+    pub fn timed(&mut self) -> Result<(Timings, RasterStats), Failure> {
+        let stats = self.draw()?.stats;
+        Ok((self.draws.timings().unwrap_or_default(), stats))
     }
 
     /// Forward, and backward where there are cotangents.

@@ -51,3 +51,15 @@ pub fn choice<T: Clone + Send + Sync + 'static>(
         found.map(|(_, value, _)| value.clone()).expect("clap accepts these names alone")
     })
 }
+
+/// Rows and columns of a range image, with an x between.
+///
+/// # Errors
+/// A sentence about other text, and about rows beyond 4 to 1024 or columns beyond 16 to 8192.
+pub fn rows_and_columns(text: &str) -> Result<[usize; 2], String> {
+    let sides = text.split_once('x').and_then(|(h, w)| Some([h.parse().ok()?, w.parse().ok()?]));
+    let within = |sides: &[usize; 2]| (4..=1024).contains(&sides[0]) && (16..=8192).contains(&sides[1]);
+    sides
+        .filter(within)
+        .ok_or(format!("expected rows from 4 to 1024 and columns from 16 to 8192, as 64x1024; found {text}"))
+}

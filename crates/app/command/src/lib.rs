@@ -20,7 +20,7 @@ pub use console::{Console, Part};
 pub use drawing::DrawingOptions;
 pub use drawing_flags::{DrawingFlags, Rgb, background, distance, fraction};
 pub use failure::Failure;
-pub use flags::{DeviceFlag, LiveFlag, MOST_SEED, MOST_THREADS, Threads, choice};
+pub use flags::{DeviceFlag, LiveFlag, MOST_SEED, MOST_THREADS, Threads, choice, rows_and_columns};
 pub use interrupt::Interrupt;
 pub use progress::{Progress, duration};
 pub use threads::in_pool;

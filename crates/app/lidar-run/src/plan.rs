@@ -4,7 +4,7 @@ use crate::LidarRunError;
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use weaver_command::MOST_SEED;
+use weaver_command::{MOST_SEED, rows_and_columns};
 use weaver_io::{LIDAR_FORMATS, TrajectoryFile, list_files, read_lidar_scan};
 use weaver_lidar::{LoopSettings, MapSettings, Scan, SurfelCamera, TrackSettings};
 
@@ -21,7 +21,7 @@ pub struct LidarPlan {
     #[arg(long, value_name = "FILE", conflicts_with = "poses")]
     pub reference: Option<PathBuf>,
     /// Rows and columns of range images
-    #[arg(long, value_name = "HxW", default_value = "64x1024", value_parser = size)]
+    #[arg(long, value_name = "HxW", default_value = "64x1024", value_parser = rows_and_columns)]
     pub size: [usize; 2],
     /// Lowest and highest elevation in degrees [default: those of the first scan and half a degree more]
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true)]
@@ -57,15 +57,6 @@ fn pair(text: &str) -> Result<[f64; 2], String> {
         Some(&[low, high]) if low < high => Ok([low, high]),
         _ => Err(format!("expected two numbers, the smaller first, as 3,60; found {text}")),
     }
-}
-
-/// Rows and columns with an x between.
-fn size(text: &str) -> Result<[usize; 2], String> {
-    let sides = text.split_once('x').and_then(|(h, w)| Some([h.parse().ok()?, w.parse().ok()?]));
-    let within = |sides: &[usize; 2]| (4..=1024).contains(&sides[0]) && (16..=8192).contains(&sides[1]);
-    sides
-        .filter(within)
-        .ok_or(format!("expected rows from 4 to 1024 and columns from 16 to 8192, as 64x1024; found {text}"))
 }
 
 impl LidarPlan {

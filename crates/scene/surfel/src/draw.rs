@@ -3,9 +3,10 @@
 use crate::chain::NUMBERS;
 use crate::response::sum;
 use crate::{RasterError, Sight, Surfels};
+use std::time::Instant;
 use weaver_kernels::{Real, parallel};
 use weaver_splat::tiles::{BackwardPass, Blending, Grid, Region, TileSide, TileStats, Tiles};
-use weaver_splat::{Cotangents, Images};
+use weaver_splat::{Cotangents, Images, Timings};
 
 /// Images of surfels from V poses; weights are w = alpha T, with T the light that arrives.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,6 +46,7 @@ pub struct SurfelWorkspace<T> {
     rows: Vec<f64>,
     poses: Vec<f64>,
     work: [u64; 2],
+    timings: Timings,
 }
 
 impl<T: Real> Default for SurfelWorkspace<T> {
@@ -56,7 +58,7 @@ impl<T: Real> Default for SurfelWorkspace<T> {
 impl<T: Real> SurfelWorkspace<T> {
     /// Without memory yet.
     pub fn new() -> Self {
-        Self { tiles: Tiles::new(), rows: Vec::new(), poses: Vec::new(), work: [0; 2] }
+        Self { tiles: Tiles::new(), rows: Vec::new(), poses: Vec::new(), work: [0; 2], timings: Timings::default() }
     }
 
     /// Draws surfels front to back by the distance of their centers, into images of all poses.
@@ -87,8 +89,11 @@ impl<T: Real> SurfelWorkspace<T> {
     pub fn draw(&mut self, sight: &Sight<'_, T>, images: &mut RangeImages<T>) -> Result<TileStats, RasterError> {
         let camera = sight.camera;
         let grid = Grid::new(Region::whole(camera.width, camera.height), TileSide::Sixteen);
+        let start = Instant::now();
         let stats = self.tiles.project(grid, (sight.poses.len(), sight.surfels.len()), sight, sight)?;
+        let projected = Instant::now();
         self.tiles.bin(None);
+        let binned = Instant::now();
         let blending = blending(sight);
         self.work = self.tiles.blend(sight, &blending);
         let pixels = sight.poses.len() * camera.pixels();
@@ -98,12 +103,19 @@ impl<T: Real> SurfelWorkspace<T> {
             .for_each(|(image, channels)| image.resize(channels * pixels, T::ZERO));
         let images = Images { image: normal, alpha: opacity, depth: Some(range), features: None };
         self.tiles.images(&blending, |_| [T::ZERO; 3], images);
+        self.timings =
+            Timings { project: projected - start, bin: binned - projected, blend: binned.elapsed(), ..self.timings };
         Ok(stats)
     }
 
     /// Pairs of a surfel and a pixel that it adds to in what was drawn last, and pairs that were looked at.
     pub fn work(&self) -> [u64; 2] {
         self.work
+    }
+
+    /// Times of the parts of the last drawing and of the last backward pass.
+    pub fn timings(&self) -> Timings {
+        self.timings
     }
 
     /// Writes median range and distortion of what was drawn last, `[V, H, W]` each.
@@ -132,6 +144,7 @@ impl<T: Real> SurfelWorkspace<T> {
         gradients: &mut Surfels<T>,
         mut poses: Option<&mut [[f64; 6]]>,
     ) {
+        let start = Instant::now();
         let RangeCotangents { range, opacity, normal } = *cotangents;
         let cotangents = Cotangents { image: normal, alpha: opacity, depth: range, features: None };
         let pass = BackwardPass { blending: blending(sight), cotangents, statistics: false };
@@ -170,6 +183,7 @@ impl<T: Real> SurfelWorkspace<T> {
             column.extend(parts.map(|x| if x.is_finite() { T::from_f64(*x) } else { T::ZERO }));
             first += numbers;
         }
+        self.timings.backward = start.elapsed();
     }
 
     /// Calls `visit(pixel, surfel, weight, transmittance)` for every surfel at every pixel that it adds to; tiles are visited in

@@ -34,9 +34,8 @@ fn measure(name: &str, pictures: &[Picture], settings: &dyn Fn(usize) -> FitSett
             found.push(metrics::psnr(&drawn, picture.colors()));
             similar += metrics::ms_ssim(&drawn, picture.colors(), [picture.height(), picture.width()]).unwrap_or(0.0);
         }
-        let [low, high] = [f64::min, f64::max].map(|pick| found.iter().copied().reduce(pick).unwrap_or(0.0));
-        spread = spread.max(high - low);
-        means.push(found.iter().sum::<f64>() / found.len() as f64);
+        spread = spread.max(range(&found));
+        means.push(mean(&found));
     }
     let runs = (pictures.len() as u64 * SEEDS) as f64;
     let each: Vec<String> = means.iter().map(|x| format!("{x:.2}")).collect();
@@ -48,6 +47,16 @@ fn measure(name: &str, pictures: &[Picture], settings: &dyn Fn(usize) -> FitSett
         seconds / runs
     );
     Ok(())
+}
+
+fn mean(x: &[f64]) -> f64 {
+    x.iter().sum::<f64>() / x.len() as f64
+}
+
+/// Difference of the largest and the smallest.
+fn range(x: &[f64]) -> f64 {
+    let [low, high] = [f64::min, f64::max].map(|pick| x.iter().copied().reduce(pick).unwrap_or(0.0));
+    high - low
 }
 
 /// User and system time of this process.
@@ -141,21 +150,27 @@ fn files(pictures: &[Picture]) -> Result<()> {
                 [("staged", true, false), ("plain", false, false), ("straight through", true, true)]
             {
                 let mut line = format!("ratio {ratio:3}, {steps:4} steps, {name:16}");
-                let (mut sum, before) = (0.0, processor_seconds()?);
+                let (mut sum, mut spread, before) = (0.0, 0.0_f64, processor_seconds()?);
                 for picture in pictures {
                     let mut settings = FitSettings::new(picture.gaussians_for(ratio), steps);
                     (settings.coded, settings.straight_through) = (coded, straight_through);
-                    let fitted = fit(picture, &settings, &mut |_| ControlFlow::Continue(()))?;
-                    let bytes = encode(&fitted, picture.width(), picture.height())?;
-                    let back = decode(&bytes)?.fitted;
-                    let drawn = back.draw(picture.width(), picture.height())?;
-                    let decibels = metrics::psnr(&drawn, picture.colors());
-                    sum += decibels;
-                    let bits = 8.0 * bytes.len() as f64 / back.gaussians.len() as f64;
-                    let jpeg = if coded && !straight_through { jpeg(picture, bytes.len())? } else { String::new() };
-                    line += &format!("   {:6} B {bits:.1} bits {decibels:.2} dB{jpeg}", bytes.len());
+                    let (mut bytes, mut found) = (0, Vec::new());
+                    for seed in 0..SEEDS {
+                        settings.seed = seed;
+                        let fitted = fit(picture, &settings, &mut |_| ControlFlow::Continue(()))?;
+                        let file = encode(&fitted, picture.width(), picture.height())?;
+                        let drawn = decode(&file)?.fitted.draw(picture.width(), picture.height())?;
+                        found.push(metrics::psnr(&drawn, picture.colors()));
+                        bytes += file.len();
+                    }
+                    let (bytes, decibels) = (bytes / SEEDS as usize, mean(&found));
+                    (sum, spread) = (sum + decibels, spread.max(range(&found)));
+                    let jpeg = if coded && !straight_through { jpeg(picture, bytes)? } else { String::new() };
+                    line += &format!("   {bytes:6} B {decibels:.2} dB{jpeg}");
                 }
-                let seconds = (processor_seconds()? - before) / pictures.len() as f64;
+                let runs = pictures.len() as f64 * SEEDS as f64;
+                let seconds = (processor_seconds()? - before) / runs;
+                line += &format!("   seeds within {spread:.2}");
                 println!("{line}   mean {:.2} dB, {seconds:.2} s", sum / pictures.len() as f64);
             }
         }

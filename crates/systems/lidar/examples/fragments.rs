@@ -8,8 +8,8 @@ use std::time::Instant;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Pose, so3};
 use weaver_lidar::{
-    Frame, GeometricSettings, LossWeights, MapSettings, Mapper, NormalTarget, Odometry, PatchTree, Scan, SurfelCamera,
-    TrackSettings, held_out, register, trajectory_errors,
+    Frame, GeometricSettings, LossWeights, MapSettings, Mapper, NormalTarget, Odometry, PatchTree, RangeMean, Scan,
+    SurfelCamera, TrackSettings, held_out, register, trajectory_errors,
 };
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -151,6 +151,10 @@ fn main() -> Outcome<()> {
         ("default", base.clone()),
         ("unfitted", MapSettings { iterations: 0, ..base.clone() }),
         ("all", MapSettings { density: 1.0, ..base.clone() }),
+        ("image-mean", MapSettings { loss: LossWeights { range: RangeMean::Image, ..base.loss }, ..base.clone() }),
+        ("scale-mean", MapSettings { scale_mean: true, ..base.clone() }),
+        ("less-opacity", MapSettings { loss: LossWeights { opacity: 0.1, ..base.loss }, ..base.clone() }),
+        ("both", MapSettings { scale_mean: true, loss: LossWeights { opacity: 0.1, ..base.loss }, ..base.clone() }),
         ("drawn-normals", MapSettings { loss: drawn, ..base.clone() }),
         ("no-normals", MapSettings { loss: LossWeights { normal: 0.0, ..base.loss }, ..base.clone() }),
         ("no-opacity", MapSettings { loss: LossWeights { opacity: 0.0, ..base.loss }, ..base.clone() }),

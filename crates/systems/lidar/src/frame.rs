@@ -18,7 +18,7 @@ const NORMAL_NEIGHBORS: usize = 12;
 pub struct Frame {
     /// The camera.
     pub camera: SurfelCamera,
-    /// Range of each pixel, `[H, W]`, meters; 0 without a point.
+    /// Range of each pixel, `[H, W]`, meters; 0 without a point. That of its point, or with normals that of the middle of the pixel.
     pub range: Vec<f32>,
     /// Pixels with a point, ascending, `[n]`.
     pub pixels: Vec<u32>,
@@ -59,10 +59,20 @@ impl Frame {
     }
 
     /// Adds normals: the direction of least spread of the 12 nearest points, or the direction to the sensor where these are no surface.
+    ///
+    /// With them, ranges become those of the middles of pixels: a point p with normal n is where the ray d of its pixel meets its plane,
+    /// n.p / n.d. A beam is up to half a pixel off that ray, which at 20 m and 128 rows is decimeters on a slanted surface.
     #[must_use]
     pub fn with_normals(mut self) -> Self {
         if self.normals.is_empty() {
             self.normals = normals(&self.points);
+            for ((pixel, p), normal) in self.pixels.iter().zip(&self.points).zip(&self.normals) {
+                let pixel = *pixel as usize;
+                let ray = self.camera.pixel_ray(pixel % self.camera.width, pixel / self.camera.width);
+                if let Some(range) = plane_range(*p, *normal, ray) {
+                    self.range[pixel] = range as f32;
+                }
+            }
         }
         self
     }
@@ -84,6 +94,15 @@ impl Frame {
         };
         self.pixels.iter().map(at).collect()
     }
+}
+
+/// Least |n.d| of a ray that planes are prolonged to.
+const GRAZING: f64 = 0.1;
+
+/// The range at which the plane through `p` with a normal meets a ray; none where it grazes the plane.
+pub(crate) fn plane_range(p: DVec3, normal: DVec3, ray: DVec3) -> Option<f64> {
+    let toward = normal.dot(ray);
+    Some(normal.dot(p) / toward).filter(|range| toward.abs() >= GRAZING && *range > 0.0)
 }
 
 /// Normals of points toward the origin.

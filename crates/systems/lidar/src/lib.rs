@@ -30,7 +30,7 @@ mod tree;
 
 pub use error::{Error, Result};
 pub use frame::Frame;
-pub use map_loss::{LossWeights, MapLoss, NormalTarget};
+pub use map_loss::{LossWeights, MapLoss, NormalTarget, RangeMean};
 pub use mapper::{Keyframe, MapReport, MapState, Mapper, held_out};
 pub use normal_equations::NormalEquations;
 pub use odometry::{Odometry, OdometryState, Tracked};

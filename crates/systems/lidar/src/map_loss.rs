@@ -15,9 +15,21 @@ pub enum NormalTarget {
     Measured,
 }
 
-/// Weights of the terms of the loss beside the range.
+/// The pixels that the range's term is a mean over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RangeMean {
+    /// All of the image, as published. The fewer of them are measured, the less ranges weigh beside the other terms, which are means over
+    /// those that are.
+    Image,
+    /// Those that are measured.
+    Measured,
+}
+
+/// Weights of the terms of the loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LossWeights {
+    /// What differences of ranges, whose weight is 1, are averaged over.
+    pub range: RangeMean,
     /// Of -log opacity.
     pub opacity: f64,
     /// Of 1 - n.m, for the mean normal n and the target's m.
@@ -37,7 +49,7 @@ pub(crate) struct ImageGradients {
     ranges: Vec<f32>,
 }
 
-/// (1 / HW) sum |r' - r| over valid pixels, the mean of |r' - r| there, and what the other terms add to the loss.
+/// The loss, and the mean of |r' - r| over valid pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MapLoss {
     /// The loss without its term of scales.
@@ -46,7 +58,8 @@ pub struct MapLoss {
     pub range: f64,
 }
 
-/// L = (1 / HW) sum |r' - r| + w_o mean(-log A) + w_n mean(1 - n.m) over valid pixels, with r' = sum w r / A; fills the gradients.
+/// L = (1 / P) sum |r' - r| + w_o mean(-log A) + w_n mean(1 - n.m) over valid pixels, with r' = sum w r / A and P valid pixels, or
+/// all; fills the gradients.
 ///
 /// With m = A m' of length A, as the published method has it, and n = sum w n_i / A, the product is (sum w n_i).m'.
 pub(crate) fn map_loss(
@@ -64,6 +77,10 @@ pub(crate) fn map_loss(
     let drawn = images.range.iter().zip(&images.opacity);
     to.ranges.extend(drawn.map(|(range, a)| if *a > 0.0 { range / a.max(1e-10) } else { 0.0 }));
     let n = frame.pixels.len() as f64;
+    let averaged = match weights.range {
+        RangeMean::Image => pixels as f64,
+        RangeMean::Measured => n,
+    };
     let ImageGradients { range, opacity, normal, mean, ranges } = to;
     let rows = opacity.par_chunks_mut(width).zip(normal.par_chunks_mut(3 * width)).zip(mean.par_chunks_mut(width));
     let row_of = |(row, ((opacity, normal), mean)): (usize, RowGradients<'_>)| {
@@ -85,7 +102,7 @@ pub(crate) fn map_loss(
             let difference = ranges[at] - frame.range[at];
             sums.range += f64::from(difference.abs());
             sums.met += 1.0;
-            mean[x] = difference.signum() / pixels as f32;
+            mean[x] = difference.signum() / averaged as f32;
             opacity[x] = -(weights.opacity / n) as f32 / a;
             if weights.normal == 0.0 {
                 continue;
@@ -114,7 +131,7 @@ pub(crate) fn map_loss(
             opacity[x] -= range[x] * ranges[row * width + x];
         }
     });
-    let total = (difference + missed) / pixels as f64 + weights.opacity * logs / n + weights.normal * turned / n;
+    let total = (difference + missed) / averaged + weights.opacity * logs / n + weights.normal * turned / n;
     MapLoss { total, range: difference / met.max(1.0) }
 }
 
@@ -173,13 +190,14 @@ mod tests {
     fn gradients_agree_with_differences() {
         let camera = SurfelCamera::spherical([8, 5], [-0.5, 0.5]);
         let rays = Rays::new(&camera);
-        for (seed, target) in [(1, NormalTarget::Drawn), (2, NormalTarget::Measured)] {
+        let kinds = [(1, NormalTarget::Drawn, RangeMean::Image), (2, NormalTarget::Measured, RangeMean::Measured)];
+        for (seed, target, range) in kinds {
             let stream = Stream::new(seed, 0, "images");
             let many = |k: u64, n: u64| (0..n).map(|i| stream.uniform::<f32>(8 * i + k)).collect::<Vec<_>>();
             let opacity: Vec<f32> = many(0, 40).iter().map(|a| 0.3 + 0.6 * a).collect();
             let ranges: Vec<f32> = many(1, 40).iter().map(|r| 4.0 + r).collect();
-            let range = ranges.iter().zip(&opacity).map(|(r, a)| r * a).collect();
-            let images = RangeImages { range, opacity, normal: many(2, 120) };
+            let sums = ranges.iter().zip(&opacity).map(|(r, a)| r * a).collect();
+            let images = RangeImages { range: sums, opacity, normal: many(2, 120) };
             let pixels: Vec<u32> = (0..40).filter(|i| i % 7 != 3).collect();
             let measured = many(3, 40);
             let frame = Frame {
@@ -190,7 +208,7 @@ mod tests {
                 normals: pixels.iter().map(|i| rays.normal(&[2.0; 40], *i as usize).unwrap_or(DVec3::Z)).collect(),
                 pixels,
             };
-            let weights = LossWeights { opacity: 0.4, normal: 0.7, target };
+            let weights = LossWeights { range, opacity: 0.4, normal: 0.7, target };
             let mut gradients = ImageGradients::default();
             map_loss(&frame, &images, &rays, &weights, &mut gradients);
             let loss = |images: &RangeImages<f32>| {

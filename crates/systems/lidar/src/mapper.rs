@@ -1,6 +1,7 @@
 //! Maps of surfels from keyframes.
 
 use crate::drawn_normals::Rays;
+use crate::frame::plane_range;
 use crate::map_loss::{ImageGradients, map_loss};
 use crate::scan::vector;
 use crate::{Frame, MapLoss, MapSettings, RangeReference, Result};
@@ -240,14 +241,16 @@ impl Mapper {
         Ok(loss)
     }
 
-    /// Adds the gradient of w sum max(0, max(s) - limit).
+    /// Adds the gradient of w max(0, max(s) - limit), summed or averaged over surfels.
     fn limit_scales(&self, gradients: &mut Surfels<f32>) {
         let limit = self.settings.scale_limit.ln() as f32;
+        let count = if self.settings.scale_mean { self.state.surfels.len() as f64 } else { 1.0 };
+        let weight = (self.settings.scale_weight / count) as f32;
         let pairs = self.state.surfels.log_scales.chunks_exact(2).zip(gradients.log_scales.chunks_exact_mut(2));
         for (scales, gradient) in pairs {
             let larger = usize::from(scales[1] > scales[0]);
             if scales[larger] > limit {
-                gradient[larger] += self.settings.scale_weight as f32 * scales[larger].exp();
+                gradient[larger] += weight * scales[larger].exp();
             }
         }
     }
@@ -317,6 +320,8 @@ fn scales(points: &[DVec3], limit: f64) -> Vec<f64> {
 /// The share of the rays of a scan at which a map is drawn with more than half of the light stopped and within `near` meters of the
 /// measured range, and the median difference there.
 ///
+/// What is drawn in a pixel is prolonged to the ray itself along the plane that the drawn normal gives it.
+///
 /// # Errors
 /// As [`Mapper::draw`].
 pub fn held_out(mapper: &mut Mapper, points: &[[f32; 3]], pose: &Pose, near: f64) -> Result<[f64; 2]> {
@@ -333,7 +338,11 @@ pub fn held_out(mapper: &mut Mapper, points: &[[f32; 3]], pose: &Pose, near: f64
         let column = (at.x.floor().rem_euclid(camera.width as f64) as usize).min(camera.width - 1);
         let pixel = at.y as usize * camera.width + column;
         if images.opacity[pixel] > 0.5 {
-            differences.push((f64::from(ranges[pixel]) - p.length()).abs());
+            let range = f64::from(ranges[pixel]);
+            let drawn = camera.pixel_ray(pixel % camera.width, pixel / camera.width) * range;
+            let normal = DVec3::from_array([0, 1, 2].map(|k| f64::from(images.normal[3 * pixel + k])));
+            let range = plane_range(drawn, normal.normalize_or_zero(), p.normalize()).unwrap_or(range);
+            differences.push((range - p.length()).abs());
         }
     }
     let hits = differences.iter().filter(|d| **d < near).count();

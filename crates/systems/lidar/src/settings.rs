@@ -1,6 +1,6 @@
 //! How maps are made and scans are tracked.
 
-use crate::{Error, LossWeights, NormalTarget, Result};
+use crate::{Error, LossWeights, NormalTarget, RangeMean, Result};
 
 /// Rules by which surfels are made of keyframes.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,8 +13,10 @@ pub struct MapSettings {
     pub uncovered: f64,
     /// Largest standard deviation that costs nothing, meters.
     pub scale_limit: f64,
-    /// Weight of the scales beyond it, a sum over surfels.
+    /// Weight of the scales beyond it.
     pub scale_weight: f64,
+    /// True if they are averaged over surfels, as other terms are over pixels; else summed, as published, which keeps all below the limit.
+    pub scale_mean: bool,
     /// Weights of the other terms.
     pub loss: LossWeights,
     /// True if surfels begin with normals by principal components; else they face the sensor.
@@ -37,7 +39,8 @@ impl Default for MapSettings {
             uncovered: 0.2,
             scale_limit: 0.3,
             scale_weight: 1.0,
-            loss: LossWeights { opacity: 0.4, normal: 0.5, target: NormalTarget::Measured },
+            scale_mean: false,
+            loss: LossWeights { range: RangeMean::Measured, opacity: 0.4, normal: 0.5, target: NormalTarget::Measured },
             measured_normals: true,
             prune: 0.1,
             most_surfels: 150_000,
@@ -50,7 +53,7 @@ impl Default for MapSettings {
 impl MapSettings {
     /// The published settings: surfels face the sensor first, their normals follow those of drawn ranges, and are at most 0.1 m large.
     pub fn published() -> Self {
-        let loss = LossWeights { opacity: 0.4, normal: 0.5, target: NormalTarget::Drawn };
+        let loss = LossWeights { range: RangeMean::Image, opacity: 0.4, normal: 0.5, target: NormalTarget::Drawn };
         Self { scale_limit: 0.1, loss, measured_normals: false, ..Self::default() }
     }
 
