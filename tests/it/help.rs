@@ -34,7 +34,7 @@ fn every_command_explains_itself_with_an_example() {
 
 #[test]
 fn every_subject_of_bench_explains_itself() {
-    for subject in ["raster", "fit", "engine"] {
+    for subject in ["raster", "fit", "surfels", "engine"] {
         let done = splatweaver(&[&"bench", &subject, &"--help"]).fine();
         assert!(done.stdout.contains(&format!("Usage: splatweaver bench {subject}")), "{}", done.stdout);
         assert!(done.stdout.contains(&format!("  splatweaver bench {subject} --")), "{}", done.stdout);

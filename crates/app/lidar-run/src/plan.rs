@@ -112,7 +112,14 @@ impl LidarPlan {
     }
 
     pub(crate) fn map(&self) -> MapSettings {
-        MapSettings { iterations: self.steps as usize, density: self.density, seed: self.seed, ..Default::default() }
+        MapSettings {
+            iterations: self.steps as usize,
+            density: self.density,
+            seed: self.seed,
+            // Small surfels locate scans more exactly; where poses are given, large ones leave fewer holes.
+            scale_mean: self.poses.is_some(),
+            ..Default::default()
+        }
     }
 
     pub(crate) fn track(&self) -> TrackSettings {

@@ -163,7 +163,10 @@ fn main() -> Outcome<()> {
     let mut variants = Vec::from(variants);
     variants.retain(|(name, _)| named.is_empty() || named.iter().any(|other| other == name));
     for (name, map) in &variants {
-        odometry(&scans, &poses, map.clone(), TrackSettings::default(), name)?;
+        for seed in 0..3 {
+            let map = MapSettings { seed, ..map.clone() };
+            odometry(&scans, &poses, map, TrackSettings::default(), &format!("{name}, seed {seed}"))?;
+        }
     }
     let map = MapSettings { density: 1.0, iterations: 60, ..base };
     let without = TrackSettings { range_steps: 0, ..TrackSettings::default() };

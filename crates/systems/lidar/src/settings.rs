@@ -15,7 +15,8 @@ pub struct MapSettings {
     pub scale_limit: f64,
     /// Weight of the scales beyond it.
     pub scale_weight: f64,
-    /// True if they are averaged over surfels, as other terms are over pixels; else summed, as published, which keeps all below the limit.
+    /// True if they are averaged over surfels, as other terms are over pixels, so that surfels grow into holes; else summed, as published,
+    /// which keeps all below the limit.
     pub scale_mean: bool,
     /// Weights of the other terms.
     pub loss: LossWeights,

@@ -3,3 +3,4 @@
 mod bad_workloads;
 mod engine;
 mod raster;
+mod surfels;
