@@ -16,7 +16,8 @@ pub fn page(run: &Fitting, gaussians: &Gaussians, test_cameras: &[Camera]) -> Re
     let capture = &run.settings.capture;
     let folder = if capture.is_file() { capture.parent().unwrap_or(capture) } else { capture };
     let title = folder.file_name().map_or("scene".into(), |name| name.to_string_lossy().into_owned());
-    let look = Look { background: run.settings.fit.background, settings: run.fit().raster_settings() };
+    let look =
+        Look { background: run.settings.fit.background, settings: run.fit().raster_settings(), ..Look::default() };
     let subject = Subject { title: &title, gaussians, look };
     Ok(html(&subject, &shots(run, test_cameras)?, HtmlOptions::default())?)
 }

@@ -24,6 +24,7 @@ pub(crate) fn beginning(job: &LidarJob, title: String) -> Result<Exhibit, LidarR
     let points = read(&job.files()[0])?.points;
     let shown: Vec<[f32; 3]> = points.iter().step_by(points.len().div_ceil(POINTS).max(1)).copied().collect();
     let n = shown.len();
+    let look = Look { meters: Some(1.0), ..Look::default() };
     let scene = ActivatedGaussians {
         means: shown.concat(),
         quats: [1.0, 0.0, 0.0, 0.0].repeat(n),
@@ -32,7 +33,7 @@ pub(crate) fn beginning(job: &LidarJob, title: String) -> Result<Exhibit, LidarR
         sh: vec![harmonic(0.3); 3 * n],
         degree: 0,
     };
-    Ok(Exhibit { shots: vec![overview()], ..Exhibit::new(title, scene.to_stored(), Look::default()) })
+    Ok(Exhibit { shots: vec![overview()], ..Exhibit::new(title, scene.to_stored(), look) })
 }
 
 /// The view of a map to begin with: from behind and above where the first scan was taken, z upward.

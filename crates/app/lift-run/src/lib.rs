@@ -3,10 +3,12 @@
 //! The solvers are weaver-lift's; here are the files of features, masks and pictures around them, and a demonstration on built-in scenes.
 
 mod arguments;
+mod file;
 mod lift;
 mod query;
 
 pub use arguments::{DemoGaussians, Lift, Query, SolverName};
+pub use file::LiftedFile;
 
 use weaver_command::{Console, Failure, in_pool};
 

@@ -1,13 +1,14 @@
 //! `splatweaver query`.
 
 use crate::arguments::Query;
+use crate::file::LiftedFile;
 use crate::lift::{Drawn, refused};
 use std::path::Path;
 use weaver_command::camera_files::{self, Size};
 use weaver_command::memory;
 use weaver_command::{Console, Failure, Progress};
 use weaver_geometry::Camera;
-use weaver_io::safetensors::{Storage, TensorData, Tensors};
+use weaver_io::safetensors::{Storage, Tensors};
 use weaver_io::{OutputFolder, false_color, open_array};
 use weaver_lift::{Operator, Raster, guide, scores, to_unit_length};
 
@@ -22,32 +23,24 @@ pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {
     let splats = drawn.gaussians.len();
 
     let path = &arguments.lifted;
-    let lifted = Tensors::read(path)?;
-    let tensor = lifted.get("features")?;
-    let (TensorData::F32(features), &[rows, channels]) = (&tensor.data, &tensor.shape[..]) else {
-        let found = format!("{} {:?}", tensor.data.dtype(), tensor.shape);
-        return Err(refused(path, "features of type F32 [Gaussians, channels]", &found));
-    };
-    if rows != splats {
-        let expected = format!("features of {splats} Gaussians, as {} has", arguments.scene.display());
-        return Err(refused(path, &expected, &rows.to_string()));
-    }
+    let lifted = LiftedFile::read(path, &arguments.scene, splats)?;
+    let channels = lifted.channels;
     let checksum = drawn.checksum();
-    if lifted.metadata.get("scene_checksum").is_some_and(|other| *other != checksum) {
+    if lifted.said("scene_checksum").is_some_and(|other| *other != checksum) {
         console.note(&format!(
             "warning: {}: features were lifted to other Gaussians than those of {}",
             path.display(),
             arguments.scene.display()
         ));
     }
-    let lambda = match lifted.metadata.get("lambda") {
+    let lambda = match lifted.said("lambda") {
         None => 1.0,
         Some(text) => text.parse().map_err(|_| refused(path, "lambda: a number", text))?,
     };
     guide(&mut drawn.gaussians.opacities, lambda).map_err(|e| Failure::message(format!("{}: {e}", path.display())))?;
     let prompts = prompts(&arguments.prompts, channels)?;
     let count = prompts.len() / channels;
-    let scores = scores(features, &prompts, channels)?;
+    let scores = scores(lifted.features(), &prompts, channels)?;
 
     for stem in &stems {
         out.check((0..count).map(|prompt| format!("{stem}-{prompt}.png")).chain([numbers(stem)]))?;

@@ -221,7 +221,7 @@ impl SceneData {
             Shot::new(frame.name.clone(), frame.camera)
         };
         let shots: Vec<Shot> = cameras.iter().map(shot).collect();
-        let look = Look { background: self.background, settings: self.settings };
+        let look = Look { background: self.background, settings: self.settings, ..Look::default() };
         let subject = Subject { title, gaussians: &self.gaussians, look };
         compute(py, || html(&subject, &shots, HtmlOptions { lossless }).map_err(Failed::input))
     }

@@ -1,6 +1,6 @@
 //! Scenes with their cameras and photos.
 
-use crate::Error;
+use crate::{Error, Features};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,6 +29,8 @@ pub struct Exhibit {
     pub shots: Vec<Shot>,
     /// Photos on disk.
     pub gallery: Option<Gallery>,
+    /// Features of the Gaussians, which a page compares with those at a point.
+    pub features: Option<Features>,
     /// The scene at other times, of one that moves.
     pub moving: Option<Moving>,
     /// The report of what made the scene.
@@ -70,7 +72,8 @@ impl Exhibit {
     /// A scene of this title without cameras.
     pub fn new(title: impl Into<String>, gaussians: Gaussians, look: Look) -> Self {
         let (title, shots) = (title.into(), Vec::new());
-        Self { title, gaussians, look, shots, gallery: None, moving: None, report: None, file: None }
+        let (gallery, features, moving) = (None, None, None);
+        Self { title, gaussians, look, shots, gallery, features, moving, report: None, file: None }
     }
 
     /// Adds the cameras of a file: transforms.json, a folder with a COLMAP model, or a RealEstate10K file. Photos are those that it names,

@@ -5,12 +5,14 @@
 
 mod error;
 mod exhibit;
+mod features;
 mod follow;
 mod live;
 mod server;
 
 pub use error::Error;
 pub use exhibit::{Exhibit, Gallery, Moving};
+pub use features::Features;
 pub use follow::{Followed, Showing};
 pub use live::live;
 pub use server::{Server, Visitors};

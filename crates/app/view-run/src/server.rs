@@ -67,6 +67,7 @@ impl<'a> Server<'a> {
             formats: if exhibit.file.is_some() { &FORMATS } else { &[] },
             report: report.as_deref(),
             live: followed.is_some(),
+            features: exhibit.features.is_some(),
             moves: exhibit.moving.is_some(),
         };
         let (html, policy) = (page.html(&exhibit.subject(), &exhibit.shots)?, page.policy());
@@ -138,6 +139,7 @@ impl<'a> Server<'a> {
         match (request.method(), path) {
             (Method::Get, "/") => Ok(Answer::html(self.page.clone())),
             (Method::Get, "/scene") => self.scene(query),
+            (Method::Get, "/alike") => Ok(self.alike(query)),
             (Method::Get, "/progress") => self.progress(query),
             (Method::Get, "/picture") => self.picture(),
             (Method::Get, "/report") => self.report(),
@@ -163,6 +165,13 @@ impl<'a> Server<'a> {
         let ply = "ply".parse().expect("the format is in the table");
         write_gaussians_to(&mut bytes, ply, scene)?;
         Ok(Answer::new("application/octet-stream", bytes))
+    }
+
+    fn alike(&self, query: &str) -> Answer {
+        let features = self.exhibit.and_then(|exhibit| exhibit.features.as_ref());
+        let gaussian = guard::value(query, "gaussian").and_then(|number| number.parse().ok());
+        let alike = features.zip(gaussian).and_then(|(features, gaussian)| features.alike(gaussian));
+        alike.map_or_else(Answer::nothing, |bytes| Answer::new("application/octet-stream", bytes))
     }
 
     fn photo(&self, number: &str) -> Answer {

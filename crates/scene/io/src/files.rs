@@ -4,6 +4,7 @@ pub(crate) mod append;
 pub(crate) mod atomic;
 pub(crate) mod bytes;
 pub(crate) mod checksum;
+pub(crate) mod content;
 pub(crate) mod file;
 pub(crate) mod folder;
 pub(crate) mod json;

@@ -1,5 +1,6 @@
 //! Files of Gaussians: the formats as a table, and reading and writing by it.
 
+mod blocks;
 pub(crate) mod fields;
 mod format;
 mod gltf;
@@ -12,15 +13,16 @@ mod splat;
 mod spz;
 mod wsz;
 
+pub use blocks::{Blocks, Chained, Changed};
 pub use format::{SCENE_FORMATS, SceneFormat};
-pub use scene_file::{Drawing, SceneFile};
+pub use scene_file::{Drawing, OpenScene, SceneFile};
 
 use crate::files::atomic::atomic_write_checked;
+use crate::files::content::Content;
 use crate::files::file::{file_length, read_bytes};
 use crate::{Error, Result};
 use fields::check_lengths;
-use format::Writer;
-use std::borrow::Cow;
+use format::{Reader, Writer};
 use std::io::Write;
 use std::path::Path;
 use weaver_scene::Gaussians;
@@ -31,11 +33,43 @@ use weaver_scene::Gaussians;
 /// # Errors
 /// On any other extension; when the file cannot be read, is malformed, or holds a value that a renderer cannot use.
 pub fn read_scene(path: impl AsRef<Path>) -> Result<SceneFile> {
+    open_scene(path)?.all()
+}
+
+/// Opens a file of Gaussians, as [`read_scene`] reads it, a block at a time where its format allows that.
+///
+/// # Errors
+/// On any other extension; when the file cannot be read or is malformed. What is wrong with some Gaussians is said when they are asked
+/// for.
+///
+/// ```
+/// use weaver_io::{Blocks, open_scene, write_gaussians};
+/// use weaver_scene::Gaussians;
+///
+/// let path = std::env::temp_dir().join(format!("weaver-io-open-{}.ply", std::process::id()));
+/// let one = Gaussians {
+///     means: vec![[0.0; 3]],
+///     log_scales: vec![[-3.0; 3]],
+///     quats: vec![[1.0, 0.0, 0.0, 0.0]],
+///     opacity_logits: vec![0.0],
+///     sh: vec![0.0; 3],
+///     degree: 0,
+/// };
+/// write_gaussians(&path, &one)?;
+/// let scene = open_scene(&path)?;
+/// assert_eq!(*scene.gaussians.block(0..1)?, one);
+/// # std::fs::remove_file(&path)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn open_scene(path: impl AsRef<Path>) -> Result<OpenScene<'static>> {
     let path = path.as_ref();
     // A folder stands for the file in it that names the others.
     let within = path.join(sog::META);
     let path = if path.is_dir() && within.is_file() { &within } else { path };
-    (SceneFormat::of(path)?.read)(path, &read_bytes(path)?)
+    match SceneFormat::of(path)?.read {
+        Reader::Blocks(open) => open(path, Content::open(path)?),
+        Reader::Whole(read) => Ok(read(path, &read_bytes(path)?)?.into()),
+    }
 }
 
 /// Reads a file of Gaussians in one of the [formats](SCENE_FORMATS); its name selects it.
@@ -62,12 +96,26 @@ pub fn write_gaussians(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<
 /// # Errors
 /// As [`write_gaussians`].
 pub fn write_scene(path: impl AsRef<Path>, gaussians: &Gaussians, drawing: Drawing) -> Result<()> {
+    check_lengths(path.as_ref(), gaussians)?;
+    write_blocks(path, gaussians, drawing)
+}
+
+/// Writes Gaussians as [`write_scene`], a block at a time where the format allows that.
+///
+/// # Errors
+/// As [`write_gaussians`], and when a block cannot be had.
+pub fn write_blocks(path: impl AsRef<Path>, gaussians: &dyn Blocks, drawing: Drawing) -> Result<()> {
     let path = path.as_ref();
     let format = SceneFormat::of(path)?;
-    let gaussians = fitting(path, gaussians, format)?;
+    let limited = limited(gaussians, format);
+    let gaussians = limited.as_ref().map_or(gaussians, |limited| limited);
     match format.write {
-        Writer::Stream(write) => atomic_write_checked(path, |w| write(path, &gaussians, drawing, w)),
-        Writer::Files(write) => write(path, &gaussians, drawing),
+        Writer::Blocks(write) => atomic_write_checked(path, |w| write(path, gaussians, drawing, w)),
+        Writer::Stream(write) => {
+            let all = gaussians.all()?;
+            atomic_write_checked(path, |w| write(path, &all, drawing, w))
+        }
+        Writer::Files(write) => write(path, &*gaussians.all()?, drawing),
         Writer::None => Err(not_written(path, format)),
     }
 }
@@ -100,7 +148,11 @@ pub fn scene_bytes(path: impl AsRef<Path>) -> Result<u64> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn read_gaussians_from(bytes: &[u8], format: SceneFormat) -> Result<Gaussians> {
-    Ok((format.read)(Path::new(format.extension), bytes)?.gaussians)
+    let path = Path::new(format.extension);
+    match format.read {
+        Reader::Blocks(open) => open(path, Content::Memory(bytes.into()))?.gaussians.into_all(),
+        Reader::Whole(read) => Ok(read(path, bytes)?.gaussians),
+    }
 }
 
 /// Writes Gaussians in this format to a stream.
@@ -109,9 +161,12 @@ pub fn read_gaussians_from(bytes: &[u8], format: SceneFormat) -> Result<Gaussian
 /// As [`write_gaussians`]; messages name the format in place of a file. A format of several files cannot be written to a stream.
 pub fn write_gaussians_to(w: &mut dyn Write, format: SceneFormat, gaussians: &Gaussians) -> Result<()> {
     let path = Path::new(format.extension);
-    let gaussians = fitting(path, gaussians, format)?;
+    check_lengths(path, gaussians)?;
+    let limited = limited(gaussians, format);
+    let gaussians: &dyn Blocks = limited.as_ref().map_or(gaussians, |limited| limited);
     match format.write {
-        Writer::Stream(write) => write(path, &gaussians, Drawing::default(), w),
+        Writer::Blocks(write) => write(path, gaussians, Drawing::default(), w),
+        Writer::Stream(write) => write(path, &*gaussians.all()?, Drawing::default(), w),
         Writer::Files(_) => Err(Error::invalid(path, "format", "one that is a single file", format)),
         Writer::None => Err(not_written(path, format)),
     }
@@ -123,9 +178,9 @@ fn not_written(path: &Path, format: SceneFormat) -> Error {
     Error::invalid(path, "format", expected, format_args!("{format}, which is read only"))
 }
 
-/// Checked Gaussians, without the harmonics that the format has no place for.
-fn fitting<'a>(path: &Path, gaussians: &'a Gaussians, format: SceneFormat) -> Result<Cow<'a, Gaussians>> {
-    check_lengths(path, gaussians)?;
-    let fits = gaussians.degree <= format.degree;
-    Ok(if fits { Cow::Borrowed(gaussians) } else { Cow::Owned(gaussians.with_degree(format.degree)) })
+/// Gaussians without the harmonics that the format has no place for, if there are such.
+fn limited(gaussians: &dyn Blocks, format: SceneFormat) -> Option<Changed<'_>> {
+    let degree = format.degree;
+    let change = Box::new(move |block: &Gaussians| block.with_degree(degree));
+    (gaussians.degree() > degree).then_some(Changed { from: Box::new(gaussians), degree, change })
 }

@@ -5,16 +5,15 @@ mod weights;
 use crate::cameras::colmap::{self, CameraModel, Model, Point};
 use crate::cameras::realestate::Clip;
 use crate::files::file::read_bytes;
-use crate::gaussians::ply::Table;
+use crate::gaussians::ply::{Table, is_scene};
 use crate::gaussians::sog::META;
 use crate::pictures::photo_file::EXTENSIONS;
 use crate::safetensors::Mapped;
-use crate::{Background, Error, Image, Result, SceneFile, SceneFormat, Transforms, read_scene};
+use crate::{Background, Error, Image, OpenScene, Result, SceneFormat, Transforms, open_scene};
 use std::fmt::Display;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
-use weaver_scene::Gaussians;
 
 /// Describes a file, or a folder with a COLMAP model: its format, how much it holds, and ranges of values.
 ///
@@ -64,10 +63,10 @@ fn image(path: &Path) -> Result<String> {
 }
 
 fn ply(path: &Path) -> Result<String> {
-    let table = Table::read(path, &read_bytes(path)?)?;
-    if table.names.iter().any(|n| n == "scale_0" || n == "packed_position") {
+    if is_scene(path)? {
         return scene(path);
     }
+    let table = Table::read(path, &read_bytes(path)?)?;
     let mut lines = format!("PLY, {} vertices", table.rows);
     for (column, name) in table.names.iter().enumerate().take(20) {
         let values = (0..table.rows).map(|row| f64::from(table.row(row)[column]));
@@ -77,21 +76,22 @@ fn ply(path: &Path) -> Result<String> {
 }
 
 fn scene(path: &Path) -> Result<String> {
-    let SceneFile { gaussians: scene, drawing } = read_scene(path)?;
-    let trained = if drawing.antialiased { ", trained antialiased" } else { "" };
-    let text = gaussians(&scene);
-    let (first, others) = text.split_once('\n').unwrap_or((&text, ""));
-    Ok(format!("{first}{trained}\n{others}"))
-}
-
-fn gaussians(gaussians: &Gaussians) -> String {
-    let mut lines = format!("Gaussians, {} of SH degree {}", gaussians.len(), gaussians.degree);
-    for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        lines += &format!("\n{name:<8} {}", Range::of(gaussians.means.iter().map(|m| f64::from(m[axis]))));
+    let OpenScene { gaussians, drawing } = open_scene(path)?;
+    let (mut position, mut scale, mut opacity) = ([Range::default(); 3], Range::default(), Range::default());
+    for rows in gaussians.blocks() {
+        let block = gaussians.block(rows)?;
+        for (axis, range) in position.iter_mut().enumerate() {
+            range.extend(block.means.iter().map(|mean| f64::from(mean[axis])));
+        }
+        scale.extend(block.log_scales.as_flattened().iter().map(|&s| f64::from(s).exp()));
+        opacity.extend(block.opacity_logits.iter().map(|&o| 1.0 / (1.0 + f64::from(-o).exp())));
     }
-    let scales = gaussians.log_scales.as_flattened().iter().map(|&s| f64::from(s).exp());
-    let opacities = gaussians.opacity_logits.iter().map(|&o| 1.0 / (1.0 + f64::from(-o).exp()));
-    lines + &format!("\nscale    {}\nopacity  {}", Range::of(scales), Range::of(opacities))
+    let trained = if drawing.antialiased { ", trained antialiased" } else { "" };
+    let mut lines = format!("Gaussians, {} of SH degree {}{trained}", gaussians.len(), gaussians.degree());
+    for (name, range) in ["x", "y", "z"].iter().zip(position) {
+        lines += &format!("\n{name:<8} {range}");
+    }
+    Ok(lines + &format!("\nscale    {scale}\nopacity  {opacity}"))
 }
 
 fn transforms(scene: &Transforms) -> String {
@@ -161,22 +161,34 @@ fn centers(poses: impl Iterator<Item = Pose>) -> String {
 }
 
 /// Smallest, mean and largest of some numbers.
+#[derive(Clone, Copy)]
 struct Range {
     low: f64,
-    mean: f64,
     high: f64,
+    sum: f64,
+    count: f64,
+}
+
+impl Default for Range {
+    fn default() -> Self {
+        Self { low: f64::INFINITY, high: f64::NEG_INFINITY, sum: 0.0, count: 0.0 }
+    }
 }
 
 impl Range {
     fn of(values: impl Iterator<Item = f64>) -> Self {
-        let (mut low, mut high, mut sum, mut count) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0);
+        let mut range = Self::default();
+        range.extend(values);
+        range
+    }
+
+    fn extend(&mut self, values: impl Iterator<Item = f64>) {
         for x in values {
-            low = low.min(x);
-            high = high.max(x);
-            sum += x;
-            count += 1.0;
+            self.low = self.low.min(x);
+            self.high = self.high.max(x);
+            self.sum += x;
+            self.count += 1.0;
         }
-        Self { low, mean: sum / count, high }
     }
 }
 
@@ -185,6 +197,6 @@ impl Display for Range {
         if self.low > self.high {
             return write!(f, "no values");
         }
-        write!(f, "{:.4} to {:.4}, mean {:.4}", self.low, self.high, self.mean)
+        write!(f, "{:.4} to {:.4}, mean {:.4}", self.low, self.high, self.sum / self.count)
     }
 }

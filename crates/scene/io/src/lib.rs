@@ -30,8 +30,8 @@ pub use files::memory::{available_memory, peak_mb};
 pub use files::output_folder::{OutputFolder, check_output_file};
 pub use gaussians::ply;
 pub use gaussians::{
-    Drawing, SCENE_FORMATS, SceneFile, SceneFormat, read_gaussians, read_gaussians_from, read_scene, scene_bytes,
-    write_gaussians, write_gaussians_to, write_scene,
+    Blocks, Chained, Changed, Drawing, OpenScene, SCENE_FORMATS, SceneFile, SceneFormat, open_scene, read_gaussians,
+    read_gaussians_from, read_scene, scene_bytes, write_blocks, write_gaussians, write_gaussians_to, write_scene,
 };
 pub use info::info;
 pub use lidar::poses::{TrajectoryFile, TrajectoryFormat};

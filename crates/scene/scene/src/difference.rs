@@ -36,6 +36,30 @@ impl Errors {
     }
 }
 
+impl Difference {
+    /// The difference of a scene from those of its parts and the numbers of their Gaussians.
+    ///
+    /// ```
+    /// use weaver_scene::{Difference, Errors};
+    /// let part = |mean, largest| Difference { position: Errors { mean, largest }, ..Difference::default() };
+    /// let whole = Difference::of_parts([(1, part(4.0, 4.0)), (3, part(0.0, 0.0))]);
+    /// assert_eq!(whole.position, Errors { mean: 1.0, largest: 4.0 });
+    /// ```
+    pub fn of_parts(parts: impl IntoIterator<Item = (usize, Self)>) -> Self {
+        let (mut whole, mut count) = (Self::default(), 0);
+        for (more, part) in parts {
+            count += more;
+            // A mean that takes further numbers in (Welford, 1962).
+            let share = if more == 0 { 0.0 } else { more as f64 / count as f64 };
+            for (whole, part) in [(&mut whole.position, part.position), (&mut whole.color, part.color)] {
+                whole.mean += share * (part.mean - whole.mean);
+                whole.largest = whole.largest.max(part.largest);
+            }
+        }
+        whole
+    }
+}
+
 impl Gaussians {
     /// The differences between these Gaussians and others, the i-th of which came from the i-th of these. Harmonics that one of both
     /// does not have count as zero.

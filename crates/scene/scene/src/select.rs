@@ -1,6 +1,7 @@
 //! Gaussians chosen, joined, and brought to another degree.
 
 use crate::Gaussians;
+use std::ops::Range;
 use weaver_geometry::sh;
 
 impl Gaussians {
@@ -58,17 +59,40 @@ impl Gaussians {
         }
     }
 
+    /// The Gaussians of consecutive numbers.
+    ///
+    /// # Panics
+    /// When `rows` lead beyond [`Gaussians::len`].
+    pub fn slice(&self, rows: Range<usize>) -> Self {
+        let k = 3 * self.coefficients();
+        Self {
+            means: self.means[rows.clone()].to_vec(),
+            log_scales: self.log_scales[rows.clone()].to_vec(),
+            quats: self.quats[rows.clone()].to_vec(),
+            opacity_logits: self.opacity_logits[rows.clone()].to_vec(),
+            sh: self.sh[rows.start * k..rows.end * k].to_vec(),
+            degree: self.degree,
+        }
+    }
+
+    /// Appends Gaussians, whose harmonics beyond the degree of these are left out, and whose missing ones are zero.
+    pub fn append(&mut self, others: &Self) {
+        self.means.extend(&others.means);
+        self.log_scales.extend(&others.log_scales);
+        self.quats.extend(&others.quats);
+        self.opacity_logits.extend(&others.opacity_logits);
+        if others.degree == self.degree {
+            self.sh.extend(&others.sh);
+        } else {
+            self.sh.extend(&others.with_degree(self.degree).sh);
+        }
+    }
+
     /// The Gaussians of all `parts`, one part after the other, with harmonics up to the largest degree among them.
     pub fn joined(parts: &[Self]) -> Self {
         let degree = parts.iter().map(|part| part.degree).max().unwrap_or(0);
         let mut all = Self { degree, ..Self::default() };
-        for part in parts {
-            all.means.extend(&part.means);
-            all.log_scales.extend(&part.log_scales);
-            all.quats.extend(&part.quats);
-            all.opacity_logits.extend(&part.opacity_logits);
-            all.sh.extend(&part.with_degree(degree).sh);
-        }
+        parts.iter().for_each(|part| all.append(part));
         all
     }
 }

@@ -12,6 +12,8 @@ const PAGE: &[(&str, &str)] = &[
     ("controls", include_str!("../web/controls.js")),
     ("overlay", include_str!("../web/overlay.js")),
     ("selection", include_str!("../web/selection.js")),
+    ("scale_bar", include_str!("../web/scale_bar.js")),
+    ("alike", include_str!("../web/alike.js")),
     ("shots", include_str!("../web/shots.js")),
     ("panel", include_str!("../web/panel.js")),
     ("live", include_str!("../web/live.js")),

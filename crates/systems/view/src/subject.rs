@@ -24,12 +24,14 @@ pub struct Look {
     pub background: [f32; 3],
     /// The rules of the rasterizer; a page follows `near`, `far`, `alpha_max` and `antialiased`.
     pub settings: RasterSettings,
+    /// Meters of a unit of length, where that is known: a bar then shows the scale.
+    pub meters: Option<f64>,
 }
 
 impl Default for Look {
     /// White behind the usual settings.
     fn default() -> Self {
-        Self { background: [1.0; 3], settings: RasterSettings::default() }
+        Self { background: [1.0; 3], settings: RasterSettings::default(), meters: None }
     }
 }
 
@@ -97,7 +99,9 @@ pub fn photo_file(photo: &Bitmap) -> std::io::Result<Vec<u8>> {
 impl Look {
     pub(crate) fn json(&self) -> Value {
         let RasterSettings { near, far, alpha_max, antialiased, .. } = self.settings;
-        json!({ "background": self.background, "near": near, "far": far, "alphaMax": alpha_max, "antialiased": antialiased })
+        let mut look = json!({ "background": self.background, "near": near, "far": far, "alphaMax": alpha_max, "antialiased": antialiased });
+        look["meters"] = json!(self.meters);
+        look
     }
 }
 

@@ -1,11 +1,13 @@
 // The page: it loads the scene, draws when something changes, and keeps the view in the address.
 
+import { Alike } from "./alike.js";
 import { Controls } from "./controls.js";
 import { Live } from "./live.js";
 import { Moment } from "./moment.js";
 import { Overlay } from "./overlay.js";
 import { Panel } from "./panel.js";
 import { Renderer } from "./renderer.js";
+import { ScaleBar } from "./scale_bar.js";
 import { Selection, SelectionTool } from "./selection.js";
 import { Shots, placeOf } from "./shots.js";
 import { element, say, token } from "./status.js";
@@ -53,10 +55,12 @@ class Page {
     this.viewpoint = new Viewpoint(about.home);
     this.ratio = 1;
     this.overlay = new Overlay(element("over"), this);
+    this.scaleBar = new ScaleBar(about.look.meters);
     this.shots = new Shots(about.cameras, this);
     this.selection = new Selection(scene.means, () => this.edited());
     this.panel = new Panel(this);
     this.controls = new Controls(this.canvas, this);
+    if (about.features) this.alike = new Alike(this);
     this.keepInAddress();
     new ResizeObserver(() => this.resized()).observe(this.canvas);
     this.canvas.addEventListener("webglcontextlost", () => say("The graphics card was lost. Load the page again."));
@@ -86,6 +90,7 @@ class Page {
   /** Something is to be drawn anew. */
   changed() {
     this.overlay.draw();
+    this.scaleBar.show(this.camera(1), this.viewpoint.distance);
     this.panel.refresh();
     if (this.pending) return;
     this.pending = true;
@@ -180,14 +185,20 @@ class Page {
     this.moved();
   }
 
-  /** Turns about what is seen at a pixel of the page. */
-  pick(x, y) {
+  /** The point of what is seen at a pixel of the page; null where hardly anything is. */
+  pointAt(x, y) {
     const camera = this.camera(1);
     const depth = this.renderer.depthAt(camera, this.look, x, y);
-    if (depth === null) return say("Nothing is there to turn about.", true);
+    if (depth === null) return null;
     const [u, v] = [(x - camera.K[2]) / camera.K[0], (y - camera.K[3]) / camera.K[1]];
     const { eye, right, down, forward } = this.viewpoint;
-    const point = add(eye, add(add(times(right, u * depth), times(down, v * depth)), times(forward, depth)));
+    return add(eye, add(add(times(right, u * depth), times(down, v * depth)), times(forward, depth)));
+  }
+
+  /** Turns about what is seen at a pixel of the page. */
+  pick(x, y) {
+    const point = this.pointAt(x, y);
+    if (!point) return say("Nothing is there to turn about.", true);
     const next = this.viewpoint.copy();
     next.aim(point);
     this.shots.leave();
@@ -199,7 +210,7 @@ class Page {
   }
 
   setTool(name) {
-    this.tools ??= { box: new SelectionTool(this, "box"), brush: new SelectionTool(this, "brush") };
+    this.tools ??= { box: new SelectionTool(this, "box"), brush: new SelectionTool(this, "brush"), like: this.alike };
     this.toolName = name;
     this.canvas.classList.toggle("tool", Boolean(name));
   }

@@ -107,7 +107,7 @@ export class Panel {
     const { page } = this;
     const on = page.toolName === name ? null : name;
     page.setTool(on);
-    for (const id of ["box", "brush"]) element(id).setAttribute("aria-pressed", String(id === on));
+    for (const id of ["box", "brush", "like"]) element(id).setAttribute("aria-pressed", String(id === on));
   }
 
   /** Says what is selected, and which buttons have something to do. */
@@ -129,9 +129,9 @@ export class Panel {
     element("fov").value = value;
     element("fov-value").textContent = `${value}°`;
     const legend = element("legend");
-    legend.hidden = look.mode !== "depth" && look.mode !== "count";
+    legend.hidden = !["depth", "count", "alike"].includes(look.mode);
     legend.classList.toggle("reversed", look.mode === "depth");
-    const [low, high] = look.mode === "depth" ? look.depths.map((x) => x.toPrecision(3)) : ["0", "511 per pixel"];
+    const [low, high] = look.mode === "depth" ? look.depths.map((x) => x.toPrecision(3)) : look.mode === "count" ? ["0", "511 per pixel"] : ["unlike", "alike"];
     element("legend-low").textContent = low;
     element("legend-high").textContent = high;
   }
@@ -142,7 +142,7 @@ export class Panel {
       h: () => page.home(), l: () => page.level(), p: () => page.picture(), m: () => this.fold(), n: () => page.shots.step(1), v: () => page.shots.step(-1),
       f: () => element("frusta").click(), t: () => page.about.moves && element("play").click(), b: () => this.tool("box"), r: () => this.tool("brush"), i: () => page.selection.invert(),
       x: () => page.selection.hide(), u: () => page.selection.show(), 1: () => this.mode("color"), 2: () => this.mode("depth"),
-      3: () => this.mode("count"), 4: () => this.mode("centers"), "?": () => element("help").showModal(),
+      3: () => this.mode("count"), 4: () => this.mode("centers"), 5: () => page.renderer.alike && this.mode("alike"), k: () => page.alike && this.tool("like"), "?": () => element("help").showModal(),
       delete: () => page.selection.remove(), backspace: () => page.selection.remove(),
       escape: () => (page.toolName ? this.tool(page.toolName) : page.selection.clear()),
     };

@@ -73,7 +73,9 @@ export class Renderer {
     if (texels > wide * most) throw new Error(`${scene.n} Gaussians are more than this device draws (${Math.floor((wide * most) / Math.max(3, this.harmonicTexels))})`);
     this.splats = this.texture("RGBA32F", "RGBA", "FLOAT", scene.splats, 4);
     this.harmonics = this.texture("RGBA32UI", "RGBA_INTEGER", "UNSIGNED_INT", scene.harmonics, 4);
-    this.flags = this.texture("R8UI", "RED_INTEGER", "UNSIGNED_BYTE", new Uint8Array(scene.n), 1);
+    this.flags = this.texture("R16UI", "RED_INTEGER", "UNSIGNED_SHORT", new Uint16Array(scene.n), 1);
+    /** A byte per Gaussian: how like it is to what was asked for. */
+    this.alike = null;
     this.order = this.texture("R32UI", "RED_INTEGER", "UNSIGNED_INT", new Uint32Array(scene.n), 1);
     this.textures = [this.splats, this.harmonics, this.flags, this.order];
     // The device has them now.
@@ -120,9 +122,11 @@ export class Renderer {
     this.drawn = order.length;
   }
 
-  /** Takes a byte per Gaussian: 1 selected, 2 hidden, 4 deleted. */
+  /** Takes a byte per Gaussian: 1 selected, 2 hidden, 4 deleted; how alike they are goes along. */
   setFlags(flags) {
-    this.fill(this.flags, "RED_INTEGER", "UNSIGNED_BYTE", flags, 1);
+    const { alike } = this;
+    const words = Uint16Array.from(flags, alike ? (flag, i) => flag | (alike[i] << 8) : undefined);
+    this.fill(this.flags, "RED_INTEGER", "UNSIGNED_SHORT", words, 1);
   }
 
   target(kind, width, height) {

@@ -70,6 +70,23 @@ export class Selection {
     this.change((flag) => (flag & SELECTED ? (flag | DELETED) & ~SELECTED : flag));
   }
 
+  /** Selects the visible Gaussians whose numbers `hit` accepts, in place of what is selected. */
+  selectBy(hit) {
+    this.change((flag, i) => (flag & (HIDDEN | DELETED) ? flag : hit(i) ? flag | SELECTED : flag & ~SELECTED));
+  }
+
+  /** The number of the visible Gaussian whose center is nearest to a point; -1 where there is none. */
+  nearest(point) {
+    const { means, flags } = this;
+    let [found, least] = [-1, Infinity];
+    for (let i = 0; point && i < flags.length; i++) {
+      if (flags[i] & (HIDDEN | DELETED)) continue;
+      const distance = (means[3 * i] - point[0]) ** 2 + (means[3 * i + 1] - point[1]) ** 2 + (means[3 * i + 2] - point[2]) ** 2;
+      if (distance < least) [found, least] = [i, distance];
+    }
+    return found;
+  }
+
   /** Selects the visible Gaussians whose centers `inside(x, y)` accepts; adds to what is selected, or takes away, or replaces it. */
   select(camera, inside, how) {
     const { means } = this;

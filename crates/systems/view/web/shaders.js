@@ -5,7 +5,7 @@ precision highp float; precision highp int; precision highp sampler2D; precision
 `;
 
 /** Modes of drawing, as the shaders number them. */
-export const MODES = { color: 0, depth: 1, count: 2, centers: 3 };
+export const MODES = { color: 0, depth: 1, count: 2, centers: 3, alike: 4 };
 
 const PROJECT = `
 uniform sampler2D splats; uniform usampler2D harmonics, flags;
@@ -89,9 +89,9 @@ bool project(int i, out vec2 center, out vec4 cov, out vec4 color) {
   if (!(opacity >= 1.0 / 255.0)) return false;
   // The determinant from a cross product: as a difference it would lose its digits where a Gaussian is thin.
   cov = vec4(n1 + BLUR, dot(m1, m2), n2 + BLUR, blurred);
-  vec3 rgb = mode == 1 ? vec3(p.z) : radiance(i, normalize(mean.xyz - eye));
+  vec3 rgb = mode == 1 ? vec3(p.z) : mode == 4 ? vec3(float(flag >> 8) / 255.0) : radiance(i, normalize(mean.xyz - eye));
   if (mode == 3) { cov = vec4(0.6, 0.0, 0.6, 0.36); opacity = 1.0; }
-  if ((flag & 1u) != 0u && mode != 1) rgb = mix(rgb, vec3(1.0, 0.45, 0.0), 0.7);
+  if ((flag & 1u) != 0u && mode != 1 && mode != 4) rgb = mix(rgb, vec3(1.0, 0.45, 0.0), 0.7);
   color = vec4(rgb, opacity);
   return true;
 }
@@ -171,6 +171,7 @@ void main() {
   vec4 c = texelFetch(picture, ivec2(gl_FragCoord.xy), 0);
   vec3 rgb = c.rgb + (1.0 - c.a) * background;
   if (mode == 1) rgb = c.a < 0.05 ? background : mix(background, falseColor(1.0 - (c.r / c.a - depths.x) / (depths.y - depths.x)), min(1.0, 2.0 * c.a));
+  if (mode == 4) rgb = c.a < 0.05 ? background : mix(background, falseColor(c.r / c.a), min(1.0, 2.0 * c.a));
   if (mode == 2) rgb = falseColor(log2(1.0 + c.r) / 9.0);
   if (mode == 0 && exposure != 0.0) rgb = encoded(clamp(linear(clamp(rgb, 0.0, 1.0)) * exp2(exposure), 0.0, 1.0));
   shown = vec4(clamp(rgb, 0.0, 1.0), 1);

@@ -6,12 +6,14 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use contribution::contributions;
 use serde_json::{Value, json};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure};
 use weaver_geometry::Similarity;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_io::{
-    Drawing, SCENE_FORMATS, SceneFormat, check_output_file, read_gaussians, read_scene, scene_bytes, write_scene,
+    Blocks, Chained, Changed, Drawing, SCENE_FORMATS, SceneFormat, check_output_file, open_scene, scene_bytes,
+    write_blocks,
 };
 use weaver_scene::{Difference, Gaussians, Region, forms};
 
@@ -58,6 +60,11 @@ pub struct Convert {
 }
 
 impl Convert {
+    /// True if what stays of a scene depends on more than each Gaussian alone, or their number is not known before.
+    fn chooses(&self) -> bool {
+        self.crop.is_some() || self.drop_floaters || self.keep.is_some()
+    }
+
     /// The files that are read, and the one that is written.
     pub fn inputs_and_output(&self) -> (&[PathBuf], &PathBuf) {
         let (to, from) = self.files.split_last().expect("the command line has at least two");
@@ -151,10 +158,14 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
     check_output_file(to, from)?;
     let (read, drawing) = joined(from, console)?;
     let count = read.len();
-    let gaussians = edited(read, drawing, arguments)?;
-    write_scene(to, &gaussians, drawing)?;
+    let mut gaussians = turned(read, arguments);
+    // Where each Gaussian goes its own way, the scene passes through in blocks.
+    if arguments.chooses() || !format.writes_blocks() {
+        gaussians = Box::new(chosen(gaussians.into_all()?, drawing, arguments)?);
+    }
+    write_blocks(to, &*gaussians, drawing)?;
     let written =
-        Written { format, gaussians: gaussians.len(), bytes: scene_bytes(to)?, loss: loss(to, format, &gaussians)? };
+        Written { format, gaussians: gaussians.len(), bytes: scene_bytes(to)?, loss: loss(to, format, &*gaussians)? };
     if arguments.json {
         let report = written.json(from, to, count);
         return console.print(&serde_json::to_string_pretty(&report)?);
@@ -166,8 +177,8 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
 }
 
 /// The Gaussians of all files, and how they are to be drawn if they agree on it.
-fn joined(files: &[impl AsRef<Path>], console: &mut Console) -> Result<(Gaussians, Drawing), Failure> {
-    let mut scenes = files.iter().map(read_scene).collect::<Result<Vec<_>, _>>()?;
+fn joined(files: &[impl AsRef<Path>], console: &mut Console) -> Result<(Box<dyn Blocks>, Drawing), Failure> {
+    let mut scenes = files.iter().map(open_scene).collect::<Result<Vec<_>, _>>()?;
     let drawing = scenes[0].drawing;
     if scenes.iter().any(|scene| scene.drawing != drawing) {
         console
@@ -178,22 +189,35 @@ fn joined(files: &[impl AsRef<Path>], console: &mut Console) -> Result<(Gaussian
     if scenes.len() == 1 {
         return Ok((scenes.remove(0).gaussians, drawing));
     }
-    let parts: Vec<Gaussians> = scenes.into_iter().map(|scene| scene.gaussians).collect();
-    Ok((Gaussians::joined(&parts), drawing))
+    Ok((Box::new(Chained(scenes.into_iter().map(|scene| scene.gaussians).collect())), drawing))
 }
 
-/// Applies the flags, in the order that the help promises.
-fn edited(mut gaussians: Gaussians, drawing: Drawing, arguments: &Convert) -> Result<Gaussians, Failure> {
-    let Convert { rotate, scale, translate, crop, drop_floaters, keep, by, degree, .. } = arguments;
-    if rotate.is_some() || scale.is_some() || translate.is_some() {
+/// The Gaussians after --rotate, --scale, --translate and --degree, which change each of them whatever the others are.
+fn turned(gaussians: Box<dyn Blocks>, arguments: &Convert) -> Box<dyn Blocks> {
+    let Convert { rotate, scale, translate, degree, .. } = arguments;
+    let moved = (rotate.is_some() || scale.is_some() || translate.is_some()).then(|| {
         let Triple([x, y, z]) = rotate.unwrap_or(Triple([0.0; 3]));
         let [x, y, z] = [x, y, z].map(f64::to_radians);
-        gaussians = gaussians.transformed(&Similarity {
+        Similarity {
             scale: scale.unwrap_or(1.0),
             rotation: DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x),
             translation: translate.map_or(DVec3::ZERO, |Triple(by)| DVec3::from(by)),
-        });
+        }
+    });
+    let degree = degree.map_or(gaussians.degree(), |degree| gaussians.degree().min(degree.into()));
+    if moved.is_none() && degree == gaussians.degree() {
+        return gaussians;
     }
+    let change = move |block: &Gaussians| match &moved {
+        Some(moved) => block.transformed(moved).with_degree(degree),
+        None => block.with_degree(degree),
+    };
+    Box::new(Changed { from: gaussians, degree, change: Box::new(change) })
+}
+
+/// Applies the flags that choose among all Gaussians, in the order that the help promises.
+fn chosen(mut gaussians: Gaussians, drawing: Drawing, arguments: &Convert) -> Result<Gaussians, Failure> {
+    let Convert { crop, drop_floaters, keep, by, .. } = arguments;
     if let Some(region) = crop {
         gaussians = gaussians.select(&gaussians.inside(region));
     }
@@ -215,20 +239,26 @@ fn edited(mut gaussians: Gaussians, drawing: Drawing, arguments: &Convert) -> Re
         };
         gaussians = gaussians.select(&gaussians.largest(&values, count));
     }
-    match degree.map(usize::from) {
-        Some(degree) if degree < gaussians.degree => Ok(gaussians.with_degree(degree)),
-        _ => Ok(gaussians),
-    }
+    Ok(gaussians)
 }
 
 /// The difference that writing made, found by reading: none of a format that keeps every bit.
-fn loss(to: &Path, format: SceneFormat, gaussians: &Gaussians) -> Result<Option<Loss>, Failure> {
+fn loss(to: &Path, format: SceneFormat, gaussians: &dyn Blocks) -> Result<Option<Loss>, Failure> {
     if format.name == "ply" {
         return Ok(None);
     }
-    let back = read_gaussians(to)?;
-    let difference = gaussians.select(&format.order(gaussians)).difference(&back);
-    Ok(Some(Loss { difference, left_out: (gaussians.degree > back.degree).then_some(back.degree) }))
+    let back = open_scene(to)?.gaussians;
+    let order = if format.writes_blocks() { None } else { Some(format.order(&*gaussians.all()?)) };
+    let mut parts = Vec::new();
+    for rows in back.blocks() {
+        let before = match &order {
+            Some(order) => Cow::Owned(gaussians.all()?.select(&order[rows.clone()])),
+            None => gaussians.block(rows.clone())?,
+        };
+        parts.push((rows.len(), before.difference(&*back.block(rows)?)));
+    }
+    let difference = Difference::of_parts(parts);
+    Ok(Some(Loss { difference, left_out: (gaussians.degree() > back.degree()).then_some(back.degree()) }))
 }
 
 struct Loss {

@@ -7,13 +7,16 @@ use std::process::{Command, Stdio};
 use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Interrupt, Threads, in_pool};
 use weaver_fit_run::{Coverage, Outcome};
 use weaver_io::{Drawing, SceneFile, SceneFormat, check_output_file, read_scene, write_text};
+use weaver_lift_run::LiftedFile;
 use weaver_view::{HtmlOptions, Look};
-use weaver_view_run::{Exhibit, Moving, Server, Visitors};
+use weaver_view_run::{Exhibit, Features, Moving, Server, Visitors};
 
 /// Scenes in folders, the best first: of fits and networks, of lidar runs, and a scene in many files.
 const RESULTS: [&str; 3] = ["scene.ply", MAP, "meta.json"];
 /// The map of a lidar run.
 const MAP: &str = "map.ply";
+/// Features that were lifted to the scene of a folder.
+const LIFTED: &str = "lifted.safetensors";
 /// The file by which a folder of `dynamic train` is told.
 const MIXTURE: &str = "model.safetensors";
 /// Megabytes of a page above which there is a warning.
@@ -40,6 +43,12 @@ pub struct View {
     /// Folder with the photos of the cameras [default: where the cameras say that they are]
     #[arg(long, value_name = "DIR", requires = "cameras")]
     pub photos: Option<PathBuf>,
+    /// Features that `lift` gave the Gaussians: the page shows what is like a point that is clicked [default: the lifted.safetensors of the folder]
+    #[arg(long, value_name = "FILE", conflicts_with = "html")]
+    pub lifted: Option<PathBuf>,
+    /// Meters of a unit of the scene, for a scale bar [default: 1 for a run of `lidar`, else no bar]
+    #[arg(long, value_name = "METERS", value_parser = meters)]
+    pub meters: Option<f64>,
     /// Expert of a mixture of moving Gaussians that is shown [default: the one that was trained last]
     #[arg(long, value_name = "NAME")]
     pub expert: Option<String>,
@@ -76,7 +85,9 @@ pub fn run(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Re
             return Err(Failure::Usage(format!("--expert: expected the folder of `dynamic train`, found {scene}")));
         }
         let seen = Seen { scene, cameras: cameras.as_deref(), photos: photos.as_deref(), drawing: (*drawing).into() };
-        let exhibit = exhibit(&seen)?;
+        let mut exhibit = exhibit(&seen)?;
+        exhibit.look.meters = arguments.meters.or(exhibit.look.meters);
+        exhibit.features = features(arguments, exhibit.gaussians.len())?;
         match &arguments.html {
             Some(file) => write(&exhibit, file, arguments, console),
             None => serve(&exhibit, arguments, console, interrupt),
@@ -84,12 +95,25 @@ pub fn run(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Re
     })
 }
 
+/// The lifted features of a scene, if there are such and somebody may ask for them.
+fn features(arguments: &View, gaussians: usize) -> Result<Option<Features>, Failure> {
+    let beside = || Some(arguments.scene.join(LIFTED)).filter(|path| arguments.html.is_none() && path.is_file());
+    let Some(path) = arguments.lifted.clone().or_else(beside) else { return Ok(None) };
+    let lifted = LiftedFile::read(&path, &arguments.scene, gaussians)?;
+    Ok(Some(Features::new(lifted.features().to_vec(), lifted.channels)))
+}
+
+fn meters(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|x| *x > 0.0 && f64::is_finite(*x)).ok_or_else(|| "expected a positive number".into())
+}
+
 /// Shows an expert of a mixture of moving Gaussians at any time.
 fn film(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let folder = &arguments.scene;
-    if arguments.html.is_some() || arguments.cameras.is_some() {
+    if arguments.html.is_some() || arguments.cameras.is_some() || arguments.lifted.is_some() {
         let folder = folder.display();
-        let message = format!("--html, --cameras: expected a scene that does not move, found the mixture of {folder}");
+        let message =
+            format!("--html, --cameras, --lifted: expected a scene that does not move, found the mixture of {folder}");
         return Err(Failure::Usage(message));
     }
     let run = weaver_dynamic_run::Run::open(folder)?;
@@ -101,7 +125,8 @@ fn film(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Resul
     let asked = DrawingOptions::from(arguments.drawing);
     let asked = DrawingOptions { background: asked.background.or(Some(run.film().background)), ..asked };
     let (background, settings) = asked.beside(&folder.join(MIXTURE), Drawing::default())?;
-    let (look, moving) = (Look { background, settings }, Some(Moving::new(run.moments(expert))));
+    let (look, moving) =
+        (Look { background, settings, meters: arguments.meters }, Some(Moving::new(run.moments(expert))));
     let exhibit = Exhibit { look, moving, report, ..dynamic::exhibit(&run, expert, folder)? };
     serve(&exhibit, arguments, console, interrupt)
 }
@@ -144,7 +169,7 @@ pub fn exhibit(seen: &Seen<'_>) -> Result<Exhibit, Failure> {
     let named = folder.unwrap_or(&file);
     let absolute = std::path::absolute(named).unwrap_or_else(|_| named.into());
     let title = absolute.file_name().map_or("scene".into(), |name| name.to_string_lossy().into_owned());
-    let mut exhibit = Exhibit::new(title, gaussians, Look { background, settings });
+    let mut exhibit = Exhibit::new(title, gaussians, Look { background, settings, ..Look::default() });
     if let Some(cameras) = seen.cameras.map(PathBuf::from).or_else(|| within("transforms.json")) {
         exhibit = exhibit.with_cameras(&cameras, seen.photos)?;
         let coverage = folder.and_then(coverage).unwrap_or_default();
@@ -152,6 +177,7 @@ pub fn exhibit(seen: &Seen<'_>) -> Result<Exhibit, Failure> {
     }
     if file.ends_with(MAP) {
         exhibit.shots.push(weaver_lidar_run::overview());
+        exhibit.look.meters = Some(1.0);
     }
     exhibit.report = within("report.html");
     exhibit.file = Some(file);

@@ -6,6 +6,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use weaver_io::safetensors::Tensors;
 
 fn scene(folder: &Path) {
     weaver_io::write_gaussians(folder.join("scene.ply"), &gaussians()).unwrap();
@@ -110,8 +111,7 @@ fn a_server_shows_a_folder_until_it_is_interrupted() {
         let (line, body) = asked(&address, "GET", path);
         assert!(line.contains(status) && !body.is_empty(), "{path}: {line}");
     }
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-    assert!(child.wait().unwrap().success());
+    interrupt(child);
 }
 
 /// Waits until a run that is followed tells its progress.
@@ -125,6 +125,36 @@ fn progress(address: &str, expected: &str) -> String {
         std::thread::sleep(std::time::Duration::from_millis(50));
     }
     panic!("waited in vain for {expected}: {progress}");
+}
+
+/// Interrupts a server, which then ends well.
+fn interrupt(mut child: Child) {
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(child.wait().unwrap().success());
+}
+
+#[test]
+fn lifted_features_are_served_beside_their_scene() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    scene(folder);
+    let lifted = |name: &str, gaussians: usize| {
+        let mut tensors = Tensors::default();
+        tensors.insert("features", &[gaussians, 2], (0..2 * gaussians).map(|i| i as f32).collect());
+        tensors.write(folder.join(name)).unwrap();
+    };
+    lifted("lifted.safetensors", 24);
+    let mut child = start(folder, "view scene.ply --lifted lifted.safetensors --meters 0.5");
+    let (address, _rest) = address(child.stdout.take().unwrap());
+    let (status, alike) = asked(&address, "GET", "/alike?gaussian=5");
+    assert!(status.contains("200") && alike.len() == 24 && alike[5] == 255, "{status}, {alike:?}");
+    assert!(String::from_utf8(asked(&address, "GET", "/").1).unwrap().contains("\"meters\":0.5"));
+    interrupt(child);
+    lifted("others.safetensors", 23);
+    let message = refused(folder, "view scene.ply --lifted others.safetensors", 1);
+    assert!(message.contains("others.safetensors: expected features of 24 Gaussians"), "{message}");
+    refused(folder, "view scene.ply --meters 0", 2);
+    refused(folder, "view scene.ply --lifted lifted.safetensors --html a.html", 2);
 }
 
 #[test]
@@ -151,7 +181,17 @@ fn other_runs_are_followed_as_well() {
     let folder = temporary.path();
     let film =
         "dynamic train -o film --shots 2x4 --long-side 16 --experts keys,poly --gaussians 40 --steps 100000 --live";
-    for (line, scene) in [("train --preset micro --steps 100000 -o run --live", "404"), (film, "200")] {
+    printed(
+        folder,
+        "dynamic train -o small --shots 2x4 --long-side 16 --experts keys,poly --gaussians 40 --steps 2 --router-steps 2",
+    );
+    let lines = [
+        ("train --preset micro --steps 100000 -o run --live", "404"),
+        (film, "200"),
+        ("dynamic prune --run small --keep 0.5 --steps 100000 -o pruned --live", "200"),
+        ("dynamic distil --run small --expert poly --steps 100000 -o distilled --live", "200"),
+    ];
+    for (line, scene) in lines {
         let mut child = start(folder, line);
         let (address, mut rest) = address(child.stderr.take().unwrap());
         assert!(progress(&address, "loss").contains("\"version\":"));

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_scene::Gaussians;
 use weaver_view::Look;
-use weaver_view_run::{Exhibit, Followed, Moving, Server, Showing, Visitors};
+use weaver_view_run::{Exhibit, Features, Followed, Moving, Server, Showing, Visitors};
 
 pub fn gaussians(n: usize) -> Gaussians {
     let at = |i: usize| [(i % 7) as f32 * 0.2 - 0.6, (i % 5) as f32 * 0.2 - 0.4, 2.0 + (i % 3) as f32 * 0.1];
@@ -45,6 +45,23 @@ fn get(server: &Server<'_>, path: &str) -> (u16, String, Vec<u8>) {
 
 fn token(server: &Server<'_>) -> String {
     server.address().split_once("token=").unwrap().1.into()
+}
+
+#[test]
+fn features_are_compared_with_those_of_one_gaussian() {
+    let plain = exhibit(None);
+    let server = Server::bind(&plain, None, Visitors::Here).unwrap();
+    server.during(|| assert_eq!(get(&server, "/alike?gaussian=0").0, 404));
+    let features = Features::new((0..35).flat_map(|i| [1.0, i as f32]).collect(), 2);
+    let exhibit = Exhibit { features: Some(features.clone()), ..plain };
+    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    server.during(|| {
+        let (status, _, alike) = get(&server, "/alike?gaussian=3");
+        assert_eq!((status, Some(alike)), (200, features.alike(3)));
+        for wrong in ["/alike", "/alike?gaussian=35", "/alike?gaussian=-1", "/alike?gaussian=x"] {
+            assert_eq!(get(&server, wrong).0, 404, "{wrong}");
+        }
+    });
 }
 
 fn post(server: &Server<'_>, path: &str, token: &str, body: &[u8]) -> (u16, String) {

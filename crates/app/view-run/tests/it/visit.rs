@@ -8,7 +8,7 @@ use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::Image;
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
-use weaver_view_run::{Exhibit, Followed, Moving, Server, Showing, Visitors};
+use weaver_view_run::{Exhibit, Features, Followed, Moving, Server, Showing, Visitors};
 
 #[test]
 fn what_is_deleted_and_saved_is_read_back() {
@@ -121,6 +121,32 @@ fn a_scene_that_moves_is_shown_at_any_time() {
         browser.wait(&format!("{moved} !== '0.90'"));
         browser.press(&["t"]);
         browser.wait("document.getElementById('play').getAttribute('aria-pressed') === 'false'");
+    });
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
+/// A click shows what is like the Gaussian there, and selects it.
+#[test]
+fn a_click_shows_and_selects_what_is_alike() {
+    let Some(browser) = Browser::start("a_click_shows_and_selects") else { return };
+    // Two kinds, and some between.
+    let row = |i: usize| [[1.0, 0.0], [0.0, 2.0], [0.6, 0.8]][i % 3];
+    let features = Features::new((0..35).flat_map(row).collect(), 2);
+    let exhibit = Exhibit { features: Some(features.clone()), ..exhibit(None) };
+    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    server.during(|| {
+        browser.open_page(&server.address());
+        assert!(browser.is("document.getElementById('alike').disabled"));
+        browser.press(&["k"]);
+        browser.click([500, 350], 1);
+        browser.wait("splatweaver.look.mode === 'alike' && document.getElementById('alike').checked");
+        let of = browser.number("splatweaver.selection.nearest(splatweaver.pointAt(500, 350))") as usize;
+        let alike = features.alike(of).unwrap();
+        assert_eq!(browser.value("Array.from(splatweaver.renderer.alike)"), json!(alike));
+        browser.value("document.getElementById('select-alike').click()");
+        let selected = alike.iter().filter(|alike| f64::from(**alike) >= 0.8 * 255.0).count();
+        assert_eq!(browser.number("splatweaver.selection.count(1)"), selected as f64);
+        assert!((1..35).contains(&selected) && browser.is("splatweaver.look.mode === 'color'"));
     });
     assert_eq!(browser.errors(), Vec::<String>::new());
 }

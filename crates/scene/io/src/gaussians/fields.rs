@@ -18,6 +18,11 @@ pub(crate) fn check_lengths(path: &Path, gaussians: &Gaussians) -> Result<()> {
 
 /// Checks that every value is one that a renderer can use: finite, but for opacity logits, which may be infinite.
 pub(crate) fn check_values(path: &Path, gaussians: &Gaussians) -> Result<()> {
+    check_rows(path, gaussians, 0)
+}
+
+/// The same for Gaussians of which the first has a number in the file.
+pub(crate) fn check_rows(path: &Path, gaussians: &Gaussians, first: usize) -> Result<()> {
     let per_row = gaussians.coefficients() * 3;
     for i in 0..gaussians.len() {
         let fields: [(&str, &[f32]); 4] = [
@@ -28,10 +33,15 @@ pub(crate) fn check_values(path: &Path, gaussians: &Gaussians) -> Result<()> {
         ];
         let bad = fields.iter().find(|(_, values)| !values.iter().all(|x| x.is_finite()));
         if let Some((name, values)) = bad {
-            return Err(Error::invalid(path, format!("vertex {i}, {name}"), "finite numbers", format!("{values:?}")));
+            return Err(Error::invalid(
+                path,
+                format!("vertex {}, {name}", first + i),
+                "finite numbers",
+                format!("{values:?}"),
+            ));
         }
         if gaussians.opacity_logits[i].is_nan() {
-            return Err(Error::invalid(path, format!("vertex {i}, opacity"), "a number", "NaN"));
+            return Err(Error::invalid(path, format!("vertex {}, opacity", first + i), "a number", "NaN"));
         }
     }
     Ok(())

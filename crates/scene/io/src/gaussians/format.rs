@@ -1,9 +1,11 @@
 //! The formats of files of Gaussians as a table.
 
+use super::blocks::Blocks;
 use super::order::nearby;
-use super::scene_file::{Drawing, SceneFile};
+use super::scene_file::{Drawing, OpenScene, SceneFile};
 use super::sog::{self, META};
 use super::{gltf, ksplat, ply, splat, spz, wsz};
+use crate::files::content::Content;
 use crate::{Error, Result};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
@@ -26,15 +28,25 @@ pub struct SceneFormat {
     pub(super) order: Option<fn(&Gaussians) -> Vec<usize>>,
     /// The largest degree of harmonics that it holds; those beyond are left out.
     pub degree: usize,
-    /// Decodes a file, whose path is for messages and for the files beside it that it names.
-    pub(super) read: fn(&Path, &[u8]) -> Result<SceneFile>,
+    pub(super) read: Reader,
     pub(super) write: Writer,
+}
+
+/// Decoder of a file; the path is for messages.
+#[derive(Clone, Copy)]
+pub(super) enum Reader {
+    /// Of parts that are asked for.
+    Blocks(for<'a> fn(&Path, Content<'a>) -> Result<OpenScene<'a>>),
+    /// Of all at once.
+    Whole(fn(&Path, &[u8]) -> Result<SceneFile>),
 }
 
 /// Encoder of Gaussians, of which all fields have the same length.
 #[derive(Clone, Copy)]
 pub(super) enum Writer {
-    /// To a stream; the path is for messages.
+    /// To a stream, a block at a time; the path is for messages.
+    Blocks(fn(&Path, &dyn Blocks, Drawing, &mut dyn Write) -> Result<()>),
+    /// To a stream.
     Stream(fn(&Path, &Gaussians, Drawing, &mut dyn Write) -> Result<()>),
     /// To this file and others beside it.
     Files(fn(&Path, &Gaussians, Drawing) -> Result<()>),
@@ -50,8 +62,8 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "every bit",
         order: None,
         degree: MAX_DEGREE,
-        read: ply::decode,
-        write: Writer::Stream(ply::encode),
+        read: Reader::Blocks(ply::open),
+        write: Writer::Blocks(ply::encode),
     },
     SceneFormat {
         name: "compressed",
@@ -59,7 +71,7 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "11 bits of a coordinate in blocks of 256, 8 of colors; in another order",
         order: Some(by_place),
         degree: MAX_DEGREE,
-        read: ply::decode,
+        read: Reader::Blocks(ply::open),
         write: Writer::Stream(ply::encode_compressed),
     },
     SceneFormat {
@@ -68,8 +80,8 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "positions and scales, 8 bits of the rest; no harmonics",
         order: None,
         degree: 0,
-        read: splat::decode,
-        write: Writer::Stream(splat::encode),
+        read: Reader::Blocks(splat::open),
+        write: Writer::Blocks(splat::encode),
     },
     SceneFormat {
         name: "spz",
@@ -77,8 +89,8 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "24 bits of a coordinate, 8 of the rest",
         order: None,
         degree: MAX_DEGREE,
-        read: spz::decode,
-        write: Writer::Stream(spz::encode),
+        read: Reader::Blocks(spz::open),
+        write: Writer::Blocks(spz::encode),
     },
     SceneFormat {
         name: "spz4",
@@ -86,8 +98,8 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "as spz, in version 4",
         order: None,
         degree: MAX_DEGREE,
-        read: spz::decode,
-        write: Writer::Stream(spz::encode_zstd),
+        read: Reader::Blocks(spz::open),
+        write: Writer::Blocks(spz::encode_zstd),
     },
     SceneFormat {
         name: "sog",
@@ -95,7 +107,7 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "16 bits of a coordinate, 8 of the rest by tables, a palette of harmonics; in another order",
         order: Some(by_place),
         degree: 3,
-        read: sog::decode,
+        read: Reader::Whole(sog::decode),
         write: Writer::Stream(sog::encode),
     },
     SceneFormat {
@@ -104,7 +116,7 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "as sog, a folder of pictures beside this file",
         order: Some(by_place),
         degree: 3,
-        read: sog::decode_folder,
+        read: Reader::Whole(sog::decode_folder),
         write: Writer::Files(sog::encode_folder),
     },
     SceneFormat {
@@ -113,7 +125,7 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "32-bit floats of everything; up is +y",
         order: None,
         degree: 3,
-        read: gltf::decode,
+        read: Reader::Whole(gltf::decode),
         write: Writer::Stream(gltf::encode_glb),
     },
     SceneFormat {
@@ -122,7 +134,7 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "as glb, in one text file a third larger",
         order: None,
         degree: 3,
-        read: gltf::decode,
+        read: Reader::Whole(gltf::decode),
         write: Writer::Stream(gltf::encode_gltf),
     },
     SceneFormat {
@@ -131,7 +143,7 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "read only",
         order: None,
         degree: 2,
-        read: ksplat::decode,
+        read: Reader::Whole(ksplat::decode),
         write: Writer::None,
     },
     SceneFormat {
@@ -140,7 +152,7 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "more of what shows more, in a tenth of the bits of ply with harmonics; in another order",
         order: Some(wsz::order),
         degree: MAX_DEGREE,
-        read: wsz::decode,
+        read: Reader::Whole(wsz::decode),
         write: Writer::Stream(wsz::encode),
     },
 ];
@@ -184,7 +196,12 @@ impl SceneFormat {
 
     /// True if a scene is written to one file, and so to a stream.
     pub fn writes_one_file(&self) -> bool {
-        matches!(self.write, Writer::Stream(_))
+        matches!(self.write, Writer::Blocks(_) | Writer::Stream(_))
+    }
+
+    /// True if a scene is written a block at a time, so that it need not fit into memory.
+    pub fn writes_blocks(&self) -> bool {
+        matches!(self.write, Writer::Blocks(_))
     }
 
     /// True if the format is written at all.

@@ -2,12 +2,13 @@
 
 mod compressed;
 mod gaussians;
+mod header;
 mod points;
 mod table;
 mod triangles;
 
 pub(crate) use compressed::encode as encode_compressed;
-pub(crate) use gaussians::{decode, encode};
+pub(crate) use gaussians::{encode, is_scene, open};
 pub use points::{read_points, write_points};
 pub(crate) use table::Table;
 pub use triangles::{Triangles, read_triangles, write_triangles};

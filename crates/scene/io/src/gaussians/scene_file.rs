@@ -1,5 +1,7 @@
 //! What a file of Gaussians holds.
 
+use super::blocks::Blocks;
+use crate::Result;
 use weaver_scene::Gaussians;
 
 /// Gaussians of a file, and how they are to be drawn as far as the file says so.
@@ -9,6 +11,42 @@ pub struct SceneFile {
     pub gaussians: Gaussians,
     /// Settings of drawing them.
     pub drawing: Drawing,
+}
+
+/// A file of Gaussians of which any part is to be had; those of binary PLY, splat and SPZ files are read or unpacked when they are
+/// asked for.
+pub struct OpenScene<'a> {
+    /// The Gaussians.
+    pub gaussians: Box<dyn Blocks + 'a>,
+    /// Settings of drawing them.
+    pub drawing: Drawing,
+}
+
+impl OpenScene<'_> {
+    /// All that the file holds.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or holds a value that a renderer cannot use.
+    pub fn all(self) -> Result<SceneFile> {
+        Ok(SceneFile { gaussians: self.gaussians.into_all()?, drawing: self.drawing })
+    }
+}
+
+impl std::fmt::Debug for OpenScene<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (count, degree) = (self.gaussians.len(), self.gaussians.degree());
+        f.debug_struct("OpenScene")
+            .field("len", &count)
+            .field("degree", &degree)
+            .field("drawing", &self.drawing)
+            .finish()
+    }
+}
+
+impl From<SceneFile> for OpenScene<'_> {
+    fn from(SceneFile { gaussians, drawing }: SceneFile) -> Self {
+        Self { gaussians: Box::new(gaussians), drawing }
+    }
 }
 
 /// Settings of drawing the Gaussians of a file.

@@ -2,6 +2,7 @@
 
 mod array;
 mod atomic;
+mod blocks;
 mod cameras;
 mod colmap;
 mod exif;

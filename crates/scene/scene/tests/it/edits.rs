@@ -39,6 +39,8 @@ fn parts_are_joined_at_the_largest_degree() {
     assert!(joined.lengths_agree());
     assert_eq!((joined.len(), joined.degree), (5, 2));
     assert_eq!(joined.select(&[2, 3, 4]), row(3, 2));
+    assert_eq!(joined.slice(2..5), row(3, 2));
+    assert_eq!(joined.slice(0..2), row(2, 0).with_degree(2));
     assert_eq!(Gaussians::joined(&[]), Gaussians::default());
 }
 

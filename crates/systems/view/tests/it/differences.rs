@@ -55,7 +55,11 @@ fn compare(name: &str, gaussians: &Gaussians, camera: Camera, look: Look, browse
 }
 
 fn look(antialiased: bool, alpha_max: f64, background: [f32; 3]) -> Look {
-    Look { background, settings: RasterSettings { antialiased, alpha_max, ..RasterSettings::default() } }
+    Look {
+        background,
+        settings: RasterSettings { antialiased, alpha_max, ..RasterSettings::default() },
+        ..Look::default()
+    }
 }
 
 /// Pictures of generated scenes are those of the rasterizer.

@@ -107,6 +107,38 @@ fn cameras_show_their_photos_beside_the_render() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
+/// The bar is as long as its text says, at the distance of the center, whatever that is.
+#[test]
+fn a_bar_shows_the_scale_where_it_is_known() {
+    let Some(browser) = Browser::start("a_bar_shows_the_scale") else { return };
+    let scene = cloud(100, 0, 1);
+    let look = Look { meters: Some(0.5), ..Look::default() };
+    browser.open_page(&Written::page(&scene, look, &[], false).address());
+    let shown = || {
+        browser.wait(QUIET);
+        let text = browser.text("document.getElementById('scale').textContent");
+        let (number, unit) = text.split_once(' ').unwrap();
+        let unit =
+            [("km", 1000.0), ("m", 1.0), ("cm", 0.01), ("mm", 0.001)].into_iter().find(|it| it.0 == unit).unwrap();
+        let pixels = browser.number("document.getElementById('scale').getBoundingClientRect().width");
+        let per_meter = browser.number("splatweaver.camera(1).K[0] / splatweaver.viewpoint.distance / 0.5");
+        let meters = number.parse::<f64>().unwrap() * unit.1;
+        assert!(
+            (pixels / per_meter - meters).abs() < 0.02 * meters && (50.0..131.0).contains(&pixels),
+            "{text}, {pixels}"
+        );
+        meters
+    };
+    let far = shown();
+    for _ in 0..30 {
+        browser.press(&["+"]);
+    }
+    assert!(shown() < 0.3 * far);
+    browser.open_page(&Written::page(&scene, Look::default(), &[], false).address());
+    assert!(browser.is("document.getElementById('scale').hidden"));
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
 #[test]
 fn every_mode_draws_something_else() {
     let Some(browser) = Browser::start("every_mode") else { return };

@@ -3,7 +3,7 @@
 use super::train::derive;
 use clap::Args;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Interrupt, Threads};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Threads};
 use weaver_dynamic_run::{Run, Stage};
 
 /// Trains one expert on: by photos where the gate believes it, by the mixture elsewhere; writes a new run folder.
@@ -31,6 +31,8 @@ pub struct DynamicDistil {
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
     #[command(flatten)]
+    pub live: LiveFlag,
+    #[command(flatten)]
     pub threads: Threads,
 }
 
@@ -44,5 +46,5 @@ pub fn run(arguments: &DynamicDistil, console: &mut Console, interrupt: &Interru
     };
     let by = format!("training the expert {} on, {how}", arguments.expert);
     let tensors = run.tensors();
-    derive(&run, &arguments.run, (vec![stage], by), &arguments.out, tensors, (console, interrupt))
+    derive(&run, &arguments.run, (vec![stage], by), (&arguments.out, arguments.live), tensors, (console, interrupt))
 }

@@ -3,7 +3,7 @@
 use super::train::derive;
 use clap::Args;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Interrupt, Progress, Threads};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress, Threads};
 use weaver_dynamic_run::{KeepBy, Run, Stage};
 
 /// Leaves out the Gaussians that are worth least, trains the router on, and writes a new run folder.
@@ -28,6 +28,8 @@ pub struct DynamicPrune {
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
     #[command(flatten)]
+    pub live: LiveFlag,
+    #[command(flatten)]
     pub threads: Threads,
 }
 
@@ -39,5 +41,5 @@ pub fn run(arguments: &DynamicPrune, console: &mut Console, interrupt: &Interrup
     progress.finish();
     let stages = vec![Stage::Router { steps: arguments.steps as usize }];
     let by = format!("keeping {} of the Gaussians by {}", arguments.keep, arguments.by);
-    derive(&run, &arguments.run, (stages, by), &arguments.out, tensors, (console, interrupt))
+    derive(&run, &arguments.run, (stages, by), (&arguments.out, arguments.live), tensors, (console, interrupt))
 }

@@ -118,13 +118,13 @@ pub fn derive(
     run: &Run,
     from: &Path,
     (stages, by): (Vec<Stage>, String),
-    out: &Path,
+    (out, live): (&Path, LiveFlag),
     tensors: Tensors,
     (console, interrupt): (&mut Console, &Interrupt),
 ) -> Result<(), Failure> {
     let settings =
         RunSettings { stages, derived_from: Some(DerivedFrom { from: from.into(), by }), ..run.settings().clone() };
-    begin((out, LiveFlag::default()), settings, Some(tensors), console, interrupt)
+    begin((out, live), settings, Some(tensors), console, interrupt)
 }
 
 fn begin(

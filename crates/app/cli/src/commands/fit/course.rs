@@ -146,7 +146,8 @@ pub fn finish(
 
 /// The fit as it begins, to look at.
 fn exhibit(run: &Run, folder: &Path) -> Result<Exhibit, Failure> {
-    let look = Look { background: run.settings().fit.background, settings: run.fit().raster_settings() };
+    let look =
+        Look { background: run.settings().fit.background, settings: run.fit().raster_settings(), ..Look::default() };
     let exhibit = Exhibit::new(folder.display().to_string(), run.fit().gaussians(), look);
     Ok(Exhibit { shots: run.shots()?, ..exhibit })
 }

@@ -4,7 +4,8 @@
 //! position and scale in 11, 10 and 11 bits between these bounds, its rotation without the largest component in 2 and three times 10, its
 //! color and opacity in four bytes; `sh`, if there are harmonics, a byte for each of them from -4 to 4, one color after the other.
 
-use super::table::{Elements, first_lines};
+use super::header::first_lines;
+use super::table::Elements;
 use crate::gaussians::fields::{byte, check_values, unit};
 use crate::gaussians::order::{Bounds, nearby, within};
 use crate::gaussians::scene_file::Drawing;

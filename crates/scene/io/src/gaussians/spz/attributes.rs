@@ -11,8 +11,11 @@ use weaver_scene::{Gaussians, forms};
 /// Colors are stored as `0.15 x + 0.5`.
 const COLOR_SCALE: f32 = 0.15;
 
-/// The Gaussians of arrays of the lengths that the header demands.
-pub(super) fn unpack(header: &Header, [positions, opacities, colors, scales, rotations, rest]: &Streams) -> Gaussians {
+/// The Gaussians of parts of the arrays, with as many of each as the header demands for them.
+pub(super) fn unpack(
+    header: &Header,
+    [positions, opacities, colors, scales, rotations, rest]: [&[u8]; 6],
+) -> Gaussians {
     let mut gaussians = Gaussians { degree: usize::from(header.degree), ..Gaussians::default() };
     let sign = if header.turned { -1.0 } else { 1.0 };
     let turned = |[x, y, z]: [f32; 3]| [x, sign * y, sign * z];
@@ -46,8 +49,8 @@ pub(super) fn unpack(header: &Header, [positions, opacities, colors, scales, rot
     gaussians
 }
 
-/// The arrays of Gaussians for version 3 or 4.
-pub(super) fn pack(header: &Header, gaussians: &Gaussians) -> Streams {
+/// Appends Gaussians to the arrays of version 3 or 4.
+pub(super) fn pack(header: &Header, gaussians: &Gaussians, to: &mut Streams) {
     let sign = if header.turned { -1.0 } else { 1.0 };
     let steps = f64::from(1u32 << header.fraction);
     let fixed = |x: f32| (f64::from(x) * steps).round() as i32;
@@ -62,18 +65,17 @@ pub(super) fn pack(header: &Header, gaussians: &Gaussians) -> Streams {
     };
     let rows = || gaussians.sh.chunks_exact(3 * gaussians.coefficients());
     let signs = signs(header);
-    let harmonics = |row: &[f32]| -> Vec<u8> {
+    let harmonics = |row: &[f32], rest: &mut Vec<u8>| {
         let each = signs.iter().zip(row.as_chunks::<3>().0).skip(1);
-        each.flat_map(|(sign, rgb)| rgb.map(|x| byte(128.0 * sign * x + 128.0))).collect()
+        rest.extend(each.flat_map(|(sign, rgb)| rgb.map(|x| byte(128.0 * sign * x + 128.0))));
     };
-    [
-        gaussians.means.iter().flat_map(position).collect(),
-        gaussians.opacity_logits.iter().map(|logit| byte(255.0 * forms::opacity(*logit))).collect(),
-        rows().flat_map(color).collect(),
-        gaussians.log_scales.iter().flat_map(|scale| scale.map(|s| byte(16.0 * (s + 10.0)))).collect(),
-        gaussians.quats.iter().flat_map(rotation).collect(),
-        rows().flat_map(harmonics).collect(),
-    ]
+    let [positions, opacities, colors, scales, rotations, rest] = to;
+    positions.extend(gaussians.means.iter().flat_map(position));
+    opacities.extend(gaussians.opacity_logits.iter().map(|logit| byte(255.0 * forms::opacity(*logit))));
+    colors.extend(rows().flat_map(color));
+    scales.extend(gaussians.log_scales.iter().flat_map(|scale| scale.map(|s| byte(16.0 * (s + 10.0)))));
+    rotations.extend(gaussians.quats.iter().flat_map(rotation));
+    rows().for_each(|row| harmonics(row, rest));
 }
 
 /// Sign of each spherical harmonic between the file's world and ours.
