@@ -21,7 +21,7 @@ impl LiftedFile {
     pub fn read(path: &Path, scene: &Path, gaussians: usize) -> Result<Self, Failure> {
         let tensors = Tensors::read(path)?;
         let tensor = tensors.get("features")?;
-        let (TensorData::F32(_), &[rows, channels @ 1..]) = (&tensor.data, &tensor.shape[..]) else {
+        let (TensorData::F32(_), &[rows, channels @ 1..=usize::MAX]) = (&tensor.data, &tensor.shape[..]) else {
             let found = format!("{} {:?}", tensor.data.dtype(), tensor.shape);
             return Err(refused(path, "features of type F32 [Gaussians, channels]", &found));
         };
