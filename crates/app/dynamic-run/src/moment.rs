@@ -31,10 +31,10 @@ impl Mixture {
 }
 
 impl Run {
-    /// Makes the scene of a checkpoint of this run: the expert that is trained, or else was trained last, at a time, 0 to 1.
-    pub fn scenes(&self, time: f64) -> impl Fn(&Tensors) -> weaver_io::Result<Gaussians> + Sync + use<> {
+    /// Makes the scene of a checkpoint of this run at a time, 0 to 1: the expert that is trained, or else was trained last.
+    pub fn scenes(&self) -> impl Fn(&Tensors, f64) -> weaver_io::Result<Gaussians> + Sync + use<> {
         let (mixture, params, stages) = (self.mixture.clone(), self.params.clone(), self.settings.stages.clone());
-        move |state| {
+        move |state, time| {
             let stage = state.values::<u64>("place", &[2])?[0] as usize;
             let mut params = params.clone();
             take_params(state, "", &mut params)?;

@@ -9,7 +9,7 @@ use weaver_data::posed::{self, PosedOptions};
 use weaver_geometry::Undistortion;
 use weaver_io::{Bitmap, Drawing, SceneFormat, Transforms, read_cameras, write_scene};
 use weaver_scene::{Frame, Gaussians};
-use weaver_view::{HtmlOptions, Look, Shot, Subject, html, photo_file, pictured};
+use weaver_view::{HtmlOptions, Look, Shot, Subject, film_html, html, photo_file, pictured};
 
 /// Quality of photos that are served as libjpeg counts it.
 const QUALITY: u8 = 82;
@@ -130,6 +130,11 @@ impl Exhibit {
     /// # Errors
     /// As [`weaver_view::html`].
     pub fn html(&self, options: HtmlOptions) -> Result<String, Error> {
+        Ok(html(&self.subject(), &self.small_shots(), options)?)
+    }
+
+    /// All shots, with the photos that belong into one file.
+    fn small_shots(&self) -> Vec<Shot> {
         let with_photo: Vec<usize> = (0..self.shots.len()).filter(|i| self.has_photo(*i)).collect();
         let held_out: Vec<bool> = with_photo.iter().map(|i| self.shots[*i].held_out).collect();
         let chosen: Vec<usize> = pictured(&held_out).into_iter().map(|at| with_photo[at]).collect();
@@ -137,7 +142,18 @@ impl Exhibit {
         for (i, shot) in shots.iter_mut().enumerate() {
             shot.photo = if chosen.contains(&i) { self.small_photo(i) } else { None };
         }
-        Ok(html(&self.subject(), &shots, options)?)
+        shots
+    }
+
+    /// One file as [`html`](Self::html), of a scene that moves at so many moments; of one that does not, as it is.
+    ///
+    /// # Errors
+    /// As [`weaver_view::film_html`].
+    pub fn film_html(&self, moments: usize, options: HtmlOptions) -> Result<String, Error> {
+        let last = moments.max(2) - 1;
+        let at = |moving: &Moving| (0..=last).map(|i| moving.at(i as f64 / last as f64)).collect();
+        let moments: Vec<Gaussians> = self.moving.as_ref().map_or_else(Vec::new, at);
+        Ok(film_html(&self.subject(), &moments, &self.small_shots(), options)?)
     }
 
     /// Saves the Gaussians that `dropped` does not mark in this format, beside the scene's file and under a name that is free.

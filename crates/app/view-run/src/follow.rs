@@ -13,11 +13,16 @@ use weaver_scene::Gaussians;
 /// Makes the scene of a checkpoint.
 pub type SceneOf<'a> = &'a (dyn Fn(&Tensors) -> weaver_io::Result<Gaussians> + Sync);
 
+/// Makes the scene of a checkpoint at a time, 0 to 1.
+pub type FilmOf<'a> = &'a (dyn Fn(&Tensors, f64) -> weaver_io::Result<Gaussians> + Sync);
+
 /// A part of a run that a page shows beside its curves.
 #[derive(Clone, Copy)]
 pub enum Showing<'a> {
     /// The scene of its last checkpoint.
     Scene(SceneOf<'a>),
+    /// The scene of its last checkpoint, which moves.
+    Film(FilmOf<'a>),
     /// The last by name of the PNG pictures in a folder, which need not exist yet.
     Pictures(&'a Path),
 }
@@ -26,6 +31,7 @@ impl fmt::Debug for Showing<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Scene(_) => f.write_str("Scene"),
+            Self::Film(_) => f.write_str("Film"),
             Self::Pictures(folder) => f.debug_tuple("Pictures").field(folder).finish(),
         }
     }
@@ -55,19 +61,26 @@ impl Followed<'_> {
     fn shown(&self) -> Option<(SystemTime, PathBuf)> {
         let dated = |path: PathBuf| Some((path.metadata().ok()?.modified().ok()?, path));
         match self.showing {
-            Showing::Scene(_) => dated(self.folder.join(Folder::CHECKPOINT)),
+            Showing::Scene(_) | Showing::Film(_) => dated(self.folder.join(Folder::CHECKPOINT)),
             Showing::Pictures(folder) => dated(weaver_io::list_files(folder, &["png"]).ok()?.pop()?),
         }
     }
 
-    /// The scene of the last checkpoint; none where there is no checkpoint, or no scene to the run.
+    /// The scene of the last checkpoint, at a time if it moves; none where there is no checkpoint, or no scene to the run.
     ///
     /// # Errors
     /// When the checkpoint cannot be read or holds no scene.
-    pub fn gaussians(&self) -> Result<Option<Gaussians>, Error> {
-        let Showing::Scene(scene) = self.showing else { return Ok(None) };
-        let checkpoint = self.shown().map(|(_, path)| Tensors::read(&path)).transpose()?;
-        Ok(checkpoint.map(|tensors| scene(&tensors)).transpose()?)
+    pub fn gaussians(&self, time: f64) -> Result<Option<Gaussians>, Error> {
+        if let Showing::Pictures(_) = self.showing {
+            return Ok(None);
+        }
+        let Some((_, path)) = self.shown() else { return Ok(None) };
+        let state = Tensors::read(&path)?;
+        Ok(match self.showing {
+            Showing::Scene(scene) => Some(scene(&state)?),
+            Showing::Film(film) => Some(film(&state, time)?),
+            Showing::Pictures(_) => None,
+        })
     }
 
     /// The newest picture, a PNG file; none where there is none yet, or the run shows its scene.

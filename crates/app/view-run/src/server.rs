@@ -3,7 +3,7 @@
 mod answer;
 mod guard;
 
-use crate::{Error, Exhibit, Followed};
+use crate::{Error, Exhibit, Followed, Showing};
 use answer::Answer;
 use guard::Guard;
 use std::io::Read;
@@ -68,7 +68,7 @@ impl<'a> Server<'a> {
             report: report.as_deref(),
             live: followed.is_some(),
             features: exhibit.features.is_some(),
-            moves: exhibit.moving.is_some(),
+            moves: exhibit.moving.is_some() || followed.is_some_and(|followed| matches!(followed.showing, Showing::Film(_))),
         };
         let (html, policy) = (page.html(&exhibit.subject(), &exhibit.shots)?, page.policy());
         Ok(Self { http, guard, exhibit: Some(exhibit), followed, page: html, policy, saving: Mutex::new(()) })
@@ -153,10 +153,12 @@ impl<'a> Server<'a> {
 
     fn scene(&self, query: &str) -> Result<Answer, Error> {
         let time = guard::value(query, "time").and_then(|time| time.parse::<f64>().ok()).filter(|t| t.is_finite());
-        let moment = self.exhibit.and_then(|exhibit| exhibit.moving.as_ref()).zip(time);
-        let latest = match moment {
-            Some((moving, time)) => Some(moving.at(time.clamp(0.0, 1.0))),
-            None => self.followed.as_ref().map(Followed::gaussians).transpose()?.flatten(),
+        let moving = self.exhibit.and_then(|exhibit| exhibit.moving.as_ref());
+        let at = time.unwrap_or(0.5).clamp(0.0, 1.0);
+        let latest = match (&self.followed, moving) {
+            (Some(followed), _) => followed.gaussians(at)?,
+            (None, Some(moving)) if time.is_some() => Some(moving.at(at)),
+            _ => None,
         };
         let Some(scene) = latest.as_ref().or(self.exhibit.map(|exhibit| &exhibit.gaussians)) else {
             return Ok(Answer::nothing());

@@ -11,7 +11,7 @@ mod subject;
 mod template;
 
 pub use error::ViewError;
-pub use page::{HtmlOptions, ServedPage, html};
+pub use page::{HtmlOptions, ServedPage, film_html, html};
 pub use run_page::RunPage;
 pub use subject::{Look, Shot, Subject, photo_file, pictured};
 

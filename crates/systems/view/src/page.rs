@@ -50,12 +50,34 @@ pub struct HtmlOptions {
 /// # Ok::<(), weaver_view::ViewError>(())
 /// ```
 pub fn html(subject: &Subject<'_>, shots: &[Shot], options: HtmlOptions) -> Result<String, ViewError> {
-    let scene = STANDARD.encode(encoded(subject, options.lossless)?);
+    film_html(subject, &[], shots, options)
+}
+
+/// One HTML file as [`html`], of a scene that moves: with a slider that goes through `moments`, which are evenly spread over its time from
+/// beginning to end; the page begins with the subject's Gaussians.
+///
+/// # Errors
+/// As [`html`].
+pub fn film_html(
+    subject: &Subject<'_>,
+    moments: &[Gaussians],
+    shots: &[Shot],
+    options: HtmlOptions,
+) -> Result<String, ViewError> {
+    let text = |gaussians: &Gaussians| Ok(STANDARD.encode(encoded(gaussians, options.lossless)?));
+    let scene = text(subject.gaussians)?;
+    let moments = moments.iter().map(text).collect::<Result<Vec<String>, ViewError>>()?;
     let mut sum = Checksum::default();
-    sum.bytes(scene.as_bytes());
+    moments.iter().chain([&scene]).for_each(|text| sum.bytes(text.as_bytes()));
     sum.bytes(subject.title.as_bytes());
-    let further = json!({ "length": scene.len() });
-    let scene = format!("<script type=\"application/octet-stream\" id=\"scene\">{scene}</script>");
+    let mut further = json!({ "length": scene.len() });
+    if !moments.is_empty() {
+        further["moments"] = moments.iter().map(String::len).collect();
+        further["moves"] = json!(true);
+    }
+    let element = |id: &str, text: &str| format!("<script type=\"application/octet-stream\" id=\"{id}\">{text}</script>");
+    let moments = moments.iter().enumerate().map(|(i, text)| element(&format!("moment-{i}"), text));
+    let scene: String = std::iter::once(element("scene", &scene)).chain(moments).collect();
     let photo = |i: usize| shots[i].photo.as_deref().map(data_address);
     Parts { subject, shots, photo: &photo, further, scene: &scene, nonce: &sum.to_string(), connect: "'none'" }.page()
 }
@@ -126,14 +148,14 @@ fn rounds_well(gaussians: &Gaussians) -> bool {
 }
 
 /// The bytes of a scene as pages take them: gzip of PLY, or SPZ.
-fn encoded(subject: &Subject<'_>, lossless: bool) -> Result<Vec<u8>, ViewError> {
+fn encoded(gaussians: &Gaussians, lossless: bool) -> Result<Vec<u8>, ViewError> {
     let format = |name: &str| name.parse::<SceneFormat>().expect("the format is in the table");
     let mut bytes = Vec::new();
-    if !lossless && rounds_well(subject.gaussians) {
-        write_gaussians_to(&mut bytes, format("spz"), subject.gaussians)?;
+    if !lossless && rounds_well(gaussians) {
+        write_gaussians_to(&mut bytes, format("spz"), gaussians)?;
         return Ok(bytes);
     }
-    write_gaussians_to(&mut bytes, format("ply"), subject.gaussians)?;
+    write_gaussians_to(&mut bytes, format("ply"), gaussians)?;
     let mut packed = GzEncoder::new(Vec::new(), Compression::default());
     packed.write_all(&bytes)?;
     Ok(packed.finish()?)

@@ -34,9 +34,9 @@ function chart(name, values) {
 }
 
 export class Live {
-  /** `take` gets the bytes of each new scene; without it, the newest picture is shown. */
-  constructor(take) {
-    Object.assign(this, { take, curves: new Map(), since: 0, version: 0 });
+  /** `take` gets the bytes of each new scene, which is at `address()`; without it, the newest picture is shown. */
+  constructor(take, address) {
+    Object.assign(this, { take, address, curves: new Map(), since: 0, version: 0 });
     element("run").hidden = false;
     element("stop").addEventListener("click", () => this.stop());
     this.look();
@@ -80,7 +80,7 @@ export class Live {
   }
 
   async scene() {
-    const scene = await fetch("scene", { headers: { "X-Token": token() } });
+    const scene = await fetch(this.address(), { headers: { "X-Token": token() } });
     if (!scene.ok) throw new Error("no scene");
     await this.take(await scene.arrayBuffer());
   }

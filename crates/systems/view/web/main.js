@@ -257,8 +257,8 @@ class Page {
   }
 
   /** Takes a scene in place of this one, from the same place; `same` Gaussians keep what was selected, hidden and deleted. */
-  async replace(bytes, same = false) {
-    const scene = await this.background.call("load", { bytes }, [bytes]);
+  async replace(source, same = false) {
+    const scene = await this.background.call("load", source, source.bytes ? [source.bytes] : []);
     const row = rowOf(this.camera());
     const { order, range } = await this.background.call("order", { row, near: this.look.near, far: this.look.far });
     // At once from here on: no picture has the one scene in the order of the other.
@@ -266,7 +266,7 @@ class Page {
     this.renderer.setScene(scene);
     this.renderer.setOrder(order);
     [this.sortedRow, this.look.depths] = [row, range];
-    if (same) this.selection.means = scene.means;
+    if (same && scene.n === this.selection.flags.length) this.selection.means = scene.means;
     else this.selection = new Selection(scene.means, () => this.edited());
     this.counted();
     this.edited();
@@ -328,8 +328,8 @@ async function begin() {
     element("report").href = about.report;
     element("report").hidden = false;
   }
-  if (about.moves) new Moment(page);
-  if (about.live) new Live((bytes) => page.replace(bytes));
+  const moment = about.moves ? new Moment(page) : null;
+  if (about.live) new Live((bytes) => page.replace({ bytes }, Boolean(moment)), () => moment?.address() ?? "scene");
 }
 
 begin().catch((error) => {

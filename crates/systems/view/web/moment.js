@@ -6,7 +6,7 @@ import { element, say, token } from "./status.js";
 const FILM = 4;
 
 export class Moment {
-  /** `page` has replace(bytes, same). */
+  /** `page` has replace(source, same), and about with the lengths of the moments that a file of its own holds. */
   constructor(page) {
     Object.assign(this, { page, time: 0.5 });
     element("moment").hidden = false;
@@ -24,9 +24,9 @@ export class Moment {
     try {
       for (let shown = null; shown !== this.time; ) {
         shown = this.time;
-        const answer = await fetch(`scene?time=${shown}`, { headers: { "X-Token": token() } });
-        if (!answer.ok) throw new Error(await answer.text());
-        await this.page.replace(await answer.arrayBuffer(), true);
+        if (this.place() === this.last) continue;
+        this.last = this.place();
+        await this.page.replace(await this.scene(), true);
       }
     } catch (error) {
       this.playing = false;
@@ -34,6 +34,29 @@ export class Moment {
     } finally {
       this.asking = false;
     }
+  }
+
+  address() {
+    return `scene?time=${this.time}`;
+  }
+
+  /** The number of the nearest moment in this file; where a server has all moments, the time itself. */
+  place() {
+    const { moments } = this.page.about;
+    return moments ? Math.round(this.time * (moments.length - 1)) : this.time;
+  }
+
+  /** The scene at this time: from the server, or the nearest moment in this file. */
+  async scene() {
+    const { moments } = this.page.about;
+    if (moments) {
+      const text = element(`moment-${this.place()}`)?.textContent ?? "";
+      if (text.length !== moments[this.place()]) throw new Error("this file is incomplete");
+      return { text, antialiased: this.page.about.look.antialiased };
+    }
+    const answer = await fetch(this.address(), { headers: { "X-Token": token() } });
+    if (!answer.ok) throw new Error(await answer.text());
+    return { bytes: await answer.arrayBuffer() };
   }
 
   async play() {

@@ -55,6 +55,9 @@ pub struct View {
     /// Writes one HTML file that needs nothing else, in place of a server
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
+    /// Moments of a moving scene that the file holds, evenly spread over the film
+    #[arg(long, requires = "html", value_name = "N", default_value = "31", value_parser = clap::value_parser!(u16).range(2..=1000))]
+    pub moments: u16,
     /// Keeps every bit of the scene in the file; else it is rounded as SPZ does
     #[arg(long, requires = "html")]
     pub lossless: bool,
@@ -88,11 +91,15 @@ pub fn run(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Re
         let mut exhibit = exhibit(&seen)?;
         exhibit.look.meters = arguments.meters.or(exhibit.look.meters);
         exhibit.features = features(arguments, exhibit.gaussians.len())?;
-        match &arguments.html {
-            Some(file) => write(&exhibit, file, arguments, console),
-            None => serve(&exhibit, arguments, console, interrupt),
-        }
+        show(&exhibit, arguments, console, interrupt)
     })
+}
+
+fn show(exhibit: &Exhibit, arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    match &arguments.html {
+        Some(file) => write(exhibit, file, arguments, console),
+        None => serve(exhibit, arguments, console, interrupt),
+    }
 }
 
 /// The lifted features of a scene, if there are such and somebody may ask for them.
@@ -110,10 +117,10 @@ fn meters(text: &str) -> Result<f64, String> {
 /// Shows an expert of a mixture of moving Gaussians at any time.
 fn film(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let folder = &arguments.scene;
-    if arguments.html.is_some() || arguments.cameras.is_some() || arguments.lifted.is_some() {
+    if arguments.cameras.is_some() || arguments.lifted.is_some() {
         let folder = folder.display();
         let message =
-            format!("--html, --cameras, --lifted: expected a scene that does not move, found the mixture of {folder}");
+            format!("--cameras, --lifted: expected a scene that does not move, found the mixture of {folder}");
         return Err(Failure::Usage(message));
     }
     let run = weaver_dynamic_run::Run::open(folder)?;
@@ -128,7 +135,7 @@ fn film(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Resul
     let (look, moving) =
         (Look { background, settings, meters: arguments.meters }, Some(Moving::new(run.moments(expert))));
     let exhibit = Exhibit { look, moving, report, ..dynamic::exhibit(&run, expert, folder)? };
-    serve(&exhibit, arguments, console, interrupt)
+    show(&exhibit, arguments, console, interrupt)
 }
 
 /// A scene and what belongs to it, as files.
@@ -193,7 +200,11 @@ fn coverage(folder: &Path) -> Option<Coverage> {
 fn write(exhibit: &Exhibit, file: &Path, arguments: &View, console: &mut Console) -> Result<(), Failure> {
     let read = [Some(&arguments.scene), exhibit.file.as_ref(), arguments.cameras.as_ref()];
     check_output_file(file, read.into_iter().flatten().collect::<Vec<_>>())?;
-    let page = exhibit.html(HtmlOptions { lossless: arguments.lossless })?;
+    let options = HtmlOptions { lossless: arguments.lossless };
+    let page = match &exhibit.moving {
+        Some(_) => exhibit.film_html(arguments.moments as usize, options)?,
+        None => exhibit.html(options)?,
+    };
     let megabytes = page.len() as f64 / 1e6;
     match weighed(megabytes, arguments.yes) {
         Weight::Small => {}

@@ -185,6 +185,9 @@ fn other_runs_are_followed_as_well() {
         folder,
         "dynamic train -o small --shots 2x4 --long-side 16 --experts keys,poly --gaussians 40 --steps 2 --router-steps 2",
     );
+    printed(folder, "view small --html film.html --moments 3");
+    let page = std::fs::read_to_string(folder.join("film.html")).unwrap();
+    assert!(page.contains("id=\"moment-2\"") && !page.contains("id=\"moment-3\""));
     let lines = [
         ("train --preset micro --steps 100000 -o run --live", "404"),
         (film, "200"),

@@ -74,11 +74,11 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bits() {
 fn a_checkpoint_is_a_scene_at_any_time() {
     let folder = tempfile::tempdir().unwrap();
     let mut run = Run::create(folder.path(), settings(&[ExpertKind::Keys, ExpertKind::Poly], 4), None).unwrap();
-    let scenes = [0.0, 0.5].map(|time| run.scenes(time));
+    let scenes = run.scenes();
     let stop = AtomicBool::new(false);
     run.advance(&stop, |step| stop.store(step.step == 6, Ordering::Relaxed)).unwrap();
     let state = Tensors::read(folder.path().join(Folder::CHECKPOINT)).unwrap();
-    let [first, middle] = [0, 1].map(|i| scenes[i](&state).unwrap());
+    let [first, middle] = [0.0, 0.5].map(|time| scenes(&state, time).unwrap());
     let moments = run.moments(run.expert_at_hand());
     assert!(first == moments(0.0) && middle == moments(0.5) && first.means != middle.means);
     assert_eq!(middle.len(), run.mixture().counts()[1]);

@@ -125,6 +125,38 @@ fn a_scene_that_moves_is_shown_at_any_time() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
+/// A run whose scene moves is shown at the time of the slider, also after its next checkpoint.
+#[test]
+fn a_run_is_followed_at_any_time_of_its_film() {
+    let Some(browser) = Browser::start("a_run_is_followed_at_any_time") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let exhibit = Exhibit::new("run", gaussians(10), Default::default());
+    let film = |state: &Tensors, time: f64| {
+        let mut scene = gaussians(state.values::<u64>("n", &[1])?[0] as usize);
+        scene.means.iter_mut().for_each(|mean| mean[0] += time as f32);
+        Ok(scene)
+    };
+    let stop = AtomicBool::new(false);
+    let followed = Followed { folder: folder.path(), steps: 50, showing: Showing::Film(&film), stop: &stop };
+    std::fs::write(folder.path().join(Folder::LOG), "{\"step\":1,\"loss\":0.9}\n").unwrap();
+    let save = |n: u64| {
+        let mut state = Tensors::default();
+        state.insert("n", &[1], vec![n]);
+        state.write(folder.path().join(Folder::CHECKPOINT)).unwrap();
+    };
+    let server = Server::bind(&exhibit, Some(followed), Visitors::Here).unwrap();
+    server.during(|| {
+        save(20);
+        browser.open_page(&server.address());
+        browser.value("(() => { const time = document.getElementById('time'); time.value = 0.9; time.dispatchEvent(new Event('input')); })()");
+        let at = |n: usize| format!("splatweaver.scene.n === {n} && (splatweaver.scene.means[0] + 0.6).toFixed(2) === '0.90'");
+        browser.wait(&at(20));
+        save(25);
+        browser.wait(&at(25));
+    });
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
 /// A click shows what is like the Gaussian there, and selects it.
 #[test]
 fn a_click_shows_and_selects_what_is_alike() {

@@ -139,6 +139,29 @@ fn a_bar_shows_the_scale_where_it_is_known() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
+/// The slider of a file goes to the nearest moment that it holds, and needs nobody for that.
+#[test]
+fn a_film_in_one_file_is_shown_at_its_moments() {
+    let Some(browser) = Browser::start("a_film_in_one_file") else { return };
+    let mut scene = cloud(60, 0, 1);
+    let mut moment = |x: f32| {
+        scene.means.iter_mut().for_each(|mean| mean[0] += x);
+        scene.clone()
+    };
+    let moments = [moment(0.0), moment(0.25), moment(0.5)];
+    browser.open_page(&Written::film(&moments).address());
+    browser.value("splatweaver.selection.change((flag, i) => (i < 5 ? 2 : 0))");
+    for (time, shown) in [("0.6", 1), ("1", 2), ("0.1", 0)] {
+        browser.value(&format!("(() => {{ const t = document.getElementById('time'); t.value = {time}; t.dispatchEvent(new Event('input')); }})()"));
+        let at = moments[shown].means[0][0];
+        browser.wait(&format!("Math.abs(splatweaver.scene.means[0] - {at}) < 1e-3"));
+    }
+    assert_eq!(browser.number("splatweaver.selection.count(2)"), 5.0);
+    browser.press(&["t"]);
+    browser.wait("document.getElementById('play').getAttribute('aria-pressed') === 'true'");
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
 #[test]
 fn every_mode_draws_something_else() {
     let Some(browser) = Browser::start("every_mode") else { return };

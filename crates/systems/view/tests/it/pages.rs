@@ -2,7 +2,7 @@
 
 use tempfile::TempDir;
 use weaver_scene::Gaussians;
-use weaver_view::{HtmlOptions, Look, Shot, Subject, html};
+use weaver_view::{HtmlOptions, Look, Shot, Subject, film_html, html};
 
 pub struct Written {
     folder: TempDir,
@@ -19,6 +19,12 @@ impl Written {
     pub fn page(gaussians: &Gaussians, look: Look, shots: &[Shot], lossless: bool) -> Self {
         let subject = Subject { title: "scene", gaussians, look };
         Self::text(&html(&subject, shots, HtmlOptions { lossless }).unwrap())
+    }
+
+    /// Writes a page of a scene that moves, which begins with the first of its moments.
+    pub fn film(moments: &[Gaussians]) -> Self {
+        let subject = Subject { title: "film", gaussians: &moments[0], look: Look::default() };
+        Self::text(&film_html(&subject, moments, &[], HtmlOptions::default()).unwrap())
     }
 
     pub fn address(&self) -> String {

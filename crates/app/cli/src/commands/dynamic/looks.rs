@@ -9,7 +9,7 @@ use weaver_view::{Look, Shot, ViewError, photo_file};
 use weaver_view_run::Exhibit;
 
 /// The moment of the film that a page shows, or begins with.
-pub const MOMENT: f64 = 0.5;
+const MOMENT: f64 = 0.5;
 /// Cameras that a page has at most: those of a hand-held film are as many as its photos.
 const SHOTS: usize = 100;
 

@@ -1,7 +1,7 @@
 //! `splatweaver dynamic train`, and what every run of it does.
 
 use super::eval;
-use super::looks::{MOMENT, exhibit};
+use super::looks::exhibit;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, LiveFlag, MOST_SEED, Progress, Threads, choice, duration};
@@ -155,9 +155,9 @@ fn finish(
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
     let [done, steps] = run.steps();
-    let (scenes, stop) = (run.scenes(MOMENT), interrupt.watch());
+    let (scenes, stop) = (run.scenes(), interrupt.watch());
     let exhibit = follows.live.then(|| exhibit(&run, run.expert_at_hand(), folder)).transpose()?;
-    let followed = Followed { folder, steps, showing: Showing::Scene(&scenes), stop };
+    let followed = Followed { folder, steps, showing: Showing::Film(&scenes), stop };
     let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
     if server.is_some() {
         run.follow();
