@@ -7,17 +7,20 @@ const HEIGHT: f64 = 140.0;
 /// Room for numbers beside the chart.
 const LEFT: f64 = 64.0;
 
+/// Quotient of the largest and the smallest value above which an axis is logarithmic.
+const TENFOLD: f64 = 10.0;
+
 /// A small line chart of points (step, value), finite ones, and whether its axis is logarithmic, which it is if all values are
-/// positive, and the last value; none without points.
+/// positive and the largest is more than ten times the smallest, and the last value; none without points.
 pub(crate) fn svg(points: &[(usize, f64)]) -> Option<(String, bool, f64)> {
     let points: Vec<(f64, f64)> = points.iter().map(|(step, value)| (*step as f64, *value)).collect();
     let (first, (last, end)) = (points.first()?.0, *points.last()?);
     let last = last.max(first + 1.0);
-    let logarithmic = points.iter().all(|p| p.1 > 0.0);
+    let (smallest, largest) = points.iter().map(|p| p.1).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
+    let logarithmic = smallest > 0.0 && largest > TENFOLD * smallest;
     let scale = |v: f64| if logarithmic { v.log10() } else { v };
     let (low, high) = points.iter().map(|p| scale(p.1)).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
     let span = (high - low).max(1e-9);
-    let (smallest, largest) = points.iter().map(|p| p.1).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
     let mut path = String::new();
     for (step, v) in &points {
         let (x, y) = ((step - first) / (last - first) * WIDTH, HEIGHT - (scale(*v) - low) / span * HEIGHT);

@@ -184,17 +184,18 @@ impl Page {
 
     /// Adds a small line chart of points (step, value) in order of their steps; adds nothing without points.
     ///
-    /// Values that are not finite are left out. The axis is logarithmic if all values are positive.
+    /// Values that are not finite are left out. The axis is logarithmic if all values are positive and the largest is more than ten times the
+    /// smallest.
     pub fn curve(&mut self, name: &str, points: impl IntoIterator<Item = (usize, f64)>) -> &mut Self {
         let points: Vec<(usize, f64)> = points.into_iter().filter(|(_, value)| value.is_finite()).collect();
         let Some((svg, logarithmic, last)) = curve::svg(&points) else { return self };
         let axis = if logarithmic { ", log axis" } else { "" };
-        let name = escape(name);
+        let (name, digits) = (escape(name), if last.fract() == 0.0 { 0 } else { 4 });
         let rows: Vec<String> = points.iter().map(|(step, value)| format!("[{step},{value:?}]")).collect();
         let rows = rows.join(",");
         self.scripted = true;
         self.put(format_args!(
-            "<figure class=\"curve\" data-points=\"[{rows}]\">{svg}<figcaption>{name} (last {last:.4}{axis})</figcaption></figure>"
+            "<figure class=\"curve\" data-points=\"[{rows}]\">{svg}<figcaption>{name} (last {last:.digits$}{axis})</figcaption></figure>"
         ))
     }
 

@@ -118,7 +118,8 @@ fn logs_and_report_say_what_happened() {
             "loss" => format!("loss, {}", last.stage),
             name => name.replace('_', " "),
         };
-        assert!(report.contains(&format!("<figcaption>{title} (last {value:.4}")), "{title} {value}");
+        let digits = if value.fract() == 0.0 { 0 } else { 4 };
+        assert!(report.contains(&format!("<figcaption>{title} (last {value:.digits$}")), "{title} {value}");
     }
     for sample in ["step-000003", "step-000004"] {
         assert!(report.contains(&format!("<figcaption>{sample}</figcaption>")), "{sample}");

@@ -99,6 +99,13 @@ fn a_curve_that_touches_zero_has_a_linear_axis() {
     assert_eq!(caption, "c (last 4.0000)");
 }
 
+/// Decibels that hardly change are no matter of powers of ten; whole numbers have no digits behind the point.
+#[test]
+fn a_curve_of_similar_values_has_a_linear_axis() {
+    let (corners, caption) = curve(&[(0, 10.0), (1, 30.0), (2, 20.0)]);
+    assert_eq!((corners[2][1], caption.as_str()), (70.0, "c (last 20)"));
+}
+
 #[test]
 fn curves_without_extent_are_drawn_or_left_out() {
     assert_eq!(curve(&[(7, 2.0)]).0, [[0.0, 140.0]]);
