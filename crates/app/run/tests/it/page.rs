@@ -96,7 +96,7 @@ fn powers_are_a_line_on_a_logarithmic_axis() {
 fn a_curve_that_touches_zero_has_a_linear_axis() {
     let (corners, caption) = curve(&[(0, 0.0), (1, 3.0), (4, 4.0)]);
     assert_eq!(corners, [[0.0, 140.0], [100.0, 35.0], [400.0, 0.0]]);
-    assert_eq!(caption, "c (last 4.0000)");
+    assert_eq!(caption, "c (last 4)");
 }
 
 /// Decibels that hardly change are no matter of powers of ten; whole numbers have no digits behind the point.
