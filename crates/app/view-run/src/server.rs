@@ -68,7 +68,8 @@ impl<'a> Server<'a> {
             report: report.as_deref(),
             live: followed.is_some(),
             features: exhibit.features.is_some(),
-            moves: exhibit.moving.is_some() || followed.is_some_and(|followed| matches!(followed.showing, Showing::Film(_))),
+            moves: exhibit.moving.is_some()
+                || followed.is_some_and(|followed| matches!(followed.showing, Showing::Film(_))),
         };
         let (html, policy) = (page.html(&exhibit.subject(), &exhibit.shots)?, page.policy());
         Ok(Self { http, guard, exhibit: Some(exhibit), followed, page: html, policy, saving: Mutex::new(()) })

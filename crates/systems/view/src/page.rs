@@ -75,7 +75,8 @@ pub fn film_html(
         further["moments"] = moments.iter().map(String::len).collect();
         further["moves"] = json!(true);
     }
-    let element = |id: &str, text: &str| format!("<script type=\"application/octet-stream\" id=\"{id}\">{text}</script>");
+    let element =
+        |id: &str, text: &str| format!("<script type=\"application/octet-stream\" id=\"{id}\">{text}</script>");
     let moments = moments.iter().enumerate().map(|(i, text)| element(&format!("moment-{i}"), text));
     let scene: String = std::iter::once(element("scene", &scene)).chain(moments).collect();
     let photo = |i: usize| shots[i].photo.as_deref().map(data_address);
