@@ -42,7 +42,7 @@ pub(crate) fn open<'a>(path: &Path, content: Content<'a>) -> Result<OpenScene<'a
     Ok(OpenScene { gaussians: Box::new(Arrays { path: path.to_path_buf(), header, streams }), drawing })
 }
 
-/// What a file unpacks to.
+/// The arrays that a file unpacks to.
 struct Arrays {
     path: PathBuf,
     header: Header,

@@ -116,7 +116,7 @@ impl Element {
     }
 }
 
-/// What comes before the rows.
+/// The part of a file before its rows.
 pub(super) struct Header {
     pub format: Format,
     pub elements: Vec<Element>,
