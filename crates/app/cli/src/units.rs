@@ -1,6 +1,7 @@
 //! Commands as units of work that may be started again: `--if-complete skip`.
 
 use crate::commands::{Command, Unit};
+use crate::processes::Processes;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt};
@@ -31,6 +32,10 @@ pub fn run(command: &Command, settings: &str, console: &mut Console, interrupt: 
     }
     // A folder that is claimed for the moment of writing is nobody's while the command claims it.
     let write = |complete: bool| -> Result<(), Failure> {
+        // The first of several processes alone writes.
+        if Processes::follows() {
+            return Ok(());
+        }
         let folder = OutputFolder::claim(&out, "unit", &inputs)?;
         let text = json!({ "unit": checksum, "complete": complete }).to_string() + "\n";
         Ok(write_text(folder.file(MARK)?, &text)?)

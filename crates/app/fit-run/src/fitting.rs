@@ -1,11 +1,15 @@
 //! The optimization of a capture, as a job in steps.
 
-use crate::loaded::Loaded;
-use crate::{RunError, RunSettings};
+use crate::loaded::{Loaded, load};
+use crate::run::INIT;
+use crate::{RunError, RunFile, RunSettings};
+use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
-use weaver_fit::{Fit, Judge};
+use weaver_fit::{Fit, FitRasterizer, Judge};
 use weaver_io::safetensors::Tensors;
-use weaver_run::{Job, Log, Rhythm, Save, Scalar, StepReport};
+use weaver_kernels::ranks::{Alone, Ranks, agreed_text};
+use weaver_run::{Folder, Job, Log, Rhythm, Save, Scalar, StepReport};
 
 /// A capture and the Gaussians that are fitted to it.
 #[derive(Debug)]
@@ -13,6 +17,8 @@ pub(crate) struct Fitting {
     pub settings: RunSettings,
     pub capture: Loaded,
     pub judge: Judge,
+    /// The processes that share the steps.
+    pub ranks: Arc<dyn Ranks>,
     /// Seconds of earlier sessions.
     before: f64,
     started: Instant,
@@ -25,7 +31,45 @@ const SECONDS: &str = "seconds";
 
 impl Fitting {
     pub fn new(settings: RunSettings, capture: Loaded, judge: Judge, started: Instant) -> Self {
-        Self { settings, capture, judge, before: 0.0, started }
+        Self { settings, capture, judge, ranks: Arc::new(Alone), before: 0.0, started }
+    }
+
+    /// The job of the run in a folder, which says `file` of itself, at its beginning.
+    pub fn stored(
+        file: RunFile,
+        folder: &Path,
+        judge: Judge,
+        rasterizer: Arc<dyn FitRasterizer>,
+    ) -> Result<Self, RunError> {
+        let started = Instant::now();
+        let RunFile { mut settings, sources, coverage } = file;
+        let given = folder.join(INIT);
+        let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
+        let mut capture = load(&mut settings, given.as_ref(), rasterizer)?;
+        capture.coverage = coverage;
+        capture.sources.check(&sources, &settings.capture, &folder.join(RunFile::NAME))?;
+        Ok(Self::new(settings, capture, judge, started))
+    }
+
+    /// Writes what was asked for and what was read.
+    pub fn store(&self, folder: &Folder) -> Result<(), RunError> {
+        let Loaded { sources, coverage, .. } = &self.capture;
+        let file = RunFile { settings: self.settings.clone(), sources: sources.clone(), coverage: coverage.clone() };
+        Ok(folder.store_text(&file.text(folder.path())?)?)
+    }
+
+    /// Lets the other processes read the run in its folder, and shares the steps with them.
+    pub fn share(&mut self, ranks: Arc<dyn Ranks>, folder: &Folder) -> Result<(), RunError> {
+        let path = std::path::absolute(folder.path()).unwrap_or(folder.path().into());
+        agreed_text(&*ranks, &path.to_string_lossy());
+        self.capture.fit.share(ranks.clone())?;
+        self.ranks = ranks;
+        Ok(())
+    }
+
+    /// Tells the other processes to take one more step, or that there is none.
+    pub fn announce(&self, more: bool) {
+        self.ranks.agreed(more.into());
     }
 
     pub fn fit(&self) -> &Fit {
@@ -46,6 +90,7 @@ impl Job for Fitting {
     }
 
     fn step(&mut self) -> Result<StepReport, RunError> {
+        self.announce(true);
         let weaver_fit::StepReport { step, loss, psnr, gaussians, pairs, .. } = self.capture.fit.step()?;
         let scalars = vec![
             Scalar::mean("psnr", psnr),

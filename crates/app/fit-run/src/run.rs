@@ -2,15 +2,17 @@
 
 use crate::compressed;
 use crate::fitting::Fitting;
-use crate::loaded::{Loaded, load};
+use crate::loaded::load;
 use crate::{Coverage, Matching, RunError, RunFile, RunSettings};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Judge, steps_in};
 use weaver_io::SceneFormat;
-use weaver_run::{Folder, Kind, StepReport};
+use weaver_io::safetensors::Tensors;
+use weaver_kernels::ranks::{Alone, Ranks, agreed_text};
+use weaver_run::{Folder, Job, Kind, StepReport};
 use weaver_scene::{Gaussians, Photo};
 use weaver_view::Shot;
 
@@ -19,7 +21,7 @@ use weaver_view::Shot;
 pub struct Run(pub(crate) weaver_run::Run<Fitting>);
 
 /// The Gaussians that a run began with.
-const INIT: &str = "init.ply";
+pub(crate) const INIT: &str = "init.ply";
 /// The folder of the cameras and points as COLMAP has them.
 pub(crate) const MODEL: &str = "sparse/0";
 const KIND: Kind = Kind {
@@ -68,10 +70,25 @@ impl Run {
     /// left behind.
     pub fn begin(
         folder: Folder,
+        settings: RunSettings,
+        given: Option<&Gaussians>,
+        judge: Judge,
+        rasterizer: Arc<dyn FitRasterizer>,
+    ) -> Result<Self, RunError> {
+        Self::begin_shared(folder, settings, given, judge, rasterizer, Arc::new(Alone))
+    }
+
+    /// [Begins](Self::begin) a run whose steps several processes share; the others [take part](Self::take_part).
+    ///
+    /// # Errors
+    /// As [`begin`](Self::begin), and as [`Fit::share`].
+    pub fn begin_shared(
+        folder: Folder,
         mut settings: RunSettings,
         given: Option<&Gaussians>,
         judge: Judge,
         rasterizer: Arc<dyn FitRasterizer>,
+        ranks: Arc<dyn Ranks>,
     ) -> Result<Self, RunError> {
         let started = Instant::now();
         folder.out().check(further(&settings))?;
@@ -79,11 +96,23 @@ impl Run {
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
         let capture = load(&mut settings, given, rasterizer)?;
         let mut job = Fitting::new(settings, capture, judge, started);
+        let found = job.capture.found.take();
+        let store = |job: &Fitting| {
+            let given = given.or(found.as_ref());
+            given.map_or(Ok(()), |given| weaver_io::write_gaussians(folder.out().file(INIT)?, given))?;
+            job.store(&folder)
+        };
+        if ranks.size() > 1 {
+            // The others read it; the number of steps may still change.
+            store(&job)?;
+            job.share(ranks, &folder)?;
+            job.ranks.agreed(job.settings.minutes.is_some().into());
+        }
         if let Some(minutes) = job.settings.minutes {
             let reserve = job.seconds_of_results()?;
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
             let enough = steps_in(&mut job.capture.fit, left.max(0.0))?;
-            let steps = enough.max(job.settings.least_steps);
+            let steps = job.ranks.agreed(enough.max(job.settings.least_steps) as u64) as usize;
             let few = format!("{minutes:.2} minutes are enough for {enough} steps");
             if steps > enough {
                 job.capture.remarks.push(format!("{few}; {steps} are made, which takes longer"));
@@ -95,12 +124,7 @@ impl Run {
             job.capture.fit.set_steps(steps);
             job.settings.fit.steps = steps;
         }
-        if let Some(given) = given.or(job.capture.found.take().as_ref()) {
-            weaver_io::write_gaussians(folder.out().file(INIT)?, given)?;
-        }
-        let Loaded { sources, coverage, .. } = &job.capture;
-        let file = RunFile { settings: job.settings.clone(), sources: sources.clone(), coverage: coverage.clone() };
-        folder.store_text(&file.text(folder.path())?)?;
+        store(&job)?;
         Ok(Self(weaver_run::Run::begin(folder, job)))
     }
 
@@ -109,16 +133,54 @@ impl Run {
     /// # Errors
     /// When there is no run or it is under way elsewhere, its files or its capture cannot be read, or they no longer belong together.
     pub fn resume(folder: &Path, judge: Judge, rasterizer: Arc<dyn FitRasterizer>) -> Result<Self, RunError> {
-        let started = Instant::now();
-        let RunFile { mut settings, sources, coverage } = RunFile::read(folder)?;
-        let given = folder.join(INIT);
-        let further = further(&settings).chain([INIT.into()]);
+        Self::resume_shared(folder, judge, rasterizer, Arc::new(Alone))
+    }
+
+    /// [Goes on](Self::resume) with a run whose steps several processes share, whatever their number was before; the others
+    /// [take part](Self::take_part).
+    ///
+    /// # Errors
+    /// As [`resume`](Self::resume), and as [`Fit::share`].
+    pub fn resume_shared(
+        folder: &Path,
+        judge: Judge,
+        rasterizer: Arc<dyn FitRasterizer>,
+        ranks: Arc<dyn Ranks>,
+    ) -> Result<Self, RunError> {
+        let file = RunFile::read(folder)?;
+        let further = further(&file.settings).chain([INIT.into()]);
         let folder = Folder::reopen_with(folder, KIND, further)?;
-        let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
-        let mut capture = load(&mut settings, given.as_ref(), rasterizer)?;
-        capture.coverage = coverage;
-        capture.sources.check(&sources, &settings.capture, &folder.path().join(RunFile::NAME))?;
-        Ok(Self(weaver_run::Run::resume(folder, Fitting::new(settings, capture, judge, started))?))
+        let job = Fitting::stored(file, folder.path(), judge, rasterizer)?;
+        let mut run = weaver_run::Run::resume(folder, job)?;
+        if ranks.size() > 1 {
+            run.job.share(ranks, &run.folder)?;
+            run.job.ranks.agreed(false.into());
+        }
+        Ok(Self(run))
+    }
+
+    /// The part of a process that is not the first of those that share a run, of which it knows nothing yet: reads what the first one has begun, in
+    /// its folder, and takes part in every step until the first one has no more. Writes nothing.
+    ///
+    /// # Errors
+    /// When run, capture or checkpoint cannot be read or are others than those of the first process; as [`Fit::step`].
+    pub fn take_part(rasterizer: Arc<dyn FitRasterizer>, ranks: Arc<dyn Ranks>) -> Result<(), RunError> {
+        // Waits for the first process.
+        let folder = PathBuf::from(agreed_text(&*ranks, ""));
+        let mut job = Fitting::stored(RunFile::read(&folder)?, &folder, Judge::default(), rasterizer)?;
+        let checkpoint = folder.join(Folder::CHECKPOINT);
+        if checkpoint.exists() {
+            job.restore(&Tensors::read(&checkpoint)?)?;
+        }
+        job.capture.fit.share(ranks.clone())?;
+        if ranks.agreed(0) == 1 {
+            steps_in(&mut job.capture.fit, 0.0)?;
+            job.capture.fit.set_steps(ranks.agreed(0) as usize);
+        }
+        while ranks.agreed(0) == 1 {
+            job.capture.fit.step()?;
+        }
+        Ok(())
     }
 
     /// The optimization alone, at its beginning, drawn by `rasterizer`: nothing is written.
@@ -183,7 +245,8 @@ impl Run {
         self.0.folder.follow();
     }
 
-    /// Runs to the last step, or until `stop` is set, and leaves a checkpoint. `observe` is called after every step.
+    /// Runs to the last step, or until `stop` is set, and leaves a checkpoint. `observe` is called after every step. Other processes have then done
+    /// their part.
     ///
     /// # Errors
     /// As [`Fit::step`](weaver_fit::Fit::step), and when a file cannot be written; the last checkpoint then stays as it was.
@@ -192,6 +255,7 @@ impl Run {
             observe(report);
             Ok(())
         })?;
+        self.0.job.announce(false);
         Ok(())
     }
 }

@@ -1,4 +1,4 @@
-//! Processes of an MPI as those that share the batches of a training step (`weaver_trainer::Ranks`).
+//! Processes of an MPI as those that share the sums of a training step or of a fit (`weaver_kernels::ranks::Ranks`).
 //!
 //! The feature `mpi` needs an MPI with its headers (Open MPI, MPICH) and libclang; without the feature the crate is empty, so that a
 //! workspace is built without either.
@@ -10,10 +10,13 @@ use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives, Destination, Root, Source};
 use std::fmt::{self, Debug, Formatter};
 use std::sync::Arc;
-use weaver_trainer::Ranks;
+use weaver_kernels::ranks::Ranks;
 
 /// Variables that launchers set for each process: Open MPI's, that of PMI (MPICH, Intel MPI, Slurm) and of PMIx.
 const LAUNCHED: [&str; 4] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMI_RANK", "PMIX_RANK"];
+
+/// Those of them that have the number of the process.
+const NUMBERED: [&str; 3] = ["OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK"];
 
 /// The processes of an MPI, until this value is dropped. A process that panics ends all.
 pub struct Processes {
@@ -35,6 +38,12 @@ impl Processes {
         let all = SimpleCommunicator::world();
         let world = World { rank: all.rank() as usize, size: all.size() as usize };
         Some(Self { world, _universe: universe })
+    }
+
+    /// True in a process that an MPI launched as another than the first, before it has joined them.
+    pub fn follows() -> bool {
+        let rank = NUMBERED.iter().find_map(std::env::var_os);
+        rank.is_some_and(|rank| rank != "0")
     }
 
     /// The processes as those of a session.

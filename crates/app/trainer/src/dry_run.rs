@@ -21,6 +21,8 @@ pub struct DryRun {
     pub average: usize,
     /// Bytes that the tape allocated in all: a little more than the largest peak of a step.
     pub tape: usize,
+    /// Batches of a step.
+    pub batches: usize,
     /// The stages that are still to be trained.
     pub stages: Vec<StageMemory>,
 }

@@ -16,7 +16,6 @@ mod initial;
 mod looks;
 pub mod losses;
 pub mod observe;
-mod ranks;
 mod recipe;
 mod registry;
 mod rows;
@@ -37,7 +36,6 @@ pub use figures::{AlignedFigures, CameraFigures, Evaluation, LookFigures, SceneF
 pub use looks::LooksConfig;
 pub use losses::Terms;
 pub use observe::Observer;
-pub use ranks::{Alone, Ranks};
 pub use recipe::{LossSection, NoSettings, Recipe, Section, Step};
 pub use registry::{
     ConfigSource, EvalOptions, MatchingOverride, ModelEntry, OpenRun, Registry, ResolvedConfig, Source, Training,
@@ -45,6 +43,7 @@ pub use registry::{
 };
 pub use rows::TrainedRows;
 pub use session::{PendingStep, Session};
+pub use weaver_kernels::ranks::{Alone, Ranks};
 pub use weaver_run::{Folder, StepReport};
 
 /// The example of the README, compiled and run.

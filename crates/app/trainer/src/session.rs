@@ -206,7 +206,8 @@ impl<R: Recipe> Session<R> {
         self.sample(folder)?;
         self.evaluate_some(1)?;
         let [parameters, optimizer, average] = [1, 2, 1].map(|copies| copies * 4 * self.params.count());
-        Ok(DryRun { parameters, optimizer, average, tape: self.tape_bytes(), stages })
+        let batches = self.config.optimizer.accumulate;
+        Ok(DryRun { parameters, optimizer, average, tape: self.tape_bytes(), batches, stages })
     }
 
     /// The stage of the next step; `None` when the run is finished.

@@ -25,6 +25,7 @@ pub mod parallel;
 pub mod peak;
 pub mod permute;
 pub mod random;
+pub mod ranks;
 mod real;
 pub mod reduce;
 pub mod resample;

@@ -1,8 +1,7 @@
 //! Comparison of a drawn view with its photo.
 
-use crate::exposure::Exposure;
+use crate::exposure::{self, Exposure};
 use crate::objective::Objective;
-use crate::settings::FitSettings;
 use weaver_kernels::{parallel, simd};
 
 /// A photo as a view is compared with it.
@@ -36,20 +35,20 @@ impl Buffers {
         depth.resize(pixels, 0.0);
     }
 
-    /// The loss, its gradient with respect to the image, and the mean squared difference.
+    /// The loss, the mean squared difference, and the gradient of the loss with respect to the correction; that with respect to the image
+    /// is then in the buffers.
     pub fn compare(
         &mut self,
         photo: &Compared<'_>,
-        exposure: Option<&mut Exposure>,
-        settings: &FitSettings,
+        exposure: Option<&Exposure>,
         objective: &mut dyn Objective,
-    ) -> (f64, f64) {
+    ) -> (f64, f64, Option<[f32; exposure::NUMBERS]>) {
         const GRAIN: usize = 3 << 12;
         parallel::for_chunks(&mut self.target, GRAIN, |chunk, target| {
             let bytes = &photo.rgb[chunk * GRAIN..];
             target.iter_mut().zip(bytes).for_each(|(t, b)| *t = f32::from(*b) * (1.0 / 255.0));
         });
-        let corrected = match &exposure {
+        let corrected = match exposure {
             Some(exposure) => {
                 exposure.apply(&self.image, &mut self.corrected);
                 &mut self.corrected
@@ -71,11 +70,8 @@ impl Buffers {
             let pixels = self.gradient.chunks_exact_mut(3).zip(mask);
             pixels.filter(|(_, m)| !**m).for_each(|(g, _)| g.fill(0.0));
         }
-        if let Some(exposure) = exposure {
-            let rates = [settings.rates.exposure, settings.rates.exposure_rest].map(|rate| rate as f32);
-            exposure.descend(&self.image, &mut self.gradient, rates);
-        }
-        (loss, mse)
+        let of_exposure = exposure.map(|exposure| exposure.pull_back(&self.image, &mut self.gradient));
+        (loss, mse, of_exposure)
     }
 }
 

@@ -41,12 +41,13 @@ impl Fit {
         self.resident.as_ref().is_none_or(|resident| resident.newer != Newer::Device)
     }
 
-    /// True if steps are taken on the device: it has no color corrections, refines no cameras and drops no Gaussians.
+    /// True if steps are taken on the device: it has no color corrections, refines no cameras, drops no Gaussians and looks at one photo.
     pub(crate) fn is_resident(&self) -> bool {
         self.resident.is_some()
             && self.exposures.is_empty()
             && !self.settings.poses.refine
             && self.settings.dropout == 0.0
+            && self.settings.views_per_step == 1
     }
 
     /// Time of each pass on the device since this was last asked; nothing where that is not measured.

@@ -42,6 +42,14 @@ pub enum FitError {
         /// The Gaussian, what was expected and what was found.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
+    /// A process that shares the steps holds another fit.
+    #[error("process {process}: {key}: expected that of process 0, found another")]
+    Process {
+        /// Number of the process.
+        process: usize,
+        /// The part that differs.
+        key: &'static str,
+    },
     /// The rasterizer refused.
     #[error(transparent)]
     Raster(#[from] weaver_splat::RasterError),

@@ -15,7 +15,9 @@ pub struct Exposure {
     pub(crate) steps: u64,
 }
 
-const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+/// Numbers of a map.
+pub(crate) const NUMBERS: usize = 12;
+const IDENTITY: [f32; NUMBERS] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 /// Weight of the squared distance to the identity, which keeps the scene's colors from drifting.
 const TO_IDENTITY: f32 = 1e-2;
 
@@ -85,10 +87,9 @@ impl Exposure {
         }
     }
 
-    /// Takes the gradient with respect to the corrected image back to the image, and one step of the correction; `rates` are those of
-    /// the gains and of the rest.
-    pub(crate) fn descend(&mut self, image: &[f32], gradient: &mut [f32], rates: [f32; 2]) {
-        let mut sums = [0.0_f64; 12];
+    /// Takes the gradient with respect to the corrected image back to the image, and returns that with respect to the correction.
+    pub(crate) fn pull_back(&self, image: &[f32], gradient: &mut [f32]) -> [f32; NUMBERS] {
+        let mut sums = [0.0_f64; NUMBERS];
         let e = self.matrix;
         for (from, g) in image.chunks_exact(3).zip(gradient.chunks_exact_mut(3)) {
             for (row, g) in g.iter().enumerate() {
@@ -100,10 +101,14 @@ impl Exposure {
             g.copy_from_slice(&back);
         }
         let toward = |i: usize| 2.0 * TO_IDENTITY * (e[i] - IDENTITY[i]);
-        let gradient: [f32; 12] = std::array::from_fn(|i| sums[i] as f32 + toward(i));
+        std::array::from_fn(|i| sums[i] as f32 + toward(i))
+    }
+
+    /// One step of the correction down a gradient; `rates` are those of the gains and of the rest.
+    pub(crate) fn descend(&mut self, gradient: &[f32; NUMBERS], rates: [f32; 2]) {
         self.steps += 1;
         let (steps, Self { matrix, first, second, .. }) = (self.steps, self);
-        for i in 0..12 {
+        for i in 0..NUMBERS {
             let adam = adam(rates[usize::from(IDENTITY[i] == 0.0)]);
             adam.step(steps, &mut matrix[i..=i], &gradient[i..=i], &mut first[i..=i], &mut second[i..=i]);
         }

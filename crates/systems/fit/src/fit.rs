@@ -19,6 +19,7 @@ use std::time::{Duration, Instant};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
+use weaver_kernels::ranks::{Alone, Ranks};
 use weaver_scene::{Gaussians, Photo};
 use weaver_splat::{CpuRasterizer, GaussianStatistics, RasterSettings, Session};
 
@@ -27,15 +28,15 @@ use weaver_splat::{CpuRasterizer, GaussianStatistics, RasterSettings, Session};
 pub struct StepReport {
     /// Steps done, this one included.
     pub step: usize,
-    /// The photo it looked at.
+    /// The photo it looked at, or the first of several.
     pub photo: usize,
-    /// The loss.
+    /// The loss, the mean over several photos.
     pub loss: f64,
-    /// Peak signal-to-noise ratio of the photo, dB, at the size it was seen at.
+    /// Peak signal-to-noise ratio of the photo, dB, at the size it was seen at; of several, that of their mean squared difference.
     pub psnr: f64,
     /// Gaussians after the step.
     pub gaussians: usize,
-    /// Gaussians times pixels that were blended.
+    /// Gaussians times pixels that were blended, of all photos.
     pub pairs: u64,
 }
 
@@ -84,6 +85,8 @@ pub struct Fit {
     pub(crate) rounding: Option<(f64, Box<dyn Rounding>)>,
     pub(crate) buffers: Buffers,
     pub(crate) timings: StepTimings,
+    /// The processes that share the photos of a step.
+    pub(crate) ranks: Arc<dyn Ranks>,
 }
 
 impl Fit {
@@ -119,6 +122,10 @@ impl Fit {
             return Err(FitError::setting("photos", "at least one with pixels that count", found));
         }
         let photos: Vec<Photo> = photos.into_iter().filter(|photo| !photo.is_masked()).collect();
+        if settings.views_per_step > photos.len() {
+            let expected = format!("at most the {} photos that there are", photos.len());
+            return Err(FitError::setting("views_per_step", expected, settings.views_per_step));
+        }
         let extent = extent(&photos);
         let population = Population::new(initial);
         let raster = RasterSettings {
@@ -146,6 +153,7 @@ impl Fit {
             rounding: None,
             buffers: Buffers::default(),
             timings: StepTimings::default(),
+            ranks: Arc::new(Alone),
             settings,
         })
     }
@@ -274,12 +282,16 @@ impl Fit {
             self.changed();
         }
         let moment = self.moment();
-        let photo = self.photo_of(step);
+        let views = self.settings.views_per_step;
+        let photo = self.photo_of(step * views);
         let level = self.settings.level(fraction);
         let (loss, mse, pairs) = if self.is_resident() {
             self.step_on_device(photo, level, &moment)?
         } else {
-            let found = self.gradients_of(photo, level, &moment)?;
+            let found = match views {
+                1 => self.gradients_of(photo, level, &moment)?,
+                _ => self.mean_gradients(level, &moment)?,
+            };
             let start = Instant::now();
             self.gradients.apply(
                 step as u64 + 1,
@@ -292,7 +304,8 @@ impl Fit {
             found
         };
         self.step += 1;
-        if self.step.is_multiple_of(self.photos.len()) {
+        let rounds = |steps: usize| steps * views / self.photos.len();
+        if rounds(self.step) > rounds(step) {
             self.center_exposures();
         }
         self.search_transients()?;
@@ -308,6 +321,7 @@ impl Fit {
         }
         debug_assert!(self.population.len() <= self.settings.gaussians, "a strategy beyond the budget");
         self.timings.density = start.elapsed();
+        self.check_agreement()?;
         let gaussians = self.population.len();
         let psnr = -10.0 * mse.log10();
         Ok(StepReport { step: self.step, photo, loss, psnr, gaussians, pairs })
@@ -323,7 +337,7 @@ impl Fit {
         }
     }
 
-    fn moment(&self) -> Moment {
+    pub(crate) fn moment(&self) -> Moment {
         let FitSettings { steps, gaussians, seed, ref rates, .. } = self.settings;
         let rates = rates.in_run_of(steps);
         let fraction = self.step as f64 / steps.max(1) as f64;
@@ -337,13 +351,13 @@ impl Fit {
         }
     }
 
-    /// The photo of a step: all once, in random order, then again in another.
-    fn photo_of(&mut self, step: usize) -> usize {
+    /// The photo of a look: all once, in random order, then again in another.
+    pub(crate) fn photo_of(&mut self, look: usize) -> usize {
         let n = self.photos.len();
         self.order.clear();
         self.order.extend(0..n);
-        Stream::new(self.settings.seed, (step / n) as u64, "fit.photos").shuffle(&mut self.order);
-        self.order[step % n]
+        Stream::new(self.settings.seed, (look / n) as u64, "fit.photos").shuffle(&mut self.order);
+        self.order[look % n]
     }
 
     /// The error of a loss that is no number.

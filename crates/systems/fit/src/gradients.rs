@@ -27,6 +27,16 @@ pub struct Gradients {
     pub sh: Vec<f32>,
 }
 
+/// Room for gradients, wherever it is.
+#[derive(Debug)]
+pub(crate) struct GradientsMut<'a> {
+    pub means: &'a mut [f32],
+    pub quats: &'a mut [f32],
+    pub scales: &'a mut [f32],
+    pub opacities: &'a mut [f32],
+    pub sh: &'a mut [f32],
+}
+
 /// The numbers of a population that are not stored as they are drawn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Activated {
@@ -89,6 +99,11 @@ impl Gradients {
         for (array, (_, field)) in arrays.into_iter().zip(population.fields()) {
             array.resize(field.values.len(), 0.0);
         }
+    }
+
+    pub(crate) fn parts_mut(&mut self) -> GradientsMut<'_> {
+        let Self { means, quats, scales, opacities, sh } = self;
+        GradientsMut { means, quats, scales, opacities, sh }
     }
 
     /// Turns gradients with respect to scales and opacities into those with respect to their logarithms and logits.

@@ -8,6 +8,7 @@
 //! - [`FitRasterizer`] is what draws; one on a device may keep the Gaussians there ([`DeviceFit`]).
 //! - Cameras go toward where their photos fit the scene, if asked: [`Poses`].
 //! - [`Transients`] are what one photo alone shows; they are found and left out, if asked.
+//! - Several processes share the photos of a step, if it looks at more than one: [`Fit::share`].
 //! - [`init`] makes the Gaussians to start from.
 //!
 //! Everything is on slices, without a tape and without files. The same seed gives the same bits at any number of threads.
@@ -30,6 +31,7 @@ mod population;
 mod resident;
 mod rounding;
 mod settings;
+mod shared_step;
 #[cfg(feature = "state")]
 mod state;
 pub mod strategy;
@@ -51,10 +53,11 @@ pub use photos::mean_color;
 pub use population::{Field, Population};
 pub use rounding::Rounding;
 pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
+pub use shared_step::bytes_per_step;
 #[cfg(feature = "state")]
 pub use state::gaussians_of;
 pub use strategy::{Moment, Regularizer, Strategy};
-pub use timing::steps_in;
+pub use timing::{step_seconds, steps_in};
 pub use transients::Transients;
 pub use weaver_scene::Photo;
 

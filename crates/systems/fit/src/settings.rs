@@ -8,8 +8,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct FitSettings {
-    /// Optimizer steps; each looks at one photo.
+    /// Optimizer steps; each looks at one photo, or at [`views_per_step`](Self::views_per_step).
     pub steps: usize,
+    /// Photos that a step looks at, whose gradients are averaged. It changes what is computed: more photos make a step as many times as long, and
+    /// steadier. Several processes can share them ([`Fit::share`](crate::Fit::share)). Steps toward several are not taken on a device.
+    #[serde(default = "one")]
+    pub views_per_step: usize,
     /// The most Gaussians there may be at any time.
     pub gaussians: usize,
     /// Seed of everything that is drawn at random.
@@ -53,10 +57,16 @@ pub struct FitSettings {
     pub transients: bool,
 }
 
+/// Value in settings that are older than the key.
+fn one() -> usize {
+    1
+}
+
 impl Default for FitSettings {
     fn default() -> Self {
         Self {
             steps: 1500,
+            views_per_step: 1,
             gaussians: 30_000,
             seed: 0,
             sh_degree: 3,
@@ -300,7 +310,12 @@ impl FitSettings {
         if !(self.initial_scale.is_finite() && self.initial_scale > 0.0) {
             return Err(FitError::setting("initial_scale", "a positive number", self.initial_scale));
         }
-        let counts = [("steps", self.steps), ("gaussians", self.gaussians), ("density.rounds", self.density.rounds)];
+        let counts = [
+            ("steps", self.steps),
+            ("views_per_step", self.views_per_step),
+            ("gaussians", self.gaussians),
+            ("density.rounds", self.density.rounds),
+        ];
         if let Some((key, _)) = counts.into_iter().find(|(_, n)| *n == 0) {
             return Err(FitError::setting(key, "at least 1", 0));
         }

@@ -12,13 +12,23 @@ const RESERVE: f64 = 0.04;
 
 /// Number of steps that a fit can do in so many seconds, the timed run included, which leaves no trace in it. At least 1.
 ///
-/// A short run with the same schedules is timed: photos are as small, and Gaussians as many, in the same parts of it as in a
-/// long one.
-///
 /// # Errors
 /// As [`Fit::step`].
 pub fn steps_in(fit: &mut Fit, seconds: f64) -> Result<usize, FitError> {
     let start = Instant::now();
+    let step = step_seconds(fit, PART * seconds)?;
+    let left = (1.0 - RESERVE) * seconds - start.elapsed().as_secs_f64();
+    // All processes make the steps that the first one has time for.
+    Ok(fit.agreed((left / step) as usize).max(1))
+}
+
+/// Mean seconds of a step, by a short run of about so many seconds, 30 to 3000 steps, which leaves no trace.
+///
+/// It has the same schedules: photos are as small, and Gaussians as many, in the same parts of it as in a long one.
+///
+/// # Errors
+/// As [`Fit::step`].
+pub fn step_seconds(fit: &mut Fit, seconds: f64) -> Result<f64, FitError> {
     fit.fetch()?;
     let kept = (fit.population.clone(), fit.statistics.clone());
     let of_photos = (fit.exposures.clone(), fit.poses.clone(), fit.transients.clone());
@@ -28,9 +38,7 @@ pub fn steps_in(fit: &mut Fit, seconds: f64) -> Result<usize, FitError> {
     (fit.exposures, fit.poses, fit.transients) = of_photos;
     (fit.settings, fit.step) = (settings, 0);
     fit.changed();
-    let step = result?;
-    let left = (1.0 - RESERVE) * seconds - start.elapsed().as_secs_f64();
-    Ok(((left / step) as usize).max(1))
+    result
 }
 
 /// Mean seconds of a step.
@@ -40,7 +48,7 @@ fn timed(fit: &mut Fit, seconds: f64) -> Result<f64, FitError> {
     let start = Instant::now();
     fit.step()?;
     let step = start.elapsed().as_secs_f64();
-    let steps = ((PART * seconds / step.max(1e-6)) as usize).clamp(STEPS.0, STEPS.1);
+    let steps = fit.agreed((seconds / step.max(1e-6)) as usize).clamp(STEPS.0, STEPS.1);
     (fit.settings.steps, fit.step) = (steps, 0);
     let start = Instant::now();
     while fit.step < steps {

@@ -9,15 +9,18 @@ use super::convert::scene_format;
 use crate::clip;
 use crate::estimate::estimated_capture;
 use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
+use crate::processes::{network, together};
 use clap::Args;
 use course::finish;
 use initial::Start;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, DeviceFlag, Failure, Interrupt, MOST_THREADS, Rgb, background, choice, in_pool};
+use std::sync::Arc;
+use weaver_command::{Console, DeviceFlag, Failure, Interrupt, MOST_THREADS, Rgb, background, choice, device, in_pool};
 use weaver_data::capture::HoldOut;
-use weaver_fit::{FitSettings, StrategyKind};
-use weaver_fit_run::{ByPhotos, Folder, Plan, Run, RunSettings, plan};
+use weaver_fit::{FitSettings, StrategyKind, bytes_per_step};
+use weaver_fit_run::{ByPhotos, Folder, Pace, Run, RunSettings, plan};
 use weaver_io::SceneFormat;
+use weaver_kernels::ranks::Ranks;
 
 /// Fits Gaussians to the photos of a capture: a scene in minutes.
 ///
@@ -50,7 +53,7 @@ pub struct Fit {
     /// At least so many steps, whatever the time: they may take longer
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["steps", "resume"], help_heading = RUN)]
     pub least_steps: u32,
-    /// Steps, instead of a time; each looks at one photo
+    /// Steps, instead of a time; each looks at one photo, or at views_per_step
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "minutes", help_heading = RUN)]
     pub steps: Option<u32>,
     /// Where the Gaussians begin: points (the capture's), dense (surfaces that photos agree about, and points), random, built-in (what the network that comes with the program
@@ -64,7 +67,7 @@ pub struct Fit {
     /// Goes on with this run, with its own settings
     #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run", "if_complete"])]
     pub resume: Option<PathBuf>,
-    /// Says what the run would take, and writes nothing
+    /// Says what the run would take, measures a few seconds of it, and writes nothing
     #[arg(long, help_heading = RUN)]
     pub dry_run: bool,
     /// Prints the result as JSON, and nothing else on standard output
@@ -170,13 +173,28 @@ fn pause(text: &str) -> Result<f64, String> {
 const MINUTES: f64 = 2.0;
 
 pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    in_pool(arguments.threads.map(usize::from), || fit(arguments, console, interrupt))
+    together(console, |ranks, console| {
+        in_pool(arguments.threads.map(usize::from), || fit(arguments, ranks, console, interrupt))
+    })
 }
 
-fn fit(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+fn fit(
+    arguments: &Fit,
+    ranks: Option<&Arc<dyn Ranks>>,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    if let Some(ranks) = ranks.filter(|ranks| ranks.rank() > 0) {
+        // The first process alone reads the arguments, has a folder and says how it goes.
+        if !arguments.dry_run {
+            Run::take_part(device::rasterizer(&arguments.device)?, ranks.clone())?;
+        }
+        return Ok(());
+    }
     if let Some(folder) = &arguments.resume {
-        let Means { judge, rasterizer, live, .. } = Means::of(arguments)?;
-        let outcome = finish(Run::resume(folder, judge, rasterizer)?, (folder, live), console, interrupt)?;
+        let Means { judge, rasterizer, ranks, live, .. } = Means::of(arguments, ranks)?;
+        let run = Run::resume_shared(folder, judge, rasterizer, ranks)?;
+        let outcome = finish(run, (folder, live), console, interrupt)?;
         return print(&outcome, folder, arguments.json, console);
     }
     let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
@@ -196,11 +214,11 @@ fn fit(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<
         }
         let initial = Start::of(arguments.init.as_deref())?;
         let settings = settings(arguments, (capture, arguments.hold_out.unwrap_or_default()), &initial)?;
-        return tell(&plan(&settings)?, &settings, console);
+        return tell(&settings, &Means::of(arguments, None)?, console);
     }
     let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&capture));
     let init = arguments.init.as_deref().map(PathBuf::from).filter(|path| path.is_file());
-    let means = Means::of(arguments)?;
+    let means = Means::of(arguments, ranks)?;
     let out = Run::claim(&folder, std::iter::once(&capture).chain(&init).chain(&arguments.lpips))?;
     let hold_out = arguments.hold_out.unwrap_or_default();
     if !estimating {
@@ -217,14 +235,25 @@ fn fit(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<
     print(&outcome, &folder, arguments.json, console)
 }
 
-/// Minutes of a fit, if its time is given, and bytes, if its cameras are there.
-pub fn estimate(arguments: &Fit) -> Result<(Option<f64>, Option<u64>), Failure> {
+/// Minutes of a fit, if its time is given or is to be measured, and bytes, if its cameras are there.
+pub fn estimate(arguments: &Fit, measure: bool) -> Result<(Option<f64>, Option<u64>), Failure> {
     let minutes = arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES));
     let given = matches!(arguments.cameras, None | Some(CameraChoice::Given));
     let Some(capture) = arguments.capture.clone().filter(|_| given) else { return Ok((minutes, None)) };
     let initial = Start::of(arguments.init.as_deref())?;
     let settings = settings(arguments, (capture, arguments.hold_out.unwrap_or_default()), &initial)?;
-    Ok((minutes, Some(plan(&settings)?.total())))
+    let bytes = Some(plan(&settings)?.total());
+    if minutes.is_some() || !measure {
+        return Ok((minutes, bytes));
+    }
+    let pace = in_pool(arguments.threads.map(usize::from), || pace(&settings, &Means::of(arguments, None)?))?;
+    Ok((Some(pace.total(settings.fit.steps) / 60.0), bytes))
+}
+
+/// Rehearses a fit.
+fn pace(settings: &RunSettings, means: &Means) -> Result<Pace, Failure> {
+    let given = means.initial.gaussians(settings)?;
+    Ok(Pace::of(settings, given.as_ref(), means.rasterizer.clone())?)
 }
 
 /// The photos that are held out of an estimated capture, which lists its photos for testing.
@@ -294,7 +323,8 @@ fn free_folder(capture: &Path) -> PathBuf {
     Folder::free(Path::new("fits"), &name)
 }
 
-fn tell(plan: &Plan, settings: &RunSettings, console: &mut Console) -> Result<(), Failure> {
+fn tell(settings: &RunSettings, means: &Means, console: &mut Console) -> Result<(), Failure> {
+    let plan = plan(settings)?;
     let mb = |bytes: u64| format!("{:>9.1} MB", bytes as f64 / 1e6);
     let time = settings.minutes.map_or(format!("{} steps", settings.fit.steps), |m| format!("{m} minutes"));
     let [width, height] = plan.size;
@@ -308,7 +338,14 @@ fn tell(plan: &Plan, settings: &RunSettings, console: &mut Console) -> Result<()
         mb(plan.gaussians),
         mb(plan.rasterizer),
         mb(plan.total())
-    ))
+    ))?;
+    let pace = pace(settings, means)?;
+    if settings.minutes.is_none() {
+        console.print(&format!("{:<28}{:>9.1} s, by a rehearsal", "time", pace.total(settings.fit.steps)))?;
+    }
+    console.print(&format!("{:<28}{:>9.1} ms", "a step", 1e3 * pace.step))?;
+    let FitSettings { gaussians, sh_degree, views_per_step, .. } = settings.fit;
+    console.print(&network(bytes_per_step(gaussians, sh_degree), views_per_step, pace.step / views_per_step as f64))
 }
 
 #[cfg(test)]

@@ -13,12 +13,12 @@ use weaver_command::{Console, Failure, quoted};
 ///
 /// The list is a TOML file: `[[work]]` with `command` (reconstruct, fit, cameras or infer), `inputs` (captures or folders of photos; a last part `*`
 /// stands for every folder), `out` (each result goes to OUT/NAME) and `flags`. Lines end in a comment with minutes and megabytes where these are known;
-/// every command is checked, and nothing is written.
+/// every command is checked, and nothing is written. Minutes of a fit of so many steps are measured with --measure.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver plan list.toml
   splatweaver plan list.toml | parallel -j 2
-  splatweaver plan list.toml --json
+  splatweaver plan list.toml --measure --json
 
 A list:
   [[work]]
@@ -30,6 +30,9 @@ pub struct Plan {
     /// The list
     #[arg(value_name = "LIST.toml")]
     pub list: PathBuf,
+    /// Measures each fit whose steps are given by a rehearsal of it on this machine, some seconds each
+    #[arg(long)]
+    pub measure: bool,
     /// Prints the commands as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
@@ -66,14 +69,14 @@ pub fn run(arguments: &Plan, console: &mut Console) -> Result<(), Failure> {
         let lines = error.to_string();
         Failure::Usage(format!("{}: {}", path.display(), lines.split_whitespace().collect::<Vec<_>>().join(" ")))
     })?;
-    let units = units(path, list)?;
+    let units = units(path, list, arguments.measure)?;
     if arguments.json {
         let unit = |Unit { words, minutes, megabytes }: &Unit| json!({ "command": words, "minutes": minutes, "megabytes": megabytes });
         return console.print(&serde_json::to_string_pretty(&units.iter().map(unit).collect::<Vec<_>>())?);
     }
     for Unit { words, minutes, megabytes } in &units {
         let line = words.iter().map(quoted).collect::<Vec<_>>().join(" ");
-        let minutes = minutes.map(|minutes| format!("{minutes} min"));
+        let minutes = minutes.map(|minutes| format!("{} min", (100.0 * minutes).round() / 100.0));
         let megabytes = megabytes.map(|megabytes| format!("{megabytes:.0} MB"));
         let known: Vec<String> = minutes.into_iter().chain(megabytes).collect();
         console.print(&if known.is_empty() { line } else { format!("{line}  # {}", known.join(", ")) })?;
@@ -81,7 +84,7 @@ pub fn run(arguments: &Plan, console: &mut Console) -> Result<(), Failure> {
     Ok(())
 }
 
-fn units(path: &Path, list: List) -> Result<Vec<Unit>, Failure> {
+fn units(path: &Path, list: List, measure: bool) -> Result<Vec<Unit>, Failure> {
     let wrong = |place: String, told: &str| Failure::Usage(format!("{}: {place}: {told}", path.display()));
     let (mut units, mut outs) = (Vec::new(), BTreeSet::new());
     for (i, Work { command, inputs, out, flags }) in list.work.into_iter().enumerate() {
@@ -104,7 +107,7 @@ fn units(path: &Path, list: List) -> Result<Vec<Unit>, Failure> {
                 let text = error.render().to_string();
                 wrong(format!("work.{i}"), text.lines().next().unwrap_or_default().trim_start_matches("error: "))
             })?;
-            let (minutes, megabytes) = estimate(&parsed.command)?;
+            let (minutes, megabytes) = estimate(&parsed.command, measure)?;
             units.push(Unit { words, minutes, megabytes });
         }
     }
@@ -130,11 +133,11 @@ fn expanded(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 }
 
 /// Minutes and megabytes of a command, where they are known before it begins.
-fn estimate(command: &Command) -> Result<(Option<f64>, Option<f64>), Failure> {
+fn estimate(command: &Command, measure: bool) -> Result<(Option<f64>, Option<f64>), Failure> {
     Ok(match command {
         Command::Reconstruct(it) => (Some(it.minutes.unwrap_or(it.quality.effort().0)), None),
         Command::Fit(it) => {
-            let (minutes, bytes) = fit::estimate(it)?;
+            let (minutes, bytes) = fit::estimate(it, measure)?;
             (minutes, bytes.map(|bytes| bytes as f64 / 1e6))
         }
         _ => (None, None),

@@ -1,6 +1,6 @@
 //! `splatweaver train`.
 
-use crate::processes::Processes;
+use crate::processes::{network, together};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -91,16 +91,7 @@ pub struct Train {
 }
 
 pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    let processes = Processes::launched();
-    let ranks = processes.as_ref().map(Processes::ranks);
-    let done = run_in(arguments, ranks.as_ref(), console, interrupt);
-    if let (Some(processes), Some(ranks), Err(failure)) = (&processes, &ranks, &done) {
-        // The others would wait for this one.
-        let line = failure.line().unwrap_or_default();
-        console.note(&format!("error: process {} of {}: {line}", ranks.rank(), ranks.size()));
-        processes.abort(failure.exit_code());
-    }
-    done
+    together(console, |ranks, console| run_in(arguments, ranks, console, interrupt))
 }
 
 /// Trains alone, or with the other processes.
@@ -187,8 +178,10 @@ fn dry_run(session: Box<dyn Training>, config: &ResolvedConfig, console: &mut Co
     std::fs::remove_dir_all(&path)?;
     let measured = measured?;
     console.print(&measured.to_string())?;
-    let megabytes = measured.parameters as f64 / 1e6;
-    console.print(&format!("{:<28}{megabytes:>9.1} MB a step, each way, with several", "between processes"))?;
+    // Stages differ; the shortest batch gains least.
+    let batches = measured.batches.max(1);
+    let shortest = measured.stages.iter().map(|stage| stage.step.as_secs_f64()).fold(f64::INFINITY, f64::min);
+    console.print(&network(measured.parameters as u64, batches, shortest / batches as f64))?;
     if let Some(peak) = weaver_io::peak_mb() {
         console.print(&format!("{:<28}{peak:>9.1} MB, photos and program included", "peak"))?;
     }

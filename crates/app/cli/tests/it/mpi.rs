@@ -1,4 +1,6 @@
-//! Training by processes of an MPI, under `mpirun`; skipped where there is none.
+//! Training and fits by processes of an MPI, under `mpirun`; skipped where there is none.
+
+mod fit;
 
 use crate::capture;
 use std::path::Path;

@@ -1,6 +1,7 @@
 //! Runs on disk: what they would take, and what they go on from.
 
 mod promises;
+mod shared;
 
 use std::path::Path;
 use std::sync::Arc;

@@ -1,9 +1,10 @@
 //! Gradients of a step that has several batches of tuples, computed by one process or shared by several.
 
 use super::{PendingStep, Position, Session};
-use crate::{Config, Error, Ranks, Recipe, StageConfig, ranks};
+use crate::{Config, Error, Ranks, Recipe, StageConfig};
 use std::sync::Arc;
 use weaver_kernels::random::fnv1a;
+use weaver_kernels::ranks::sum;
 
 /// Outcome of a batch beside gradients.
 #[derive(Debug)]
@@ -34,8 +35,7 @@ impl<R: Recipe> Session<R> {
             .chain(inputs)
             .chain([("weights".into(), of(&self.checksum()))]);
         for (name, word) in same {
-            let words = ranks.gather(word);
-            if let Some(other) = words.iter().position(|word| *word != words[0]) {
+            if let Some(other) = ranks.other(word) {
                 let found = "others than process 0 has";
                 return Err(Error::Input(format!(
                     "process {other}: {name}: expected those of process 0, found {found}"
@@ -75,7 +75,7 @@ impl<R: Recipe> Session<R> {
         let batches = self.config.optimizer.accumulate;
         let ranks = self.ranks.clone();
         let mut names = Vec::new();
-        let sum = ranks::sum(&*ranks, batches, |number| {
+        let sum = sum(&*ranks, batches, |number| {
             let batch = self.batch(stage, position, number)?;
             let row = self.row(&batch);
             names = batch.terms.into_iter().map(|(name, _)| name).collect();

@@ -2,86 +2,11 @@
 
 use crate::scale::captured;
 use crate::{PixelCnnRecipe, Silent, config};
-use std::fmt::{self, Debug, Formatter};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex};
 use weaver_inference::RunFolder;
+use weaver_kernels::ranks::threads;
 use weaver_trainer::{Config, ConfigSource, Ranks, Registry, Session, claim_run};
-
-/// A message of numbers, or a word.
-type Message = (Vec<f32>, u64);
-
-/// One of several threads, with a channel from and to each other.
-struct Thread {
-    rank: usize,
-    to: Mutex<Vec<Sender<Message>>>,
-    from: Mutex<Vec<Receiver<Message>>>,
-}
-
-impl Debug for Thread {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        write!(f, "Thread {}", self.rank)
-    }
-}
-
-impl Thread {
-    fn all(count: usize) -> Vec<Arc<dyn Ranks>> {
-        let mut senders: Vec<Vec<_>> = (0..count).map(|_| Vec::new()).collect();
-        let mut receivers: Vec<Vec<_>> = (0..count).map(|_| Vec::new()).collect();
-        for (to, receivers) in receivers.iter_mut().enumerate() {
-            for (from, senders) in senders.iter_mut().enumerate() {
-                let (sender, receiver) = channel();
-                assert_eq!((senders.len(), receivers.len()), (to, from));
-                senders.push(sender);
-                receivers.push(receiver);
-            }
-        }
-        let thread = |(rank, (to, from))| -> Arc<dyn Ranks> {
-            Arc::new(Self { rank, to: Mutex::new(to), from: Mutex::new(from) })
-        };
-        senders.into_iter().zip(receivers).enumerate().map(thread).collect()
-    }
-
-    fn put(&self, message: Message, to: usize) {
-        self.to.lock().unwrap()[to].send(message).unwrap();
-    }
-
-    fn take(&self, from: usize) -> Message {
-        self.from.lock().unwrap()[from].recv().unwrap()
-    }
-}
-
-impl Ranks for Thread {
-    fn rank(&self) -> usize {
-        self.rank
-    }
-
-    fn size(&self) -> usize {
-        self.to.lock().unwrap().len()
-    }
-
-    fn send(&self, values: &[f32], to: usize) {
-        self.put((values.to_vec(), 0), to);
-    }
-
-    fn receive(&self, values: &mut [f32], from: usize) {
-        values.copy_from_slice(&self.take(from).0);
-    }
-
-    fn broadcast(&self, values: &mut [f32]) {
-        if self.rank == 0 {
-            (1..self.size()).for_each(|to| self.send(values, to));
-        } else {
-            self.receive(values, 0);
-        }
-    }
-
-    fn gather(&self, word: u64) -> Vec<u64> {
-        (0..self.size()).for_each(|to| self.put((Vec::new(), word), to));
-        (0..self.size()).map(|from| self.take(from).1).collect()
-    }
-}
 
 /// A run of three steps of four batches.
 fn batched() -> Config<PixelCnnRecipe> {
@@ -99,7 +24,7 @@ fn trained(count: usize, start: impl Fn() -> Session<PixelCnnRecipe> + Sync) -> 
         session.checksum()
     };
     std::thread::scope(|scope| {
-        let threads: Vec<_> = Thread::all(count).into_iter().map(|ranks| scope.spawn(|| run(ranks))).collect();
+        let threads: Vec<_> = threads(count).into_iter().map(|ranks| scope.spawn(|| run(ranks))).collect();
         threads.into_iter().map(|thread| thread.join().unwrap()).collect()
     })
 }
@@ -162,7 +87,7 @@ fn processes_must_hold_the_same_run() {
     std::fs::rename(&there.data.folders[0], &path).unwrap();
     let second = Session::new(here).unwrap();
     let said: Vec<String> = std::thread::scope(|scope| {
-        let sessions = [first, second].into_iter().zip(Thread::all(2));
+        let sessions = [first, second].into_iter().zip(threads(2));
         let share = |(mut session, ranks): (Session<PixelCnnRecipe>, Arc<dyn Ranks>)| {
             scope.spawn(move || session.share(ranks).unwrap_err().to_string())
         };
@@ -171,7 +96,7 @@ fn processes_must_hold_the_same_run() {
     });
     assert!(said.iter().all(|said| said.starts_with("process 1: data.folders.0: expected")), "{said:?}");
     let mut alone = Session::new(config(2)).unwrap();
-    let refused = alone.share(Thread::all(2).remove(0)).unwrap_err().to_string();
+    let refused = alone.share(threads(2).remove(0)).unwrap_err().to_string();
     assert!(refused.contains("optimizer.accumulate") && refused.contains("found 1"), "{refused}");
 }
 
@@ -186,7 +111,7 @@ fn the_first_process_alone_writes() {
     let trained = |count: usize| {
         let path = parent.path().join(count.to_string());
         std::thread::scope(|scope| {
-            for ranks in Thread::all(count) {
+            for ranks in threads(count) {
                 let (path, resolved) = (&path, &resolved);
                 scope.spawn(move || {
                     let mut session = entry.start(resolved).unwrap();

@@ -9,5 +9,6 @@ mod recovery;
 mod refusals;
 mod rounding;
 mod scenes;
+mod several_views;
 mod strategies;
 mod transients;

@@ -59,6 +59,11 @@ fn settings_out_of_range() {
     let mut settings = good();
     settings.density.until = 1.5;
     assert!(refusal(two(), settings).contains("density.until: expected 0 to 1"));
+    assert!(
+        refusal(two(), FitSettings { views_per_step: 0, ..good() }).contains("views_per_step: expected at least 1")
+    );
+    let three = FitSettings { views_per_step: 3, ..good() };
+    assert!(refusal(two(), three).contains("views_per_step: expected at most the 2 photos that there are, found 3"));
     let mut settings = good();
     settings.rates.means = f64::INFINITY;
     assert!(refusal(two(), settings).contains("rates.means"));

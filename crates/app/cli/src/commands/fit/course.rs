@@ -8,6 +8,7 @@ use std::time::Instant;
 use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Progress, device, duration, memory};
 use weaver_fit::{FitRasterizer, Judge, Quality, gaussians_of};
 use weaver_fit_run::{Folder, Initial, Outcome, Run, RunSettings, Views, plan};
+use weaver_kernels::ranks::{Alone, Ranks};
 use weaver_trainer::evaluate::load_lpips;
 use weaver_view::Look;
 use weaver_view_run::{Exhibit, Followed, Server, Showing, Visitors, live};
@@ -24,28 +25,32 @@ pub struct Means {
     pub judge: Judge,
     pub rasterizer: Arc<dyn FitRasterizer>,
     pub initial: Start,
+    /// The processes that share the steps.
+    pub ranks: Arc<dyn Ranks>,
     /// A page in the browser follows the fit.
     pub live: bool,
 }
 
 impl Means {
-    pub fn of(arguments: &Fit) -> Result<Self, Failure> {
+    pub fn of(arguments: &Fit, ranks: Option<&Arc<dyn Ranks>>) -> Result<Self, Failure> {
+        let ranks = ranks.cloned().unwrap_or_else(|| Arc::new(Alone));
         let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
         let rasterizer = device::rasterizer(&arguments.device)?;
-        Ok(Self { judge, rasterizer, initial: Start::of(arguments.init.as_deref())?, live: arguments.live })
+        Ok(Self { judge, rasterizer, initial: Start::of(arguments.init.as_deref())?, ranks, live: arguments.live })
     }
 
     /// Those of a fit about which nothing is said.
     pub fn usual(live: bool) -> Result<Self, Failure> {
         let rasterizer = device::rasterizer(&DeviceFlag::default())?;
-        Ok(Self { judge: Judge::default(), rasterizer, initial: Start::default(), live })
+        let (judge, initial, ranks) = (Judge::default(), Start::default(), Arc::new(Alone));
+        Ok(Self { judge, rasterizer, initial, ranks, live })
     }
 }
 
 /// Fits a capture, into a folder that was claimed.
 pub fn begin(
     settings: RunSettings,
-    Means { judge, rasterizer, initial, live }: Means,
+    Means { judge, rasterizer, initial, ranks, live }: Means,
     out: Folder,
     console: &mut Console,
     interrupt: &Interrupt,
@@ -65,7 +70,7 @@ pub fn begin(
         console.note(&format!("matching {} photos", plan.training + plan.held_out));
     }
     let folder = out.path().to_path_buf();
-    let run = Run::begin(out, settings, given.as_ref(), judge, rasterizer)?;
+    let run = Run::begin_shared(out, settings, given.as_ref(), judge, rasterizer, ranks)?;
     run.remarks().iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     if run.colors().differ() {
         let percent = 100.0 * run.colors().spread();

@@ -1,0 +1,48 @@
+//! Time of a run, from a rehearsal.
+
+use crate::fitting::Fitting;
+use crate::loaded::load;
+use crate::{RunError, RunSettings};
+use std::sync::Arc;
+use std::time::Instant;
+use weaver_fit::{FitRasterizer, Judge, step_seconds};
+use weaver_scene::Gaussians;
+
+/// Seconds that the rehearsed steps take, about.
+const REHEARSAL: f64 = 3.0;
+
+/// Seconds of the parts of a run on this machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// Everything before the first step.
+    pub loading: f64,
+    /// A step in the mean.
+    pub step: f64,
+    /// Judging every photo at the end, and the report.
+    pub results: f64,
+}
+
+impl Pace {
+    /// Measures a run: loads the capture, finds where Gaussians begin, and does a short run of a few seconds. Writes nothing.
+    ///
+    /// # Errors
+    /// As [`Run::begin`](crate::Run::begin).
+    pub fn of(
+        settings: &RunSettings,
+        given: Option<&Gaussians>,
+        rasterizer: Arc<dyn FitRasterizer>,
+    ) -> Result<Self, RunError> {
+        let (started, mut settings) = (Instant::now(), settings.clone());
+        let capture = load(&mut settings, given, rasterizer)?;
+        let loading = started.elapsed().as_secs_f64();
+        let mut job = Fitting::new(settings, capture, Judge::default(), started);
+        let results = job.seconds_of_results()?;
+        let step = step_seconds(&mut job.capture.fit, REHEARSAL)?;
+        Ok(Self { loading, step, results })
+    }
+
+    /// Seconds of a run of so many steps.
+    pub fn total(&self, steps: usize) -> f64 {
+        self.loading + steps as f64 * self.step + self.results
+    }
+}
