@@ -1,10 +1,12 @@
 //! What a run will take, before it begins.
 
-use crate::{RunError, RunSettings};
+use crate::start::{FEWEST, PHOTOS};
+use crate::{Initial, RunError, RunSettings};
 use weaver_data::posed;
-use weaver_fit::FitSettings;
+use weaver_fit::{FitSettings, bytes_per_step};
 use weaver_geometry::Camera;
 use weaver_geometry::sh::coefficients;
+use weaver_stereo::{Stereo, StereoSettings};
 
 /// Memory and size of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,11 +23,14 @@ pub struct Plan {
     pub gaussians: u64,
     /// Bytes of the rasterizer, of images and of the program itself.
     pub rasterizer: u64,
+    /// Bytes of finding where Gaussians begin, before there are any; 0 where that takes none.
+    pub start: u64,
 }
 
 /// Bytes of lists and statistics for each Gaussian, of images and their comparison for each pixel, and of the program;
 /// measured, see docs/benchmarks.md.
-const RASTERIZER: (u64, u64, u64) = (360, 360, 22_000_000);
+const RASTERIZER: (u64, u64, u64) = (360, 360, PROGRAM);
+const PROGRAM: u64 = 22_000_000;
 
 /// Gaussians for each pixel of a photo when nothing is said about them, and the limits of that.
 const GAUSSIANS: (f64, usize, usize) = (0.4, 5_000, 1_000_000);
@@ -41,15 +46,32 @@ impl Plan {
         let size = largest.map_or([0, 0], |camera| [camera.width, camera.height]);
         let numbers = 3 + 3 + 4 + 1 + 3 * coefficients(fit.sh_degree) as u64;
         let n = fit.gaussians as u64;
+        // Of a step that looks at several photos: gradients and statistics of those whose sum is not yet made.
+        let rows = if fit.views_per_step > 1 { 2 + u64::from(fit.views_per_step.ilog2()) } else { 0 };
         Self {
             training: cameras.len() - held_out,
             held_out,
             size,
             photos: all * bytes_of_pixel * 4 / 3,
             // Values, two moments, gradients; a checkpoint copies the first three.
-            gaussians: n * numbers * 4 * (4 + 3),
+            gaussians: n * numbers * 4 * (4 + 3) + rows * bytes_per_step(fit.gaussians, fit.sh_degree),
             rasterizer: n * RASTERIZER.0 + (size[0] * size[1]) as u64 * RASTERIZER.1 + RASTERIZER.2,
+            start: 0,
         }
+    }
+
+    /// The plan of a run that finds depth first.
+    pub(crate) fn with_dense_start(self, cameras: &[(Camera, bool)]) -> Self {
+        let training =
+            cameras.iter().filter(|(_, held_out)| !*held_out).map(|(camera, _)| [camera.width, camera.height]);
+        let sizes: Vec<[usize; 2]> = training.take(PHOTOS.min(self.training)).collect();
+        let copies: usize = sizes.iter().map(|[width, height]| 3 * width * height).sum();
+        Self { start: copies as u64 + Stereo::bytes(&sizes, &StereoSettings::default()), ..self }
+    }
+
+    /// True if there are photos enough to find depth where nothing is said about the start.
+    pub(crate) fn asks_for_depth(&self) -> bool {
+        self.training >= FEWEST
     }
 
     /// Settings of a fit when none are given: with a budget of Gaussians by the photos' size, and transients left out.
@@ -60,9 +82,9 @@ impl Plan {
         FitSettings { gaussians, transients: true, ..FitSettings::default() }
     }
 
-    /// Bytes of all of it.
+    /// Bytes of all of it, at the time when it takes most.
     pub fn total(&self) -> u64 {
-        self.photos + self.gaussians + self.rasterizer
+        self.photos + (self.gaussians + self.rasterizer).max(self.start + PROGRAM)
     }
 }
 
@@ -73,5 +95,7 @@ impl Plan {
 pub fn plan(settings: &RunSettings) -> Result<Plan, RunError> {
     let cameras = posed::cameras(&settings.capture, &settings.posed_options())?;
     let plan = Plan::of(&cameras, settings.masks, &settings.fit);
-    Ok(Plan { training: plan.training.min(settings.views.unwrap_or(usize::MAX)), ..plan })
+    let plan = Plan { training: plan.training.min(settings.views.unwrap_or(usize::MAX)), ..plan };
+    let asked = settings.init == Initial::Auto && settings.by_photos.start && plan.asks_for_depth();
+    Ok(if asked || settings.init == Initial::Dense { plan.with_dense_start(&cameras) } else { plan })
 }

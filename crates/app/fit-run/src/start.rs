@@ -22,13 +22,13 @@ pub(crate) struct Start {
 }
 
 /// Photos whose depth is found, at most.
-const PHOTOS: usize = 60;
+pub(crate) const PHOTOS: usize = 60;
 /// Part of the time of a run that finding depth may take.
 const SHARE: f64 = 0.15;
 /// Longest side of photos in the rehearsal that is timed, pixels.
 const REHEARSAL: usize = 50;
 /// Photos from which Gaussians begin on what photos agree about: of fewer, that is too little of the scene.
-const FEWEST: usize = 12;
+pub(crate) const FEWEST: usize = 12;
 /// Mean coverage from which Gaussians begin on what photos agree about.
 const COVERAGE: f64 = 0.4;
 

@@ -2,7 +2,7 @@
 
 use crate::agreement::{Map, agree};
 use crate::patch::patches;
-use crate::picture::Picture;
+use crate::picture::{LONGEST, PIXELS, Picture};
 use crate::search::{Found, Plane, Round, Search, Source, Task};
 use crate::sources::neighbors;
 use crate::warp::Warp;
@@ -75,6 +75,25 @@ impl Stereo {
         let near: Vec<&[usize]> = neighbors.iter().map(|near| &near[..near.len().min(WITNESSES)]).collect();
         let maps = agree(&pictures, &second, &near);
         Self { pictures, maps, neighbors, visible: visible.to_vec(), points: points.clone() }
+    }
+
+    /// Bytes that finding the depth of photos of these widths and heights takes at most, but for what threads have of their own.
+    ///
+    /// ```
+    /// use weaver_stereo::{Stereo, StereoSettings};
+    /// // Twice the photos take twice the memory; their own size does not matter beyond that of finding depth.
+    /// let bytes = |count| Stereo::bytes(&vec![[4000, 3000]; count], &StereoSettings::default());
+    /// assert_eq!(bytes(60), 2 * bytes(30));
+    /// assert_eq!(bytes(1), Stereo::bytes(&[[400, 300]], &StereoSettings::default()));
+    /// ```
+    pub fn bytes(sizes: &[[usize; 2]], settings: &StereoSettings) -> u64 {
+        // Of a pixel: what the pictures have, and planes and costs of two passes.
+        const OF_PIXEL: usize = 3 + 1 + 1 + 2 * 16;
+        let picture = |[width, height]: &[usize; 2]| {
+            let factor = width.max(height).div_ceil(settings.long_side.clamp(1, LONGEST));
+            size_of::<[u32; PIXELS]>() + OF_PIXEL * (width / factor) * (height / factor)
+        };
+        sizes.iter().map(|size| picture(size) as u64).sum()
     }
 
     /// The part of each photo whose depth other photos agree about.

@@ -330,13 +330,14 @@ fn tell(settings: &RunSettings, means: &Means, console: &mut Console) -> Result<
     let [width, height] = plan.size;
     console.print(&format!(
         "{} photos of at most {width}x{height}, {} held out; at most {} Gaussians, {time}\n\
-         photos      {}\nGaussians   {}\nrasterizer  {}\ntogether    {}",
+         photos      {}\nGaussians   {}\nrasterizer  {}\nstart       {}\nat most     {}",
         plan.training,
         plan.held_out,
         settings.fit.gaussians,
         mb(plan.photos),
         mb(plan.gaussians),
         mb(plan.rasterizer),
+        mb(plan.start),
         mb(plan.total())
     ))?;
     let pace = pace(settings, means)?;

@@ -114,7 +114,9 @@ fn a_dry_run_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let (capture, out) = (captured(folder.path()), folder.path().join("out"));
     let done = small(&capture, &out, &[&"--dry-run"]).fine();
-    assert!(done.stdout.contains("8 photos of at most 40x32, 2 held out") && done.stdout.contains("together"));
+    assert!(done.stdout.contains("8 photos of at most 40x32, 2 held out") && done.stdout.contains("at most"));
+    let timed = done.stdout.contains("a step") && done.stdout.contains("by a rehearsal");
+    assert!(timed && done.stdout.contains("between processes"), "{}", done.stdout);
     assert!(!out.exists());
 }
 

@@ -119,6 +119,7 @@ fn cut(survey: &Survey, options: &SplitOptions, count: usize) -> Result<Vec<(Blo
         let part = block.points.len() as f64 / survey.points.len() as f64;
         let gaussians = options.gaussians.map_or(usual.gaussians, |all| (all as f64 * part).ceil() as usize);
         let plan = Plan::of(&cameras, options.masks, &FitSettings { gaussians, ..usual });
+        let plan = if plan.asks_for_depth() { plan.with_dense_start(&cameras) } else { plan };
         BlockFile {
             split: split.clone(),
             number,

@@ -125,6 +125,18 @@ fn a_plan_grows_with_what_is_asked_for() {
     let fewer = plan(&fewer).unwrap();
     assert_eq!((fewer.training, fewer.size), (3, [20, 16]));
     assert!(fewer.photos < small.photos);
+    let mut several = settings(folder.path());
+    several.fit.views_per_step = 4;
+    assert!(plan(&several).unwrap().gaussians > small.gaussians);
+    // Finding depth comes before there are Gaussians: it counts where it takes more than these.
+    assert_eq!(small.start, 0);
+    let dense = RunSettings { init: Initial::Dense, ..settings(folder.path()) };
+    let dense = plan(&dense).unwrap();
+    assert!(dense.start > 8 * 40 * 32 * 40 && dense.total() > dense.photos + dense.start);
+    more.init = Initial::Dense;
+    more.fit.gaussians = 100_000;
+    let many = plan(&more).unwrap();
+    assert_eq!(many.total(), many.photos + many.gaussians + many.rasterizer);
 }
 
 #[test]

@@ -79,7 +79,7 @@ impl<R: Recipe> Session<R> {
             let batch = self.batch(stage, position, number)?;
             let row = self.row(&batch);
             names = batch.terms.into_iter().map(|(name, _)| name).collect();
-            Ok(row)
+            Ok::<_, Error>(row)
         })?;
         let mean = 1.0 / batches as f32;
         let (numbers, mut rest) = sum.split_at(2 + names.len());
