@@ -89,6 +89,10 @@ fn a_list_becomes_a_command_a_line() {
     );
     assert!(lines[0].starts_with(&first) && lines[0].contains("  # 0.5 min, "), "{}", lines[0]);
     assert!(lines[0].ends_with(" MB") && lines[1].contains("-o scenes/b "), "{}", lines[1]);
+    let steps = list("['--steps', '5', '--gaussians', '300', '--init', 'random']").fine();
+    assert!(!steps.stdout.contains(" min, "), "{}", steps.stdout);
+    let measured = splatweaver(&[&"plan", &path("list.toml"), &"--measure"]).fine();
+    assert_eq!(measured.stdout.matches(" min, ").count(), 2, "{}", measured.stdout);
     list("['--step', '5']").refused(2, &["list.toml: work.0: unexpected argument '--step' found"]);
     std::fs::write(path("list.toml"), "[[work]]\ncommand = \"train\"\ninputs = []\nout = \"x\"\n").unwrap();
     splatweaver(&[&"plan", &path("list.toml")])
