@@ -1,7 +1,6 @@
 //! The optimization of a capture, as a job in steps.
 
 use crate::loaded::{Loaded, load};
-use crate::run::INIT;
 use crate::{RunError, RunFile, RunSettings};
 use std::path::Path;
 use std::sync::Arc;
@@ -24,6 +23,8 @@ pub(crate) struct Fitting {
     started: Instant,
 }
 
+/// The Gaussians that a run began with.
+pub(crate) const INIT: &str = "init.ply";
 /// Records of a run, whatever its length.
 const RECORDS: usize = 500;
 /// Where a checkpoint has the seconds that were spent before it.

@@ -1,7 +1,7 @@
 //! A fit of a capture, under way.
 
 use crate::compressed;
-use crate::fitting::Fitting;
+use crate::fitting::{Fitting, INIT};
 use crate::loaded::load;
 use crate::{Coverage, Matching, RunError, RunFile, RunSettings};
 use std::path::{Path, PathBuf};
@@ -20,8 +20,6 @@ use weaver_view::Shot;
 #[derive(Debug)]
 pub struct Run(pub(crate) weaver_run::Run<Fitting>);
 
-/// The Gaussians that a run began with.
-pub(crate) const INIT: &str = "init.ply";
 /// The folder of the cameras and points as COLMAP has them.
 pub(crate) const MODEL: &str = "sparse/0";
 const KIND: Kind = Kind {

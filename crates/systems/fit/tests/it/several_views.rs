@@ -22,7 +22,7 @@ fn outcome(fit: &Fit) -> Outcome {
     (fit.population().clone(), photos.map(|i| fit.camera(i)).collect(), exposures)
 }
 
-/// What each of some processes does.
+/// Outcomes of each of some processes.
 fn by<R: Send>(count: usize, run: impl Fn(Arc<dyn Ranks>) -> R + Sync) -> Vec<R> {
     std::thread::scope(|scope| {
         let run = &run;
