@@ -63,7 +63,7 @@ pub fn run(arguments: &BenchSurfels, console: &mut Console) -> Result<(), Failur
     })
 }
 
-/// What each pixel of a sensor in the hall measures.
+/// Measurements of a sensor in the hall, one in each pixel.
 fn hall(camera: &SurfelCamera) -> Scan {
     let points = (0..camera.pixels()).map(|i| {
         let d = camera.pixel_ray(i % camera.width, i / camera.width).to_array();

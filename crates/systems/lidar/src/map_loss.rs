@@ -28,7 +28,7 @@ pub enum RangeMean {
 /// Weights of the terms of the loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LossWeights {
-    /// What differences of ranges, whose weight is 1, are averaged over.
+    /// Pixels that differences of ranges, whose weight is 1, are averaged over.
     pub range: RangeMean,
     /// Of -log opacity.
     pub opacity: f64,
