@@ -2,8 +2,8 @@
 
 use crate::loops::closing;
 use crate::{
-    Edge, Error, Frame, GeometricSettings, Lost, MapReport, MapSettings, Mapper, PatchTree, RangeReference, Registered,
-    Result, Scan, TrackSettings, optimize_poses, register, register_ranges,
+    Edge, Error, Frame, GeometricSettings, Lost, MapReport, MapSettings, MapState, Mapper, PatchTree, RangeReference,
+    Registered, Result, Scan, TrackSettings, optimize_poses, register, register_ranges,
 };
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
@@ -59,6 +59,8 @@ pub struct Odometry {
     reference: Option<Reference>,
     /// Reasons against range images, asked of the first scan.
     single: Option<std::result::Result<(), String>>,
+    /// The first scan, until its sweep's motion is known, if that is undone.
+    first: Option<Scan>,
 }
 
 /// The last keyframe as it is drawn, which scans are registered to.
@@ -93,7 +95,16 @@ impl Odometry {
             return Err(Error::Settings(format!("range: expected meters near < far, found {near}, {far}")));
         }
         let mapper = Mapper::new(camera, map)?;
-        Ok(Self { settings, mapper, range, state: OdometryState::default(), given, reference: None, single: None })
+        Ok(Self {
+            settings,
+            mapper,
+            range,
+            state: OdometryState::default(),
+            given,
+            reference: None,
+            single: None,
+            first: None,
+        })
     }
 
     /// Poses (sensor to world) of the scans so far.
@@ -124,6 +135,7 @@ impl Odometry {
     /// Goes on where another was, whose first scan was `first`. The [map](Mapper::restore) follows, and then [`refer`](Self::refer).
     pub fn restore(&mut self, state: OdometryState, first: &Scan, name: &str) {
         self.state = state;
+        self.first = (self.settings.deskew && self.state.poses.len() == 1).then(|| first.clone());
         let (kept, _) = first.within(self.range);
         self.single = Some(kept.check_single(name).map_err(|error| error.to_string()));
     }
@@ -149,20 +161,33 @@ impl Odometry {
     }
 
     /// The range image of scan `number`, whose predecessors have their poses already: points within the range, moved to where they would
-    /// have been seen from at the beginning of the sweep if that is asked for.
+    /// have been seen from at the beginning of the sweep if that is asked for. The motion of the sweep is that from the scan before to this
+    /// one, or while this one has no pose yet, to the scan before; of the first one that to the second.
     ///
     /// # Errors
     /// Where the scan has no points within the range, or fills fewer than 100 pixels.
     pub fn frame(&self, number: usize, scan: &Scan, name: &str) -> Result<Frame> {
+        let poses = &self.state.poses;
+        self.frame_of(scan, name, poses.get(..=number.max(1)).unwrap_or(poses))
+    }
+
+    /// The range image of a scan in whose sweep the last motion of a path went on.
+    fn frame_of(&self, scan: &Scan, name: &str, path: &[Pose]) -> Result<Frame> {
         let [near, far] = self.range;
         let (mut kept, _) = scan.within(self.range);
         if kept.points.is_empty() {
             return Err(Error::NoPoints { of: name.into(), points: scan.points.len(), near, far });
         }
-        if let (true, [.., before, last]) = (self.settings.deskew, &self.state.poses[..number]) {
+        if let (true, [.., before, last]) = (self.settings.deskew, path) {
             kept = kept.deskewed(&before.inverse().compose(last));
         }
         Frame::new(&kept, self.mapper.camera(), name)
+    }
+
+    /// The range image of the next scan, by the motion that leads to a pose.
+    fn frame_toward(&self, pose: Pose, scan: &Scan, name: &str) -> Result<Frame> {
+        let last = self.state.poses.last().copied();
+        self.frame_of(scan, name, &last.into_iter().chain([pose]).collect::<Vec<_>>())
     }
 
     /// Tracks the next scan and adds it to the map if it shows enough that is new.
@@ -171,7 +196,7 @@ impl Odometry {
     /// As [`frame`](Self::frame); the state is then as before.
     pub fn add(&mut self, scan: &Scan, name: &str) -> Result<Tracked> {
         let number = self.state.poses.len();
-        let frame = self.frame(number, scan, name)?;
+        let mut frame = self.frame(number, scan, name)?;
         if self.single.is_none() {
             let (kept, _) = scan.within(self.range);
             self.single = Some(kept.check_single(name).map_err(|error| error.to_string()));
@@ -183,6 +208,17 @@ impl Odometry {
             (None, Some(reference)) => self.track(reference, &frame, &mut tracked),
             (None, None) => {}
         }
+        if self.settings.deskew && !scan.times.is_empty() {
+            // The sweep's own motion is known now. That of the one before would swing: an error of it comes back with the other sign.
+            self.begin_again(&tracked)?;
+            frame = self.frame_toward(tracked.pose, scan, name)?;
+            if let (None, None, Some(reference)) = (given, tracked.lost, &self.reference) {
+                tracked.without_ranges = None;
+                self.track(reference, &frame, &mut tracked);
+                self.begin_again(&tracked)?;
+                frame = self.frame_toward(tracked.pose, scan, name)?;
+            }
+        }
         self.lost_or_found(&tracked);
         if self.is_keyframe(&tracked) {
             self.add_keyframe(frame, &mut tracked)?;
@@ -190,7 +226,19 @@ impl Odometry {
             self.state.since += 1;
         }
         self.keep(&tracked);
+        self.first = (self.settings.deskew && number == 0).then(|| scan.clone());
         Ok(tracked)
+    }
+
+    /// Makes the map of the first scan once more if it is the second that was tracked, which tells how the sensor moved.
+    fn begin_again(&mut self, second: &Tracked) -> Result<()> {
+        let (Some(first), [pose], None) = (&self.first, &self.state.poses[..], second.lost) else { return Ok(()) };
+        let pose = *pose;
+        let frame = self.frame_of(first, "the first scan", &[pose, second.pose])?;
+        self.mapper.restore(MapState::default());
+        self.mapper.add(0, frame, pose)?;
+        self.reference = Some(Reference::new(&mut self.mapper, pose)?);
+        Ok(())
     }
 
     fn lost_or_found(&mut self, tracked: &Tracked) {

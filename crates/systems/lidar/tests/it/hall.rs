@@ -32,11 +32,18 @@ pub fn range(origin: DVec3, d: DVec3) -> f64 {
 
 /// `rows` x `columns` rays, up and down 0.5 radians.
 pub fn scan(pose: &Pose, rows: usize, columns: usize) -> Scan {
+    Scan::new(sweep(|_| *pose, rows, columns).points)
+}
+
+/// The same while the sensor moves, from time 0 to 1.
+pub fn sweep(pose: impl Fn(f64) -> Pose, rows: usize, columns: usize) -> Scan {
+    let time = |i: usize| ((i % columns) as f64 + 0.3) / columns as f64;
     let point = |i: usize| {
-        let az = ((i % columns) as f64 + 0.3) / columns as f64 * std::f64::consts::TAU;
+        let (pose, az) = (pose(time(i)), time(i) * std::f64::consts::TAU);
         let el = ((i / columns) as f64 + 0.5) / rows as f64 - 0.5;
         let d = DVec3::new(az.cos() * el.cos(), az.sin() * el.cos(), el.sin());
         (d * range(pose.translation, pose.rotation * d)).to_array().map(|x| x as f32)
     };
-    Scan::new((0..rows * columns).map(point).collect())
+    let all = 0..rows * columns;
+    Scan { points: all.clone().map(point).collect(), times: all.map(|i| time(i) as f32).collect() }
 }

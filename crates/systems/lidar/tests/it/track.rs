@@ -1,16 +1,16 @@
 //! Odometry through a hall.
 
-use crate::hall::scan;
+use crate::hall::{scan, sweep};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_lidar::{Error, LoopSettings, MapSettings, Odometry, Scan, SurfelCamera, TrackSettings, trajectory_errors};
 
+fn at(t: f64) -> Pose {
+    Pose::new(DMat3::from_rotation_z(0.04 * t), DVec3::new(0.15 * t, 0.04 * t, 0.0))
+}
+
 fn path(n: usize) -> Vec<Pose> {
-    let pose = |i: usize| {
-        let t = i as f64;
-        Pose::new(DMat3::from_rotation_z(0.04 * t), DVec3::new(0.15 * t, 0.04 * t, 0.0))
-    };
-    (0..n).map(pose).collect()
+    (0..n).map(|i| at(i as f64)).collect()
 }
 
 fn odometry(given: Option<Vec<Pose>>) -> Odometry {
@@ -33,6 +33,27 @@ fn a_path_is_found() {
     let errors = trajectory_errors(odometry.poses(), &path);
     assert!(errors.ate < 0.02, "{errors:?}");
     assert!((2..5).contains(&keyframes), "{keyframes}");
+}
+
+/// The sensor moves while it turns; the longer it goes on, the more an error that fed itself would show.
+#[test]
+fn sweeps_of_a_moving_sensor_are_undone() {
+    const SCANS: usize = 24;
+    let sweeps: Vec<Scan> = (0..SCANS).map(|i| sweep(|t| at(i as f64 + t), 64, 512)).collect();
+    let error = |deskew: bool| {
+        let camera = SurfelCamera::spherical([256, 32], [-0.51, 0.51]);
+        let map = MapSettings { iterations: 10, density: 1.0, ..Default::default() };
+        let track = TrackSettings { farthest: 0.5, deskew, ..Default::default() };
+        let mut odometry = Odometry::new(&camera, [0.3, 60.0], map, track, None).unwrap();
+        sweeps.iter().for_each(|sweep| drop(odometry.add(sweep, "sweep").unwrap()));
+        for keyframe in odometry.mapper().keyframes() {
+            let again = odometry.frame(keyframe.scan, &sweeps[keyframe.scan], "sweep").unwrap().with_normals();
+            assert_eq!(again, keyframe.frame, "a resumed run has other frames");
+        }
+        trajectory_errors(odometry.poses(), &path(SCANS)).ate
+    };
+    let (with, without) = (error(true), error(false));
+    assert!(with < 0.5 * without, "{with} {without}");
 }
 
 #[test]
