@@ -5,7 +5,7 @@
 #[non_exhaustive]
 pub enum CodecError {
     /// Bytes of another format.
-    #[error("byte 0: expected {expected:?}, found {found:?}")]
+    #[error("byte 0: expected {}, found {}", expected.escape_ascii(), found.escape_ascii())]
     Foreign {
         /// The magic number.
         expected: [u8; 4],

@@ -33,7 +33,9 @@ fn every_cut_and_change_is_noticed() {
         }
     }
     assert!(Container::read(&[&bytes[..], &[0]].concat()).is_err());
-    assert!(matches!(Container::read(b"PK\x03\x04"), Err(CodecError::Foreign { .. })));
+    let foreign = Container::read(b"\x89PNG\r\n").unwrap_err();
+    assert!(matches!(foreign, CodecError::Foreign { .. }));
+    assert_eq!(foreign.to_string(), "byte 0: expected WVSZ, found \\x89PNG");
 }
 
 #[test]
