@@ -131,8 +131,8 @@ pub struct BenchMixture {
 
 /// Draws a map of surfels into range images, forward and backward: medians of the stages, beside those of ellipsoids.
 ///
-/// The map is of one scan of a hall, fitted for the 200 steps of a keyframe, which are timed. The ellipsoids are those of
-/// `bench raster --synthetic 100000,640,480`.
+/// The map is of one scan of a hall, fitted for the 200 steps of a keyframe, which are timed; so is the registration of the scans that follow,
+/// 11 cm apart. The ellipsoids are those of `bench raster --synthetic 100000,640,480`.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver bench surfels
@@ -144,7 +144,7 @@ pub struct BenchSurfels {
     /// Surfels for each pixel
     #[arg(long, value_name = "SHARE", default_value_t = 0.3)]
     pub density: f64,
-    /// Drawings; medians are over these
+    /// Drawings, and scans that are registered; medians are over these
     #[arg(long, value_name = "R", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub runs: u32,
     /// Prints the figures as JSON, and nothing else on standard output

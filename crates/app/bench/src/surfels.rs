@@ -8,16 +8,19 @@ use std::time::Instant;
 use weaver_command::{Console, Failure, Progress};
 use weaver_geometry::Pose;
 use weaver_kernels::peak;
-use weaver_lidar::{Frame, MapSettings, Mapper, Scan, SurfelCamera};
+use weaver_lidar::{MapSettings, Odometry, Scan, SurfelCamera, TrackSettings};
 use weaver_surfel::{Limits, RangeCotangents, RangeImages, Sight, SurfelWorkspace, Surfels};
 
 /// About as many operations as compositing one surfel at one pixel takes in forward: the ray's direction and the turn of the azimuth
 /// (10), the plane and its two coordinates (20), the exponential (10), and the blending of range, normal and opacity (10).
 const OPERATIONS: f64 = 50.0;
-/// Half sides of the hall, meters; the sensor is 1.8 m above its floor.
-const HALL: [f64; 2] = [20.0, 10.0];
-const BELOW: f64 = 1.8;
-const ABOVE: f64 = 6.2;
+/// Walls of the hall, meters, beside the sensor when it begins, 1.8 m above the floor.
+const LOW: [f64; 3] = [-20.0, -10.0, -1.8];
+const HIGH: [f64; 3] = [20.0, 10.0, 6.2];
+/// The sensor's way from scan to scan, meters.
+const MOTION: [f64; 3] = [0.1, 0.05, 0.0];
+/// Ranges that are used, meters.
+const RANGE: [f64; 2] = [0.5, 60.0];
 /// Steps of a keyframe, as maps are made.
 const STEPS: usize = 200;
 /// The scene of ellipsoids beside it.
@@ -28,33 +31,46 @@ pub fn run(arguments: &BenchSurfels, console: &mut Console) -> Result<(), Failur
     let camera = SurfelCamera::spherical([columns, rows], [-0.4363, 0.0524]);
     let settings = MapSettings { iterations: STEPS - 1, density: arguments.density, ..MapSettings::default() };
     let failed = |error: weaver_lidar::Error| Failure::message(error.to_string());
-    let frame = Frame::new(&hall(&camera), &camera, "hall").map_err(failed)?.with_normals();
-    let mut mapper = Mapper::new(&camera, settings).map_err(failed)?;
-    let begun = Instant::now();
-    mapper.add(0, frame, Pose::IDENTITY).map_err(failed)?;
-    let keyframe = begun.elapsed().as_secs_f64();
+    let runs = arguments.runs as usize;
+    let track = TrackSettings { farthest: f64::INFINITY, ..TrackSettings::default() };
+    let mut odometry = Odometry::new(&camera, RANGE, settings, track, None).map_err(failed)?;
+    let mut seconds = (0..=runs).map(|scan| {
+        let scan = hall(&camera, MOTION.map(|x| scan as f64 * x));
+        let begun = Instant::now();
+        let tracked = odometry.add(&scan, "hall").map_err(failed)?;
+        match tracked.lost {
+            Some(lost) => Err(Failure::message(lost.to_string())),
+            None => Ok(begun.elapsed().as_secs_f64()),
+        }
+    });
+    // The first scan is the keyframe, the others are registered to it.
+    let keyframe = seconds.next().expect("at least one scan")?;
+    let scan = median(seconds.collect::<Result<Vec<_>, _>>()?.into_iter());
+    let mapped = odometry.mapper().surfels();
 
     let peak_gflops = peak::fma_gflops_f32(rayon::current_num_threads());
-    let runs = arguments.runs as usize;
     let mut progress = Progress::new("bench", 0, 2 * runs, console);
-    let flat = surfels(mapper.surfels(), &camera, runs, &mut |done| progress.at(done, 2 * runs, String::new, console))?;
+    let flat = surfels(mapped, &camera, runs, &mut |done| progress.at(done, 2 * runs, String::new, console))?;
     let workload = Workload::synthetic(BESIDE, true);
     let solid = ellipsoids(&workload, runs, &mut |done| progress.at(runs + done, 2 * runs, String::new, console))?;
     progress.finish();
     let rows = [flat, solid];
     console.print(&match arguments.json {
         true => serde_json::to_string_pretty(&json!({
-            "size": arguments.size, "density": arguments.density, "surfels": mapper.surfels().len(), "keyframe_s": keyframe,
+            "size": arguments.size, "density": arguments.density, "surfels": mapped.len(), "keyframe_s": keyframe, "scan_s": scan,
             "peak_gflops": peak_gflops, "threads": rayon::current_num_threads(),
             "rows": rows.iter().map(|row| row.json(peak_gflops)).collect::<Vec<_>>(),
         }))?,
         false => {
             let title = format!(
-                "a hall of 40 x 20 x 8 m, {} x {} pixels, {} surfels; a keyframe of {STEPS} steps: {keyframe:.2} s; {} threads\n\n",
+                "a hall of 40 x 20 x 8 m, {} x {} pixels, {} surfels; {} threads\n\
+                 a keyframe of {STEPS} steps: {keyframe:.2} s; a scan that is registered to it: {:.1} ms, {:.1} a second\n\n",
                 arguments.size[0],
                 arguments.size[1],
-                mapper.surfels().len(),
+                mapped.len(),
                 rayon::current_num_threads(),
+                1e3 * scan,
+                scan.recip(),
             );
             let head = "                pairs, M  lanes, M  project ms   bin ms  composite ms  backward ms   ns a lane   backward  of the peak\n";
             let lines: String = rows.iter().map(|row| row.line(peak_gflops)).collect();
@@ -63,12 +79,12 @@ pub fn run(arguments: &BenchSurfels, console: &mut Console) -> Result<(), Failur
     })
 }
 
-/// Measurements of a sensor in the hall, one in each pixel.
-fn hall(camera: &SurfelCamera) -> Scan {
+/// Measurements of a sensor at a place in the hall, one in each pixel.
+fn hall(camera: &SurfelCamera, at: [f64; 3]) -> Scan {
     let points = (0..camera.pixels()).map(|i| {
         let d = camera.pixel_ray(i % camera.width, i / camera.width).to_array();
-        let to = |d: f64, half: f64| (half / d).abs();
-        let range = to(d[0], HALL[0]).min(to(d[1], HALL[1])).min(to(d[2], if d[2] < 0.0 { BELOW } else { ABOVE }));
+        let to = |k: usize| (if d[k] < 0.0 { LOW[k] } else { HIGH[k] } - at[k]) / d[k];
+        let range = to(0).min(to(1)).min(to(2));
         d.map(|d| (range * d) as f32)
     });
     Scan::new(points.collect())

@@ -27,6 +27,8 @@ pub(crate) struct Fitting {
 pub(crate) const INIT: &str = "init.ply";
 /// Records of a run, whatever its length.
 const RECORDS: usize = 500;
+/// Name in the log of the mean PSNR of held-out photos, dB.
+pub(crate) const HELD_OUT: &str = "held_out";
 /// Where a checkpoint has the seconds that were spent before it.
 const SECONDS: &str = "seconds";
 
@@ -93,11 +95,12 @@ impl Job for Fitting {
     fn step(&mut self) -> Result<StepReport, RunError> {
         self.announce(true);
         let weaver_fit::StepReport { step, loss, psnr, gaussians, pairs, .. } = self.capture.fit.step()?;
-        let scalars = vec![
+        let mut scalars = vec![
             Scalar::mean("psnr", psnr),
             Scalar::last("gaussians", gaussians as f64),
             Scalar::mean("pairs", pairs as f64 / 1e6),
         ];
+        scalars.extend(self.look()?.map(|psnr| Scalar::last(HELD_OUT, psnr)));
         Ok(StepReport { step, of: self.steps()[1], loss, scalars, ..StepReport::default() })
     }
 

@@ -23,6 +23,7 @@ mod error;
 mod fitting;
 mod judged;
 mod loaded;
+mod looks;
 mod maps;
 mod matching;
 mod outcome;

@@ -2,7 +2,7 @@
 
 mod cameras;
 
-use crate::fitting::Fitting;
+use crate::fitting::{Fitting, HELD_OUT};
 use crate::judged::Judged;
 use crate::outcome::{Outcome, Views};
 use crate::{RunError, maps};
@@ -20,7 +20,8 @@ const TINTED: usize = 400;
 const PICTURES: usize = 6;
 
 /// Better names of curves than those of the log.
-pub const CURVES: [(&str, &str); 3] = [
+pub const CURVES: [(&str, &str); 4] = [
+    (HELD_OUT, "PSNR of held-out photos, dB"),
     ("psnr", "PSNR of the photos looked at, dB"),
     ("gaussians", "Gaussians"),
     ("pairs", "million pairs of Gaussian and pixel"),

@@ -224,7 +224,7 @@ impl Fitting {
         held_out.iter().zip(cameras).enumerate().map(judged).collect()
     }
 
-    /// Seconds that the results will take, from judging one photo now; with a budget full of Gaussians and pictures for the
+    /// Seconds that looks and results will take, from judging one photo now; with a budget full of Gaussians and pictures for the
     /// report it takes longer than with the few that there are.
     pub(crate) fn seconds_of_results(&mut self) -> Result<f64, RunError> {
         let camera = self.fit().camera(0);
@@ -237,12 +237,12 @@ impl Fitting {
             seconds = start.elapsed().as_secs_f64();
         }
         let views = self.fit().photos() + self.capture.held_out.len();
-        Ok(0.3 + 1.3 * seconds * views as f64)
+        Ok(0.3 + 1.3 * seconds * (views + self.looks()) as f64)
     }
 }
 
 /// A drawing in the light of a photo.
-fn corrected(image: Vec<f32>, exposure: Option<Exposure>) -> Vec<f32> {
+pub(crate) fn corrected(image: Vec<f32>, exposure: Option<Exposure>) -> Vec<f32> {
     let Some(exposure) = exposure else { return image };
     let mut corrected = vec![0.0; image.len()];
     exposure.apply(&image, &mut corrected);
@@ -250,7 +250,7 @@ fn corrected(image: Vec<f32>, exposure: Option<Exposure>) -> Vec<f32> {
 }
 
 /// Quality of an image beside a photo, where pixels count.
-fn quality(judge: &Judge, image: &[f32], photo: &Photo, mask: Option<&[bool]>) -> Quality {
+pub(crate) fn quality(judge: &Judge, image: &[f32], photo: &Photo, mask: Option<&[bool]>) -> Quality {
     judge.compare_inside(image, &photo.rgb, [photo.camera.height, photo.camera.width], mask)
 }
 

@@ -65,7 +65,7 @@ impl Start {
     /// On the surface that photos agree about, and on the points that it does not show.
     fn dense(seen: Seen<'_>, fit: &FitSettings) -> Result<Self, RunError> {
         let chosen = weaver_data::uniform(seen.photos.len(), seen.photos.len().min(PHOTOS));
-        let photos: Vec<Photo> = chosen.iter().map(|n| seen.photos[*n].clone()).collect();
+        let photos: Vec<&Photo> = chosen.iter().map(|n| &seen.photos[*n]).collect();
         let visible: Vec<Vec<u32>> = chosen.iter().map(|n| seen.visible[*n].clone()).collect();
         let settings = StereoSettings { seed: fit.seed, ..StereoSettings::default() };
         let stereo = Stereo::of(&photos, seen.points, &visible, &settings);

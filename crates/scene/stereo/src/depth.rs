@@ -6,6 +6,7 @@ use crate::picture::{LONGEST, PIXELS, Picture};
 use crate::search::{Found, Plane, Round, Search, Source, Task};
 use crate::sources::neighbors;
 use crate::warp::Warp;
+use std::borrow::Borrow;
 use std::collections::VecDeque;
 use weaver_geometry::glam::DVec3;
 use weaver_kernels::parallel;
@@ -57,12 +58,19 @@ impl Stereo {
     ///
     /// # Panics
     /// Unless there are as many lists as photos.
-    pub fn of(photos: &[Photo], points: &PointCloud, visible: &[Vec<u32>], settings: &StereoSettings) -> Self {
+    pub fn of<P: Borrow<Photo> + Sync>(
+        photos: &[P],
+        points: &PointCloud,
+        visible: &[Vec<u32>],
+        settings: &StereoSettings,
+    ) -> Self {
         assert_eq!(photos.len(), visible.len(), "a list of points for each photo");
         let mut pictures: Vec<Option<Picture>> = photos.iter().map(|_| None).collect();
-        parallel::for_chunks(&mut pictures, 1, |n, to| to[0] = Some(Picture::of(&photos[n], settings.long_side)));
+        parallel::for_chunks(&mut pictures, 1, |n, to| {
+            to[0] = Some(Picture::of(photos[n].borrow(), settings.long_side))
+        });
         let pictures: Vec<Picture> = pictures.into_iter().flatten().collect();
-        let poses: Vec<_> = photos.iter().map(|photo| photo.camera.pose).collect();
+        let poses: Vec<_> = photos.iter().map(|photo| photo.borrow().camera.pose).collect();
         let neighbors = neighbors(&poses, points, visible);
         let task = |n: usize| Photos { pictures: &pictures, neighbors: &neighbors, points, visible, settings }.photo(n);
         let pass = |before: Option<&[Found]>| {

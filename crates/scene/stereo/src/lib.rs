@@ -4,10 +4,10 @@
 //! from pixel to pixel. Depth is kept where two other photos, asked on their own, show the same.
 //!
 //! ```
-//! use weaver_scene::PointCloud;
+//! use weaver_scene::{Photo, PointCloud};
 //! use weaver_stereo::{Stereo, StereoSettings};
 //! // Without photos there is nothing to agree about.
-//! let stereo = Stereo::of(&[], &PointCloud::default(), &[], &StereoSettings::default());
+//! let stereo = Stereo::of::<Photo>(&[], &PointCloud::default(), &[], &StereoSettings::default());
 //! assert!(stereo.surface().gaussians(100).means.is_empty());
 //! ```
 //!

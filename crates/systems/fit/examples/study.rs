@@ -5,7 +5,8 @@
 //!
 //! Beside the keys of [`FitSettings`], settings may hold `views` (so many of the training photos, evenly spread), `by_photos` (background
 //! and dropout follow from the photos, as in the command), `planted` (a thing of its own before every so many photos), `dense` (Gaussians begin on surfaces that
-//! photos agree about), and `even` (no density control, but
+//! photos agree about), `side` (the longest side of the photos that are fitted to, where that is not the size they are judged at), `looks` (so many times in a run the
+//! held-out photos are met, which is printed), and `even` (no density control, but
 //! all of the budget from the beginning: points that are too few are split evenly). A capture may end with `@SIDE`, the longest side of its photos.
 
 use rayon::prelude::*;
@@ -29,6 +30,8 @@ struct Variant {
     views: Option<usize>,
     even: bool,
     planted: Option<usize>,
+    side: Option<usize>,
+    looks: usize,
     by_photos: bool,
     dense: bool,
     settings: Value,
@@ -42,7 +45,7 @@ fn main() -> Result<(), Failure> {
     let seeds = seeds.split(',').map(str::parse).collect::<Result<Vec<u64>, _>>()?;
     let variants = variants.iter().map(|v| variant(v)).collect::<Result<Vec<_>, _>>()?;
     let captures: Vec<&str> = captures.split(',').collect();
-    let data = captures.iter().map(|c| load(c)).collect::<Result<Vec<_>, Failure>>()?;
+    let data = captures.iter().map(|c| load(c, None)).collect::<Result<Vec<_>, Failure>>()?;
 
     let names: Vec<_> =
         captures.iter().map(|c| Path::new(c).file_name().map_or((*c).into(), |n| n.to_string_lossy())).collect();
@@ -58,7 +61,9 @@ fn main() -> Result<(), Failure> {
             let results: Vec<(usize, Quality, f64)> = (jobs.par_iter())
                 .map(|&(c, seed)| {
                     let base = json!({ "steps": steps, "gaussians": budget, "seed": seed });
-                    fit(&data[c], variant, base).map(|(quality, pairs)| (c, quality, pairs))
+                    let reduced = variant.side.map(|side| load(captures[c], Some(side))).transpose()?;
+                    fit([reduced.as_ref().unwrap_or(&data[c]), &data[c]], variant, base)
+                        .map(|(quality, pairs)| (c, quality, pairs))
                 })
                 .collect::<Result<_, Failure>>()?;
             let of = |c: usize| results.iter().filter(|r| r.0 == c).map(|r| r.1).collect::<Vec<_>>();
@@ -75,9 +80,10 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-fn load(capture: &str) -> Result<PosedPhotos, Failure> {
-    let (folder, side) = capture.split_once('@').unwrap_or((capture, ""));
-    let long_side = (!side.is_empty()).then(|| side.parse()).transpose()?;
+fn load(capture: &str, side: Option<usize>) -> Result<PosedPhotos, Failure> {
+    let (folder, own) = capture.split_once('@').unwrap_or((capture, ""));
+    let own = (!own.is_empty()).then(|| own.parse()).transpose()?;
+    let long_side = side.or(own);
     Ok(posed::load(folder, &PosedOptions { long_side, ..PosedOptions::default() })?)
 }
 
@@ -85,16 +91,16 @@ fn variant(argument: &str) -> Result<Variant, Failure> {
     let (name, json) = argument.split_once('=').ok_or(USAGE)?;
     let mut settings: Value = serde_json::from_str(json)?;
     let own = settings.as_object_mut().ok_or("settings: expected an object")?;
-    let views = own.remove("views").and_then(|v| v.as_u64()).map(|v| v as usize);
+    let mut count = |key: &str| own.remove(key).and_then(|v| v.as_u64()).map(|v| v as usize);
+    let [views, planted, side, looks] = ["views", "planted", "side", "looks"].map(&mut count);
     let even = own.remove("even").is_some_and(|v| v == true);
-    let planted = own.remove("planted").and_then(|v| v.as_u64()).map(|v| v as usize);
     let by_photos = own.remove("by_photos").is_some_and(|v| v == true);
     let dense = own.remove("dense").is_some_and(|v| v == true);
-    Ok(Variant { name: name.into(), views, even, planted, by_photos, dense, settings })
+    Ok(Variant { name: name.into(), views, even, planted, side, looks: looks.unwrap_or(0), by_photos, dense, settings })
 }
 
-/// Fits a capture, and returns how well the held-out photos are met and the pairs, in millions, of the last step.
-fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality, f64), Failure> {
+/// Fits a capture, and returns how well the held-out photos of another, the same at its own size, are met, and the pairs, in millions, of the last step.
+fn fit([capture, judged]: [&PosedPhotos; 2], variant: &Variant, base: Value) -> Result<(Quality, f64), Failure> {
     let mut settings = serde_json::to_value(FitSettings::default())?;
     merge(&mut settings, base);
     merge(&mut settings, variant.settings.clone());
@@ -102,7 +108,8 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
         settings["density"]["strategy"] = json!("keep");
     }
     let mut settings: FitSettings = serde_json::from_value(settings)?;
-    let (mut training, test): (Vec<&PosedPhoto>, Vec<&PosedPhoto>) = capture.photos.iter().partition(|p| !p.held_out);
+    let mut training: Vec<&PosedPhoto> = capture.photos.iter().filter(|p| !p.held_out).collect();
+    let test: Vec<&PosedPhoto> = judged.photos.iter().filter(|p| p.held_out).collect();
     if let Some(views) = variant.views {
         let (all, views) = (training.len(), views.min(training.len()));
         training = (0..views).map(|i| training[(2 * i + 1) * all / (2 * views)]).collect();
@@ -129,10 +136,26 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
     let agreement = ColorAgreement::of(&training, &capture.points, &visible);
     let mut fit = Fit::new(training, &initial, settings)?;
     fit.begin_exposures(&agreement.gains);
-    let mut pairs = 0;
-    while fit.steps_done() < fit.settings().steps {
+    let (mut pairs, steps) = (0, fit.settings().steps);
+    while fit.steps_done() < steps {
         pairs = fit.step()?.pairs;
+        let [before, now] = [1, 0].map(|back| (fit.steps_done() - back) * variant.looks / steps);
+        if now > before {
+            let Quality { psnr, psnr_aligned, .. } = met(&mut fit, &test)?;
+            eprintln!(
+                "{}, {}, step {}: {psnr:.2} {:.2}",
+                capture.name,
+                variant.name,
+                fit.steps_done(),
+                psnr_aligned.unwrap_or(f64::NAN)
+            );
+        }
     }
+    Ok((met(&mut fit, &test)?, pairs as f64 / 1e6))
+}
+
+/// How well photos are met.
+fn met(fit: &mut Fit, photos: &[&PosedPhoto]) -> Result<Quality, Failure> {
     let judge = Judge::default();
     let mut compare = |photo: &Photo| -> Result<Quality, Failure> {
         let size = [photo.camera.height, photo.camera.width];
@@ -143,8 +166,8 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
         }
         Ok(judge.compare(&image, &photo.rgb, size))
     };
-    let quality: Vec<Quality> = test.iter().map(|p| compare(&p.photo)).collect::<Result<_, _>>()?;
-    Ok((Quality::mean(&quality).ok_or("no held-out photos")?, pairs as f64 / 1e6))
+    let quality: Vec<Quality> = photos.iter().map(|p| compare(&p.photo)).collect::<Result<_, _>>()?;
+    Ok(Quality::mean(&quality).ok_or("no held-out photos")?)
 }
 
 /// Gaussians on surfaces that photos agree about and on the points that these do not show, and what that took.

@@ -145,22 +145,28 @@ fn main() -> Outcome<()> {
         return Ok(());
     }
     let base = MapSettings::default();
-    let drawn = LossWeights { target: NormalTarget::Drawn, ..base.loss };
-    let variants = [
+    let with = |loss: LossWeights| MapSettings { loss, ..base.clone() };
+    let mean = |map: MapSettings| MapSettings { scale_mean: true, ..map };
+    let no_normals = with(LossWeights { normal: 0.0, ..base.loss });
+    let no_opacity = with(LossWeights { opacity: 0.0, ..base.loss });
+    let drawn_normals = with(LossWeights { target: NormalTarget::Drawn, ..base.loss });
+    let mut variants = vec![
         ("published", MapSettings::published()),
         ("default", base.clone()),
         ("unfitted", MapSettings { iterations: 0, ..base.clone() }),
         ("all", MapSettings { density: 1.0, ..base.clone() }),
-        ("image-mean", MapSettings { loss: LossWeights { range: RangeMean::Image, ..base.loss }, ..base.clone() }),
-        ("scale-mean", MapSettings { scale_mean: true, ..base.clone() }),
-        ("less-opacity", MapSettings { loss: LossWeights { opacity: 0.1, ..base.loss }, ..base.clone() }),
-        ("both", MapSettings { scale_mean: true, loss: LossWeights { opacity: 0.1, ..base.loss }, ..base.clone() }),
-        ("drawn-normals", MapSettings { loss: drawn, ..base.clone() }),
-        ("no-normals", MapSettings { loss: LossWeights { normal: 0.0, ..base.loss }, ..base.clone() }),
-        ("no-opacity", MapSettings { loss: LossWeights { opacity: 0.0, ..base.loss }, ..base.clone() }),
+        ("image-mean", with(LossWeights { range: RangeMean::Image, ..base.loss })),
+        ("more-opacity", with(LossWeights { opacity: 0.4, ..base.loss })),
+        ("drawn-normals", drawn_normals.clone()),
+        ("no-normals", no_normals.clone()),
+        ("no-opacity", no_opacity.clone()),
+        ("scale-mean", mean(base.clone())),
+        ("scale-mean, more-opacity", mean(with(LossWeights { opacity: 0.4, ..base.loss }))),
+        ("scale-mean, drawn-normals", mean(drawn_normals)),
+        ("scale-mean, no-normals", mean(no_normals)),
+        ("scale-mean, no-opacity", mean(no_opacity)),
     ];
     let named: Vec<String> = std::env::args().skip(2).collect();
-    let mut variants = Vec::from(variants);
     variants.retain(|(name, _)| named.is_empty() || named.iter().any(|other| other == name));
     for (name, map) in &variants {
         for seed in 0..3 {

@@ -193,7 +193,7 @@ impl Odometry {
     /// Tracks the next scan and adds it to the map if it shows enough that is new.
     ///
     /// # Errors
-    /// As [`frame`](Self::frame); the state is then as before.
+    /// As [`frame`](Self::frame); the scan is not added then.
     pub fn add(&mut self, scan: &Scan, name: &str) -> Result<Tracked> {
         let number = self.state.poses.len();
         let mut frame = self.frame(number, scan, name)?;

@@ -41,7 +41,7 @@ impl Default for MapSettings {
             scale_limit: 0.3,
             scale_weight: 1.0,
             scale_mean: false,
-            loss: LossWeights { range: RangeMean::Measured, opacity: 0.4, normal: 0.5, target: NormalTarget::Measured },
+            loss: LossWeights { range: RangeMean::Measured, opacity: 0.1, normal: 0.5, target: NormalTarget::Measured },
             measured_normals: true,
             prune: 0.1,
             most_surfels: 150_000,

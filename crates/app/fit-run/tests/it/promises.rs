@@ -65,6 +65,21 @@ fn what_is_masked_is_not_judged() {
     assert!(test > judged(true, false) + 2.0, "the passer-by would have counted: {}", judged(true, false));
 }
 
+#[test]
+fn held_out_photos_are_met_while_it_fits() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("out"));
+    capture(&data, 10);
+    let mut settings = settings(&data);
+    settings.fit.steps = 40;
+    let outcome = fitted(&out, settings);
+    let records = weaver_run::read_records(out.join("metrics.jsonl")).unwrap();
+    let looks: Vec<(usize, f64)> = records.iter().filter_map(|r| Some((r.step, r.value("held_out")?))).collect();
+    assert_eq!(looks.iter().map(|look| look.0).collect::<Vec<_>>(), (2..=40).step_by(2).collect::<Vec<_>>());
+    let last = outcome.test.unwrap().quality.psnr;
+    assert!((looks[19].1 - last).abs() < 1e-4 && looks[0].1 < last - 1.0, "{looks:?} and {last}");
+}
+
 /// Writes points on the surfaces of the capture's scene beside it.
 fn with_points(data: &Path) -> PointCloud {
     let scene = scene(2, &ProceduralOptions { width: 40, height: 32, views: 10 });

@@ -132,14 +132,16 @@ pub fn finish(
     let followed = Followed { folder, steps, showing: Showing::Scene(&gaussians_of), stop };
     let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
     let mut progress = Progress::new("fit", run.fit().steps_done(), steps, console);
-    let (mut psnr, start) = (None, Instant::now());
+    let (mut psnr, mut held_out, start) = (None, None, Instant::now());
     let advanced = live(server.as_ref(), console, |console| {
         run.advance(stop, |report| {
             // Smoothed over about fifty photos.
             let [last, gaussians] = ["psnr", "gaussians"].map(|name| report.scalar(name).unwrap_or(f64::NAN));
             let smooth = psnr.map_or(last, |p: f64| p + 0.02 * (last - p));
             psnr = Some(smooth);
-            progress.at(report.step, steps, || format!("{smooth:.2} dB, {gaussians} Gaussians"), console);
+            held_out = report.scalar("held_out").or(held_out);
+            let met = held_out.map_or(String::new(), |psnr| format!(" ({psnr:.2} held out)"));
+            progress.at(report.step, steps, || format!("{smooth:.2} dB{met}, {gaussians} Gaussians"), console);
         })
     });
     progress.finish();
