@@ -69,7 +69,7 @@ export class Live {
     }
     if (records.length > 0) {
       const shown = [...this.curves].filter(([name]) => name !== "seconds");
-      element("curves").replaceChildren(...shown.map(([name, values]) => chart(name.replaceAll("_", " "), values)));
+      element("curves").replaceChildren(...shown.map(([name, values]) => chart(name, values)));
     }
     if (version !== this.version) {
       if (this.take) await this.scene();

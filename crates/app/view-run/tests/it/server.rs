@@ -188,7 +188,8 @@ fn a_run_without_a_scene_has_pictures_alone() {
     let folder = tempfile::tempdir().unwrap();
     let stop = AtomicBool::new(false);
     let samples = folder.path().join("samples");
-    let followed = Followed { folder: folder.path(), steps: 5, showing: Showing::Pictures(&samples), stop: &stop };
+    let followed =
+        Followed { folder: folder.path(), steps: 5, names: &[], showing: Showing::Pictures(&samples), stop: &stop };
     let server = Server::of_run("run", followed).unwrap();
     server.during(|| {
         let (status, headers, page) = get(&server, "/");
