@@ -184,9 +184,9 @@ fn fits_of_pictures_are_followed() {
     let photo = std::fs::read_dir(&photos).unwrap().next().unwrap().unwrap().path();
     std::fs::copy(photo, folder.join("photo.png")).unwrap();
     let lines = [
-        ("image fit photo.png -o photo.wgi --gaussians 20 --steps 10000000 --live", ": photo.wgi"),
-        ("image fit photo.png -o small.wgi --bytes 500 --steps 10000000 --live", ": small.wgi"),
-        ("image fit capture/images -o run --gaussians 20 --steps 10000000 --live", "saved; `splatweaver image fit"),
+        ("image fit photo.png -o photo.wgi --gaussians 20 --steps 200000 --live", ": photo.wgi"),
+        ("image fit photo.png -o small.wgi --bytes 500 --steps 200000 --live", ": small.wgi"),
+        ("image fit capture/images -o run --gaussians 20 --steps 200000 --live", "saved; `splatweaver image fit"),
     ];
     for (line, end) in lines {
         let mut child = start(folder, line);

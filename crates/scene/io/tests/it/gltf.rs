@@ -272,7 +272,7 @@ fn chunks_are_checked() {
         (change(4, 1), "byte 8: expected version 2, found 1"),
         (change(11, 255), "at most"),
         (change(15, 255), "bytes of a chunk"),
-        (change(16, b'X'), "chunks: expected one of JSON, found none"),
+        (change(16, b'X'), "chunks: expected one of JSON first, found 4e4f5358"),
         (message(&whole[..whole.len() - 1]), "expected at most"),
         (message(b"glTF"), "bytes of a version"),
     ];

@@ -157,7 +157,7 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// What the bytes of some elements say.
+    /// Reads some elements, each from its bytes.
     fn read<T>(&self, wanted: Range<usize>, element: impl Fn(&[u8]) -> T) -> Result<Vec<T>> {
         let Some(last) = wanted.end.checked_sub(1).filter(|last| *last >= wanted.start) else { return Ok(Vec::new()) };
         let place = |row: usize| self.offset + row * self.stride;

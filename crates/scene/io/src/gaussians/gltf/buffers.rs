@@ -57,7 +57,7 @@ impl<'a> Buffers<'a> {
     }
 
     /// Where the bytes of a buffer are.
-    fn place(&self, source: &'a Source<'_>) -> (&Content<'_>, Range<usize>) {
+    fn place<'b>(&'b self, source: &'b Source<'a>) -> (&'b Content<'a>, Range<usize>) {
         match source {
             Source::Chunk(place) => (&self.file, place.clone()),
             Source::Own(content) => (content, 0..content.len()),
