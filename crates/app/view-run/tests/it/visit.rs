@@ -203,7 +203,12 @@ fn a_run_without_a_scene_shows_curves_and_pictures() {
         log("{\"step\":1,\"stage\":\"a\",\"loss\":0.9}\n{\"step\":2,\"stage\":\"b\",\"loss\":4,\"rate\":0.1}\n");
         browser.wait("document.querySelectorAll('#curves figure').length === 3");
         assert_eq!(browser.text("document.querySelector('#curves span').textContent"), "loss, a");
-        assert!(browser.is("document.getElementById('curves').textContent.includes('learning rate')"));
+        let rate =
+            "[...document.querySelectorAll('#curves figure')].find((it) => it.textContent.includes('learning rate'))";
+        browser.value(&format!(
+            "{rate}.querySelector('svg').dispatchEvent(new PointerEvent('pointermove', {{ clientX: 100 }}))"
+        ));
+        assert!(browser.is(&format!("{rate}.textContent.includes('0.1000 at step 2')")));
         assert!(browser.text("document.title").starts_with("run </h1>"));
         std::fs::create_dir(&samples).unwrap();
         for (name, width) in [("step-000002.png", 20), ("step-000010.png", 30)] {
