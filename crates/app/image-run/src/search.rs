@@ -59,8 +59,11 @@ impl Search<'_, '_> {
     /// The fit with so many Gaussians.
     fn trial(&mut self, count: usize) -> Result<Judged, Failure> {
         let named = |error: ImageError| failure(self.path, &error);
-        let (steps, mut progress) = (self.method.steps, Progress::new("fit", 0, self.method.steps, self.console));
-        self.trace.as_mut().map(Trace::begin);
+        let steps = self.method.steps;
+        let mut progress = Progress::new("fit", 0, steps, self.console);
+        if let Some(trace) = &mut self.trace {
+            trace.begin();
+        }
         let mut fit = Fit::new(self.picture, &self.method.settings(count)).map_err(named)?;
         while !fit.is_done() {
             let at = fit.step(self.picture).map_err(named)?;

@@ -209,6 +209,16 @@ fn messages_say_what() {
             set("/accessors/0/count", json!(1_000_000)),
             "expected at most 64 Gaussians in buffers of this length, found 1000000",
         ),
+        (
+            changed(&|d| {
+                let mut other = d["meshes"][0]["primitives"][0].clone();
+                other["attributes"]["POSITION"] = json!(5);
+                d["meshes"][0]["primitives"].as_array_mut().unwrap().push(other);
+                let none = json!({"componentType": 5126, "count": u64::MAX, "type": "VEC3"});
+                d["accessors"].as_array_mut().unwrap().push(none);
+            }),
+            "primitives[1]: expected at most 64 Gaussians in buffers of this length",
+        ),
         (set("/accessors/2/componentType", json!(5125)), "accessors[2]: expected a componentType"),
         (
             set("/accessors/3/byteOffset", json!(8)),

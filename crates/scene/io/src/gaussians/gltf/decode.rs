@@ -20,6 +20,7 @@ const KNOWN: [&str; 2] = [EXTENSION, "KHR_mesh_quantization"];
 const DEGREE: usize = 3;
 const POINTS: u64 = 0;
 
+/// Opens a document: its Gaussians are read when they are asked for, those of sparse accessors at once.
 pub(super) fn open<'a>(path: &Path, file: Content<'a>) -> Result<Box<dyn Blocks + 'a>> {
     let (document, binary) = Document::read(path, &file)?;
     if let Some(other) = document.extensions_required.iter().find(|name| !KNOWN.contains(&name.as_str())) {
@@ -32,7 +33,7 @@ pub(super) fn open<'a>(path: &Path, file: Content<'a>) -> Result<Box<dyn Blocks 
     let Document { buffers, buffer_views, accessors, meshes, .. } = document;
     let buffers = Buffers::open(path, (file, binary), &buffers, buffer_views)?;
     let accessors = Accessors { path: path.to_path_buf(), accessors, buffers };
-    let (most, mut count) = (accessors.buffers.len(), 0);
+    let (most, mut count) = (accessors.buffers.len(), 0_usize);
     let mut scene = Primitives { accessors, meshes, parts: Vec::new() };
     for (mesh, to) in placed {
         let Some(primitives) = scene.meshes.get(mesh) else {
@@ -40,7 +41,7 @@ pub(super) fn open<'a>(path: &Path, file: Content<'a>) -> Result<Box<dyn Blocks 
         };
         for index in 0..primitives.primitives.len() {
             let Some(part) = scene.part([mesh, index], to)? else { continue };
-            count += part.count;
+            count = part.count.saturating_add(count);
             // A mesh may be shown many times, and its numbers may be zeros that take no bytes.
             if count > most {
                 let expected = format!("at most {most} Gaussians in buffers of this length");
