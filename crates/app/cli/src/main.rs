@@ -20,7 +20,7 @@ fn main() -> ExitCode {
             weaver_cli::end_programs();
             process::exit(INTERRUPTED);
         }
-        say("stopping after this step; again to stop at once");
+        say("stopping; again to stop at once");
     };
     if let Err(error) = ctrlc::set_handler(handler) {
         say(&format!("note: Ctrl-C will not save anything: {error}"));

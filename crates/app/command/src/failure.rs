@@ -87,7 +87,7 @@ impl Failure {
 /// The message with its remedy in terms of flags.
 fn advised(message: &str, advice: Advice) -> String {
     match advice {
-        Advice::OtherOutput => format!("{message}; give another --out"),
+        Advice::OtherOutput => format!("{message}; results can go elsewhere"),
         Advice::Resume => format!("{message}; give another --out, or go on with it by --resume"),
         Advice::Setting(name) => match message.strip_prefix(name) {
             Some(rest) => format!("--{}{rest}", flag(name)),
@@ -166,7 +166,7 @@ mod tests {
         let flag = "background_weight";
         assert_eq!(says(flag, Advice::Setting(flag)), (2, "--background-weight: expected more".into()));
         assert_eq!(says("a", Advice::Complete), (2, "a: expected more".into()));
-        assert_eq!(says("a", Advice::OtherOutput), (2, "a: expected more; give another --out".into()));
+        assert_eq!(says("a", Advice::OtherOutput), (2, "a: expected more; results can go elsewhere".into()));
         let (code, line) = says("a", Advice::LessMemory { gaussians: true });
         assert!(code == 75 && line.contains("--geometry"), "{line}");
     }

@@ -24,6 +24,19 @@ impl Coverage {
         self.0.values().sum::<f64>() / self.0.len().max(1) as f64
     }
 
+    /// The part of a photo, which may have a path before the name that it has here.
+    ///
+    /// ```
+    /// use weaver_fit_run::Coverage;
+    /// let coverage = Coverage([("images/a.jpg".into(), 0.6), ("b.jpg".into(), 0.02)].into());
+    /// assert_eq!(coverage.of("../capture/images/a.jpg"), Some(0.6));
+    /// assert_eq!(coverage.of("../capture/aa.jpg"), None);
+    /// ```
+    pub fn of(&self, name: &str) -> Option<f64> {
+        let ends = name.match_indices('/').map(|(at, _)| &name[at + 1..]);
+        std::iter::once(name).chain(ends).find_map(|end| self.0.get(end).copied())
+    }
+
     /// Photos of which others show hardly anything.
     ///
     /// ```

@@ -43,6 +43,7 @@ pub use matching::Matching;
 pub use outcome::{Outcome, PoseChange, Views};
 pub use pace::Pace;
 pub use plan::{Plan, plan};
+pub use report::CURVES;
 pub use run::Run;
 use settings::RunFile;
 pub use settings::{ByPhotos, Initial, RunSettings};

@@ -2,7 +2,7 @@
 
 use clap::{ArgGroup, Args, Subcommand};
 use std::path::PathBuf;
-use weaver_command::{MOST_SEED, Threads};
+use weaver_command::{LiveFlag, MOST_SEED, Threads};
 use weaver_image::Window;
 
 /// Writes pictures as sums of 2-D Gaussians (.wgi), draws them at any size, and measures both.
@@ -73,6 +73,8 @@ pub struct ImageFit {
     /// SmartSplat's published start, loss and rates in place of ours
     #[arg(long)]
     pub published: bool,
+    #[command(flatten)]
+    pub live: LiveFlag,
     #[command(flatten)]
     pub threads: Threads,
 }

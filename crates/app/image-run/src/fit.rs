@@ -4,12 +4,16 @@ use crate::arguments::ImageFit;
 use crate::job::{KIND, PicturesJob, Settings};
 use crate::read::{note_shortfall, read};
 use crate::results::Method;
-use crate::search::Search;
+use crate::search::{Goal, Search};
+use crate::state::under_way;
+use crate::trace::{Trace, TraceFolder};
 use crate::{read, report};
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, Progress};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress};
+use weaver_io::safetensors::Tensors;
 use weaver_io::{atomic_write, check_output_file, list_photos};
 use weaver_run::{Folder, Job, Run};
+use weaver_view_run::{Followed, Server, Showing, live};
 
 pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     if let Some(path) = &arguments.resume {
@@ -19,7 +23,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
             return Err(weaver_run::Error::complete(path).into());
         }
         let folder = Folder::reopen_with(path, KIND, names)?;
-        return go_on(Run::resume(folder, PicturesJob::new(settings)?)?, console, interrupt);
+        return go_on(Run::resume(folder, PicturesJob::new(settings)?)?, arguments.live, console, interrupt);
     }
     let out = arguments.out.as_deref().ok_or_else(|| Failure::Usage("expected --out".into()))?;
     let method = Method {
@@ -45,7 +49,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
             folder.out().check(settings.names())?;
             let job = PicturesJob::new(settings)?;
             folder.store(job.settings())?;
-            go_on(Run::begin(folder, job), console, interrupt)
+            go_on(Run::begin(folder, job), arguments.live, console, interrupt)
         }
     }
 }
@@ -82,37 +86,60 @@ fn one(
 ) -> Result<(), Failure> {
     check_output_file(out, [path])?;
     let picture = read(path, console)?;
-    let mut search = Search { path, picture: &picture, method, console, interrupt };
-    let asked = method.count(&picture);
-    let judged = match (arguments.bytes, arguments.psnr) {
-        (Some(bytes), _) => search.within(bytes as usize)?,
-        (_, Some(decibels)) => search.reaching(decibels)?,
-        _ => search.trial(asked)?,
+    let goal = match (arguments.bytes, arguments.psnr) {
+        (Some(bytes), _) => Goal::Bytes(bytes as usize),
+        (_, Some(decibels)) => Goal::Decibels(decibels),
+        _ => Goal::Gaussians(method.count(&picture)),
     };
+    let (trials, stop) = (goal.trials(), interrupt.watch());
+    let traces = arguments.live.live.then(TraceFolder::new).transpose()?;
+    let trace = traces.as_ref().map(|traces| Trace::new(traces, [method.steps, trials], stop)).transpose()?;
+    let folder = traces.as_ref().map_or(out, TraceFolder::path);
+    let drawing = |state: &Tensors| under_way(state, path, method);
+    let (steps, names, showing) = (method.steps * trials, &report::CURVES, Showing::Drawing(&drawing));
+    let followed = Followed { folder, steps, names, showing, stop };
+    let server = trace.is_some().then(|| Server::of_run(&path.display().to_string(), followed)).transpose()?;
+    let judged = live(server.as_ref(), console, |console| {
+        Search { path, picture: &picture, method, console, interrupt, trace }.reaching(goal)
+    })?;
     atomic_write(out, |to| to.write_all(&judged.bytes))?;
-    let asked = if arguments.bytes.or(arguments.psnr.map(|_| 0)).is_some() { 0 } else { asked };
+    let asked = if let Goal::Gaussians(asked) = goal { asked } else { 0 };
     note_shortfall(path, asked, judged.row.gaussians, judged.row.reset, console);
     console.print(&judged.row.line(out))
 }
 
 /// Fits the pictures of a run to the last, or until Ctrl-C.
-fn go_on(mut run: Run<PicturesJob>, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+fn go_on(
+    mut run: Run<PicturesJob>,
+    follows: LiveFlag,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
     run.job.write(&run.folder)?;
     let [done, of] = run.job.steps();
-    let method = run.job.settings().method.clone();
+    let (settings, path, stop) = (run.job.settings().clone(), run.folder.path().to_path_buf(), interrupt.watch());
+    let drawing = |state: &Tensors| settings.drawn(state, &path);
+    let (names, showing) = (&report::CURVES, Showing::Drawing(&drawing));
+    let followed = Followed { folder: &path, steps: of, names, showing, stop };
+    let server = follows.live.then(|| Server::of_run(&path.display().to_string(), followed)).transpose()?;
+    if server.is_some() {
+        run.folder.follow();
+    }
     let mut progress = Progress::new("fit", done, of, console);
-    let complete = run.advance(interrupt.watch(), |report| {
-        let gaussians = report.scalar("gaussians").unwrap_or(0.0) as usize;
-        let note = || format!("{}: {}", report.stage, method.note(gaussians, report.loss));
-        progress.at(report.step, report.of, note, console);
-        Ok(())
+    let complete = live(server.as_ref(), console, |console| {
+        run.advance(stop, |report| {
+            let gaussians = report.scalar("gaussians").unwrap_or(0.0) as usize;
+            let note = || format!("{}: {}", report.stage, settings.method.note(gaussians, report.loss));
+            progress.at(report.step, report.of, note, console);
+            Ok(())
+        })
     });
     progress.finish();
     let complete = complete?;
     for (row, asked) in run.job.take_news() {
         read::note_shortfall(&row.picture, asked, row.gaussians, row.reset, console);
     }
-    let folder = run.folder.path().display().to_string();
+    let folder = path.display();
     if !complete {
         return console.print(&format!("saved; `splatweaver image fit --resume {folder}` goes on"));
     }

@@ -2,12 +2,13 @@
 
 use crate::read::{failure, read};
 use crate::results::{Judged, Method, Row};
+use crate::state::{all, drawn, insert, is_under_way, refused, stored, under_way};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure};
-use weaver_image::{Fit, FitState, Gaussians, Picture};
+use weaver_image::{Fit, FitState, Picture, decode};
 use weaver_io::safetensors::Tensors;
-use weaver_io::{Checksum, atomic_write, path_in_utf8, read_bytes};
+use weaver_io::{Checksum, Image, atomic_write, path_in_utf8, read_bytes};
 use weaver_run::{Folder, Job, Kind, Scalar, StepReport};
 
 /// The folders of these runs.
@@ -48,6 +49,27 @@ impl Settings {
     pub fn names(&self) -> Vec<String> {
         self.pictures.iter().map(|(path, _)| name(path)).collect()
     }
+
+    /// The picture that a checkpoint is about: the one under way, else the one that was finished last.
+    pub fn drawn(&self, state: &Tensors, folder: &Path) -> weaver_io::Result<Image> {
+        let rows = rows(state).map_err(|found| refused(state, &found))?;
+        if let Some((picture, _)) = self.pictures.get(rows.len()).filter(|_| is_under_way(state)) {
+            return under_way(state, picture, &self.method);
+        }
+        let last = rows.last().ok_or_else(|| refused(state, &"none"))?;
+        let bytes = match state.tensors.contains_key(FINISHED) {
+            true => all(state, FINISHED)?,
+            false => read_bytes(folder.join(name(&last.picture)))?,
+        };
+        let coded = decode(&bytes).map_err(|error| refused(state, &error))?;
+        drawn(&coded.fitted, [last.width, last.height]).map_err(|error| refused(state, &error))
+    }
+}
+
+/// The pictures that were finished before a checkpoint; else what is wrong.
+fn rows(state: &Tensors) -> Result<Vec<Row>, String> {
+    let rows = state.metadata.get(ROWS).ok_or("no rows")?;
+    serde_json::from_str(rows).map_err(|error| error.to_string())
 }
 
 fn name(picture: &Path) -> String {
@@ -175,19 +197,7 @@ impl Job for PicturesJob {
         }
         let state = self.current.as_ref().map(|(_, fit)| fit.state()).or(self.left.as_ref());
         if let Some(state) = state {
-            let kinds = [("", &state.gaussians), ("moment1.", &state.moments[0]), ("moment2.", &state.moments[1])];
-            for (kind, of) in kinds {
-                for (name, width, numbers) in [
-                    ("centers", 2, &of.centers),
-                    ("scales", 2, &of.scales),
-                    ("angles", 1, &of.angles),
-                    ("colors", 3, &of.colors),
-                ] {
-                    tensors.insert(format!("{kind}{name}"), &[of.len(), width], numbers.clone());
-                }
-            }
-            tensors.insert("additions", &[state.additions.len(), 2], state.additions.concat());
-            tensors.insert("counts", &[3], vec![state.step, state.first, state.reset]);
+            insert(state, &mut tensors);
         }
         Ok(tensors)
     }
@@ -196,8 +206,7 @@ impl Job for PicturesJob {
         let origin = state.origin().display().to_string();
         let other =
             |found: String| Failure::message(format!("{origin}: expected the state of this run, found {found}"));
-        let rows = state.metadata.get(ROWS).ok_or_else(|| other("no rows".into()))?;
-        self.rows = serde_json::from_str(rows).map_err(|error| other(error.to_string()))?;
+        self.rows = rows(state).map_err(other)?;
         if self.rows.len() > self.settings.pictures.len() {
             return Err(other(format!("{} pictures of {}", self.rows.len(), self.settings.pictures.len())));
         }
@@ -206,33 +215,11 @@ impl Job for PicturesJob {
             true => Some(all::<u8>(state, FINISHED)?),
             false => None,
         };
-        if !state.tensors.contains_key("counts") {
-            return Ok(());
-        }
-        let gaussians = |kind: &str| -> Result<Gaussians<f32>, Failure> {
-            let [centers, scales, angles, colors] =
-                ["centers", "scales", "angles", "colors"].map(|name| all::<f32>(state, &format!("{kind}{name}")));
-            Ok(Gaussians { centers: centers?, scales: scales?, angles: angles?, colors: colors? })
-        };
-        let counts = state.values::<u64>("counts", &[3])?;
-        self.left = Some(FitState {
-            gaussians: gaussians("")?,
-            moments: [gaussians("moment1.")?, gaussians("moment2.")?],
-            additions: all::<u64>(state, "additions")?.as_chunks().0.to_vec(),
-            step: counts[0],
-            first: counts[1],
-            reset: counts[2],
-        });
+        self.left = stored(state)?;
         Ok(())
     }
 
     fn stepped(&mut self, folder: &Folder) -> Result<(), Failure> {
         self.write(folder)
     }
-}
-
-/// All numbers of a tensor.
-fn all<T: weaver_io::safetensors::Element>(from: &Tensors, key: &str) -> Result<Vec<T>, Failure> {
-    let shape = from.get(key)?.shape.clone();
-    Ok(from.values::<T>(key, &shape)?.to_vec())
 }

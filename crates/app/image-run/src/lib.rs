@@ -14,6 +14,8 @@ mod read;
 mod report;
 mod results;
 mod search;
+mod state;
+mod trace;
 
 pub use arguments::Pictures;
 

@@ -8,10 +8,14 @@ use weaver_image::decode;
 use weaver_io::{Image, PhotoFile, read_bytes};
 use weaver_run::{Folder, Page};
 
-/// Sides of a crop.
+/// Better names of curves than those of the log.
+pub const CURVES: [(&str, &str); 1] = [("gaussians", "Gaussians")];
+/// Sides of a crop beside others.
 const SIDE: usize = 256;
+/// Sides of a crop over another.
+const COMPARED: usize = 512;
 
-/// The page of a run: a table, and a crop of each picture beside its file.
+/// The page of a run: a table, and a crop of each picture over that of its file.
 pub fn of_run(rows: &[Row], folder: &Folder) -> Result<Page, Failure> {
     let mut page = Page::new("Pictures as Gaussians");
     page.heading(1, "Pictures as Gaussians");
@@ -24,9 +28,10 @@ pub fn of_run(rows: &[Row], folder: &Folder) -> Result<Page, Failure> {
         let photo = PhotoFile::at(&row.picture)?.over([0.0; 3]).read()?.to_image();
         let drawn = Image { width: row.width, height: row.height, pixels: drawn };
         page.heading(2, &stem);
-        page.picture("picture", &middle(&photo)).picture("Gaussians", &middle(&drawn));
+        let [photo, drawn] = [&photo, &drawn].map(|image| middle(image, COMPARED));
+        page.comparison(&stem, [("picture", &photo), ("Gaussians", &drawn)])?;
     }
-    page.curves(&folder.records()?, &[("gaussians", "Gaussians")]);
+    page.curves(&folder.records()?, &CURVES);
     Ok(page)
 }
 
@@ -43,8 +48,8 @@ fn cells(row: &Row) -> Vec<String> {
 }
 
 /// The middle of a picture.
-fn middle(image: &Image) -> Image {
-    let [width, height] = [image.width, image.height].map(|side| side.min(SIDE));
+fn middle(image: &Image, side: usize) -> Image {
+    let [width, height] = [image.width, image.height].map(|whole| whole.min(side));
     image.crop((image.width - width) / 2, (image.height - height) / 2, width, height)
 }
 
@@ -73,15 +78,15 @@ pub fn add(page: &mut Page, name: &str, photo: &Image, measured: &[Measured], co
         lines.push((&codec.name, points.collect()));
     }
     page.lines("PSNR in dB over bits a pixel", &lines);
-    page.picture("picture", &middle(photo));
+    page.picture("picture", &middle(photo, SIDE));
     for at in measured {
         let (bytes, psnr) = (at.judged.row.bytes, at.judged.row.psnr);
         let drawn = Image { width: photo.width, height: photo.height, pixels: at.judged.drawn.clone() };
-        page.picture(&format!("Gaussians, {bytes} bytes, {psnr:.2} dB"), &middle(&drawn));
+        page.picture(&format!("Gaussians, {bytes} bytes, {psnr:.2} dB"), &middle(&drawn, SIDE));
         for codec in codecs {
             if let Some(file) = codec.within(bytes) {
                 let caption = format!("{}, {} bytes, {:.2} dB", codec.name, file.bytes, file.psnr);
-                page.picture(&caption, &middle(&file.image()?));
+                page.picture(&caption, &middle(&file.image()?, SIDE));
             }
         }
     }

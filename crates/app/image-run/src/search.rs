@@ -2,16 +2,34 @@
 
 use crate::read::failure;
 use crate::results::{BITS, Judged, Method};
-use std::ops::ControlFlow;
+use crate::trace::Trace;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use weaver_command::{Console, Failure, Interrupt, Progress};
-use weaver_image::{Picture, fit};
+use weaver_image::{Fit, ImageError, Picture};
 
 /// Fits that look for a number of bytes or decibels, at most.
 const TRIALS: usize = 6;
 /// Decibels that doubling the Gaussians brings, about.
 const DOUBLING: f64 = 1.5;
+
+/// Wanted size of a file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// So many Gaussians.
+    Gaussians(usize),
+    /// So many bytes at most.
+    Bytes(usize),
+    /// So many decibels at least.
+    Decibels(f64),
+}
+
+impl Goal {
+    /// The most fits that it takes.
+    pub fn trials(self) -> usize {
+        if matches!(self, Self::Gaussians(_)) { 1 } else { TRIALS }
+    }
+}
 
 /// Fits of one picture.
 pub struct Search<'a, 'b> {
@@ -20,6 +38,8 @@ pub struct Search<'a, 'b> {
     pub method: &'a Method,
     pub console: &'a mut Console<'b>,
     pub interrupt: &'a Interrupt,
+    /// Of fits that a page follows.
+    pub trace: Option<Trace<'a>>,
 }
 
 impl Search<'_, '_> {
@@ -27,24 +47,41 @@ impl Search<'_, '_> {
         self.interrupt.watch().load(Ordering::Relaxed)
     }
 
+    /// The fit that meets a goal.
+    pub fn reaching(&mut self, goal: Goal) -> Result<Judged, Failure> {
+        match goal {
+            Goal::Gaussians(count) => self.trial(count),
+            Goal::Bytes(bytes) => self.within(bytes),
+            Goal::Decibels(decibels) => self.at_least(decibels),
+        }
+    }
+
     /// The fit with so many Gaussians.
-    pub fn trial(&mut self, count: usize) -> Result<Judged, Failure> {
-        let (method, interrupt, console) = (self.method, self.interrupt, &mut *self.console);
-        let mut progress = Progress::new("fit", 0, method.steps, console);
-        let fitted = fit(self.picture, &method.settings(count), &mut |at| {
-            progress.at(at.step, method.steps, || method.note(at.gaussians, at.loss), console);
-            match interrupt.watch().load(Ordering::Relaxed) {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
+    fn trial(&mut self, count: usize) -> Result<Judged, Failure> {
+        let named = |error: ImageError| failure(self.path, &error);
+        let steps = self.method.steps;
+        let mut progress = Progress::new("fit", 0, steps, self.console);
+        if let Some(trace) = &mut self.trace {
+            trace.begin();
+        }
+        let mut fit = Fit::new(self.picture, &self.method.settings(count)).map_err(named)?;
+        while !fit.is_done() {
+            let at = fit.step(self.picture).map_err(named)?;
+            progress.at(at.step, steps, || self.method.note(at.gaussians, at.loss), self.console);
+            if let Some(trace) = &mut self.trace {
+                trace.record(at, fit.state())?;
             }
-        });
+            if self.stopped() {
+                break;
+            }
+        }
         progress.finish();
-        let judged = fitted.and_then(|fitted| Judged::new(self.path, self.picture, &fitted));
-        judged.map_err(|error| failure(self.path, &error))
+        let judged = fit.finish(self.picture).and_then(|fitted| Judged::new(self.path, self.picture, &fitted));
+        judged.map_err(named)
     }
 
     /// The largest trial of at most so many bytes.
-    pub fn within(&mut self, bytes: usize) -> Result<Judged, Failure> {
+    fn within(&mut self, bytes: usize) -> Result<Judged, Failure> {
         let mut best: Option<Judged> = None;
         let mut count = 8.0 * bytes as f64 / BITS;
         for _ in 0..TRIALS {
@@ -64,7 +101,7 @@ impl Search<'_, '_> {
     }
 
     /// The smallest trial of at least so many decibels.
-    pub fn reaching(&mut self, decibels: f64) -> Result<Judged, Failure> {
+    fn at_least(&mut self, decibels: f64) -> Result<Judged, Failure> {
         let mut best: Option<Judged> = None;
         let (mut count, mut highest) = (self.picture.gaussians_for(50.0) as f64, f64::NEG_INFINITY);
         for _ in 0..TRIALS {

@@ -6,6 +6,9 @@ use crate::{LidarJob, LidarPlan, LidarRunError, maps};
 use weaver_lidar::alignment;
 use weaver_run::{Folder, Page};
 
+/// Better names of curves than those of the log.
+pub const CURVES: [(&str, &str); 1] = [("range_error", "mean difference of ranges at keyframes, m")];
+
 /// Keyframes that are shown.
 const SHOWN: usize = 3;
 
@@ -37,7 +40,7 @@ pub(crate) fn leave(job: &mut LidarJob, summary: &Summary, folder: &Folder) -> R
         page.picture("from the side", &maps::map(&centers, [0, 2]));
     }
     lost(job, &mut page);
-    page.curves(&folder.records()?, &[("range_error", "mean difference of ranges at keyframes, m")]);
+    page.curves(&folder.records()?, &CURVES);
     Ok(folder.report(&page)?)
 }
 

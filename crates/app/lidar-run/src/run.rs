@@ -3,6 +3,7 @@
 use crate::job::said;
 use crate::looks::{beginning, scene_of};
 use crate::plan::name;
+use crate::report::CURVES;
 use crate::results::{KEYFRAMES, MAP, Summary, TRAJECTORY, write};
 use crate::{LidarJob, LidarPlan};
 use clap::Args;
@@ -82,7 +83,7 @@ fn advance(
     let [before, of] = run.job.steps();
     let (path, stop) = (run.folder.path().to_path_buf(), interrupt.watch());
     let exhibit = arguments.live.live.then(|| beginning(&run.job, path.display().to_string())).transpose()?;
-    let followed = Followed { folder: &path, steps: of, showing: Showing::Scene(&scene_of), stop };
+    let followed = Followed { folder: &path, steps: of, names: &CURVES, showing: Showing::Scene(&scene_of), stop };
     let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
     if server.is_some() {
         run.folder.follow();

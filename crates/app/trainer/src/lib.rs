@@ -35,7 +35,7 @@ pub use example::Example;
 pub use figures::{AlignedFigures, CameraFigures, Evaluation, LookFigures, SceneFigures, Summary, comparison};
 pub use looks::LooksConfig;
 pub use losses::Terms;
-pub use observe::Observer;
+pub use observe::{CURVES, Observer};
 pub use recipe::{LossSection, NoSettings, Recipe, Section, Step};
 pub use registry::{
     ConfigSource, EvalOptions, MatchingOverride, ModelEntry, OpenRun, Registry, ResolvedConfig, Source, Training,

@@ -2,7 +2,8 @@
 
 mod report;
 
-pub(crate) use report::{CURVES, page};
+pub use report::CURVES;
+pub(crate) use report::page;
 
 use crate::Error;
 use weaver_run::StepReport;

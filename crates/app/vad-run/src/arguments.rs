@@ -3,7 +3,7 @@
 use clap::{Args, Subcommand, ValueEnum};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use weaver_command::{MOST_SEED, Threads, choice};
+use weaver_command::{LiveFlag, MOST_SEED, Threads, choice};
 use weaver_vad::{Length, Rule};
 
 /// Finds anomalies in videos of which only is known whether there are any (UR-DMU, temporal Gaussian splatting, GS-MoE).
@@ -48,6 +48,8 @@ pub(crate) struct VadTrain {
     /// Goes on from the checkpoint of a run that was stopped, with what it was started with
     #[arg(long, value_name = "RUN", conflicts_with_all = ["VadPlan", "out"])]
     pub(crate) resume: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) live: LiveFlag,
     #[command(flatten)]
     pub(crate) threads: Threads,
 }

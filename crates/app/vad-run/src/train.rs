@@ -5,13 +5,14 @@ use crate::checkpoint::{self, RunState};
 use crate::{MODEL, report};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, Progress};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress};
 use weaver_io::safetensors::Tensors;
 use weaver_run::{Folder, Kind, Log, Recorder, Rhythm, Save};
 use weaver_vad::{
     Checkpoint, ConvolutionSizes, DeepMilSizes, Detector, EncoderKind, Error, Experts, Labels, Observe, Planted,
     Schedule, Snapshot, Splatting, StepReport, TrainingSet, UrDmuSizes, read_list,
 };
+use weaver_view_run::{Followed, Server, Showing, live};
 
 /// The folders of these runs.
 pub const KIND: Kind = Kind { command: "vad", settings: "run.json", results: &[MODEL] };
@@ -27,14 +28,15 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
         let folder = Folder::claim(path, KIND, arguments.plan.features.iter().chain(&arguments.plan.list))?;
         let job = Job::new(arguments.plan.clone())?;
         folder.store(&job.plan)?;
-        return job.train(&folder, None, console, interrupt);
+        return job.train((&folder, arguments.live), None, console, interrupt);
     };
     if path.join(MODEL).exists() && !path.join(Folder::CHECKPOINT).exists() {
         return Err(weaver_run::Error::complete(path).into());
     }
     if !path.join(Folder::CHECKPOINT).exists() {
         let plan = Folder::settings(path, KIND, "a detector of anomalies")?;
-        return Job::new(plan)?.train(&Folder::reopen(path, KIND)?, None, console, interrupt);
+        let folder = Folder::reopen(path, KIND)?;
+        return Job::new(plan)?.train((&folder, arguments.live), None, console, interrupt);
     }
     let folder = Folder::reopen(path, KIND)?;
     let state = Tensors::read(folder.checkpoint_path())?;
@@ -55,7 +57,7 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
             "{features}: features and labels: expected those that the run began with, found others"
         )));
     }
-    job.train(&folder, Some((detector, from, kept.done)), console, interrupt)
+    job.train((&folder, arguments.live), Some((detector, from, kept.done)), console, interrupt)
 }
 
 /// A training, all that it needs at hand.
@@ -106,9 +108,10 @@ impl Job {
         [self.set.normal().len(), self.set.abnormal().len()]
     }
 
+    /// Trains to the end, or until Ctrl-C; a page follows if the training is live.
     fn train(
         self,
-        folder: &Folder,
+        (folder, follows): (&Folder, LiveFlag),
         from: Option<(Detector, Checkpoint, usize)>,
         console: &mut Console,
         interrupt: &Interrupt,
@@ -117,21 +120,20 @@ impl Job {
         let ([normal, abnormal], classes) = (self.videos(), self.set.classes.len());
         console.note(&format!("{normal} normal and {abnormal} abnormal videos, {classes} classes; {total} steps"));
         let done = from.as_ref().map_or(0, |(.., done)| *done);
-        let mut watch = Watch {
-            job: &self,
-            recorder: Recorder::open(folder, done, RHYTHM, interrupt.watch())?,
-            progress: Progress::new("train", done, total, console),
-            console,
-            done,
-            total,
-            failure: None,
-        };
-        let trained = match from {
-            None => self.schedule.train(&self.set, self.kind, &mut watch),
-            Some((detector, checkpoint, _)) => self.schedule.resume(&self.set, (detector, checkpoint), &mut watch),
-        };
-        let Watch { progress, done, failure, .. } = watch;
-        progress.finish();
+        let (path, stop) = (folder.path(), interrupt.watch());
+        let followed = Followed { folder: path, steps: total, names: &[], showing: Showing::Curves, stop };
+        let server = follows.live.then(|| Server::of_run(&path.display().to_string(), followed)).transpose()?;
+        let recorder = Recorder::open(folder, done, RHYTHM, stop)?;
+        let (trained, done, failure) = live(server.as_ref(), console, |console| {
+            let progress = Progress::new("train", done, total, console);
+            let mut watch = Watch { job: &self, recorder, progress, console, done, total, failure: None };
+            let trained = match from {
+                None => self.schedule.train(&self.set, self.kind, &mut watch),
+                Some((detector, checkpoint, _)) => self.schedule.resume(&self.set, (detector, checkpoint), &mut watch),
+            };
+            watch.progress.finish();
+            (trained, watch.done, watch.failure)
+        });
         failure.map_or(Ok(()), Err)?;
         let detector = match trained {
             Err(Error::Stopped { .. }) => {

@@ -6,6 +6,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
+use weaver_io::Image;
 use weaver_io::safetensors::Tensors;
 use weaver_run::{Folder, Record, read_records};
 use weaver_scene::Gaussians;
@@ -16,6 +17,9 @@ pub type SceneOf<'a> = &'a (dyn Fn(&Tensors) -> weaver_io::Result<Gaussians> + S
 /// Makes the scene of a checkpoint at a time, 0 to 1.
 pub type FilmOf<'a> = &'a (dyn Fn(&Tensors, f64) -> weaver_io::Result<Gaussians> + Sync);
 
+/// Draws a picture of a checkpoint.
+pub type DrawingOf<'a> = &'a (dyn Fn(&Tensors) -> weaver_io::Result<Image> + Sync);
+
 /// A part of a run that a page shows beside its curves.
 #[derive(Clone, Copy)]
 pub enum Showing<'a> {
@@ -25,6 +29,10 @@ pub enum Showing<'a> {
     Film(FilmOf<'a>),
     /// The last by name of the PNG pictures in a folder, which need not exist yet.
     Pictures(&'a Path),
+    /// A picture that is drawn of its last checkpoint.
+    Drawing(DrawingOf<'a>),
+    /// Nothing.
+    Curves,
 }
 
 impl fmt::Debug for Showing<'_> {
@@ -33,6 +41,8 @@ impl fmt::Debug for Showing<'_> {
             Self::Scene(_) => f.write_str("Scene"),
             Self::Film(_) => f.write_str("Film"),
             Self::Pictures(folder) => f.debug_tuple("Pictures").field(folder).finish(),
+            Self::Drawing(_) => f.write_str("Drawing"),
+            Self::Curves => f.write_str("Curves"),
         }
     }
 }
@@ -44,6 +54,8 @@ pub struct Followed<'a> {
     pub folder: &'a Path,
     /// Steps of the whole run.
     pub steps: usize,
+    /// Better names of its curves than those of the log.
+    pub names: &'a [(&'a str, &'a str)],
     /// The part that is shown beside the curves.
     pub showing: Showing<'a>,
     /// Ends the run after its step where it is set, as Ctrl-C does.
@@ -61,8 +73,9 @@ impl Followed<'_> {
     fn shown(&self) -> Option<(SystemTime, PathBuf)> {
         let dated = |path: PathBuf| Some((path.metadata().ok()?.modified().ok()?, path));
         match self.showing {
-            Showing::Scene(_) | Showing::Film(_) => dated(self.folder.join(Folder::CHECKPOINT)),
+            Showing::Scene(_) | Showing::Film(_) | Showing::Drawing(_) => dated(self.folder.join(Folder::CHECKPOINT)),
             Showing::Pictures(folder) => dated(weaver_io::list_files(folder, &["png"]).ok()?.pop()?),
+            Showing::Curves => None,
         }
     }
 
@@ -71,25 +84,25 @@ impl Followed<'_> {
     /// # Errors
     /// When the checkpoint cannot be read or holds no scene.
     pub fn gaussians(&self, time: f64) -> Result<Option<Gaussians>, Error> {
-        if let Showing::Pictures(_) = self.showing {
-            return Ok(None);
-        }
         let Some((_, path)) = self.shown() else { return Ok(None) };
-        let state = Tensors::read(&path)?;
         Ok(match self.showing {
-            Showing::Scene(scene) => Some(scene(&state)?),
-            Showing::Film(film) => Some(film(&state, time)?),
-            Showing::Pictures(_) => None,
+            Showing::Scene(scene) => Some(scene(&Tensors::read(&path)?)?),
+            Showing::Film(film) => Some(film(&Tensors::read(&path)?, time)?),
+            Showing::Pictures(_) | Showing::Drawing(_) | Showing::Curves => None,
         })
     }
 
-    /// The newest picture, a PNG file; none where there is none yet, or the run shows its scene.
+    /// The newest picture, a PNG file; none where there is none yet, or the run shows none.
     ///
     /// # Errors
-    /// When it cannot be read.
+    /// When it cannot be read or drawn.
     pub fn picture(&self) -> Result<Option<Vec<u8>>, Error> {
-        let Showing::Pictures(_) = self.showing else { return Ok(None) };
-        Ok(self.shown().map(|(_, path)| weaver_io::read_bytes(&path)).transpose()?)
+        let Some((_, path)) = self.shown() else { return Ok(None) };
+        Ok(match self.showing {
+            Showing::Pictures(_) => Some(weaver_io::read_bytes(&path)?),
+            Showing::Drawing(drawing) => Some(drawing(&Tensors::read(&path)?)?.to_png()),
+            Showing::Scene(_) | Showing::Film(_) | Showing::Curves => None,
+        })
     }
 
     /// Records after a step, how far the run is, and the number of what is shown.
@@ -100,7 +113,8 @@ impl Followed<'_> {
         let log = self.folder.join(Folder::LOG);
         let records = if log.is_file() { read_records(log)? } else { Vec::new() };
         let step = records.last().map_or(0, |record| record.step);
-        let later: Vec<Value> = records.iter().filter(|record| record.step > since).map(record_json).collect();
+        let later: Vec<Value> =
+            records.iter().filter(|record| record.step > since).map(|record| self.json(record)).collect();
         Ok(json!({
             "step": step,
             "of": self.steps,
@@ -114,14 +128,16 @@ impl Followed<'_> {
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
-}
 
-/// A record; the loss of a run with several stages, which mean different things by it, is one of its stage.
-fn record_json(record: &Record) -> Value {
-    let named = |name: &str| match record.stage.as_str() {
-        stage if name == "loss" && !stage.is_empty() => format!("loss, {stage}"),
-        _ => name.to_string(),
-    };
-    let values: Map<String, Value> = record.values.iter().map(|(name, value)| (named(name), json!(value))).collect();
-    json!({ "step": record.step, "values": values })
+    /// A record; the loss of a run with several stages, which mean different things by it, is one of its stage.
+    fn json(&self, record: &Record) -> Value {
+        let named = |name: &str| {
+            let better = self.names.iter().find(|(key, _)| *key == name);
+            let name = better.map_or(name.replace('_', " "), |(_, better)| (*better).into());
+            if name == "loss" && !record.stage.is_empty() { format!("loss, {}", record.stage) } else { name }
+        };
+        let values: Map<String, Value> =
+            record.values.iter().map(|(name, value)| (named(name), json!(value))).collect();
+        json!({ "step": record.step, "values": values })
+    }
 }

@@ -13,7 +13,7 @@ mod server;
 pub use error::Error;
 pub use exhibit::{Exhibit, Gallery, Moving};
 pub use features::Features;
-pub use follow::{FilmOf, Followed, SceneOf, Showing};
+pub use follow::{DrawingOf, FilmOf, Followed, SceneOf, Showing};
 pub use live::live;
 pub use server::{Server, Visitors};
 

@@ -125,7 +125,7 @@ impl<'a> Server<'a> {
             if let Ok(Some(mut request)) = self.http.recv_timeout(PATIENCE) {
                 let answer = self.answer(&mut request).unwrap_or_else(|error| Answer::text(500, error.to_string()));
                 // Somebody who went away needs no answer.
-                let _ = request.respond(answer.response(&self.policy));
+                let _ = answer.send(request, &self.policy);
             }
         }
     }

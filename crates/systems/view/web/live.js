@@ -29,6 +29,13 @@ function chart(name, values) {
   line.setAttribute("points", values.map(([step, value]) => `${(200 * (step - left)) / wide},${54 - (52 * (value - low)) / high}`).join(" "));
   for (const [key, value] of [["fill", "none"], ["stroke", "var(--accent)"], ["stroke-width", "1.5"], ["vector-effect", "non-scaling-stroke"]]) line.setAttribute(key, value);
   svg.append(line);
+  // Where the pointer is, the nearest value.
+  svg.addEventListener("pointermove", ({ offsetX }) => {
+    const at = left + (wide * offsetX) / svg.clientWidth;
+    const [step, value] = values.reduce((best, next) => (Math.abs(next[0] - at) < Math.abs(best[0] - at) ? next : best));
+    last.textContent = `${short(value)} at step ${short(step)}`;
+  });
+  svg.addEventListener("pointerleave", () => (last.textContent = short(values.at(-1)[1])));
   figure.append(caption, svg);
   return figure;
 }
@@ -69,7 +76,7 @@ export class Live {
     }
     if (records.length > 0) {
       const shown = [...this.curves].filter(([name]) => name !== "seconds");
-      element("curves").replaceChildren(...shown.map(([name, values]) => chart(name.replaceAll("_", " "), values)));
+      element("curves").replaceChildren(...shown.map(([name, values]) => chart(name, values)));
     }
     if (version !== this.version) {
       if (this.take) await this.scene();

@@ -129,9 +129,10 @@ export class Panel {
     element("fov").value = value;
     element("fov-value").textContent = `${value}°`;
     const legend = element("legend");
-    legend.hidden = !["depth", "count", "alike"].includes(look.mode);
+    const ends = { depth: look.depths.map((x) => x.toPrecision(3)), count: ["0", "511 per pixel"], coverage: ["nothing", "all of a pixel"], alike: ["unlike", "alike"] };
+    legend.hidden = !ends[look.mode];
     legend.classList.toggle("reversed", look.mode === "depth");
-    const [low, high] = look.mode === "depth" ? look.depths.map((x) => x.toPrecision(3)) : look.mode === "count" ? ["0", "511 per pixel"] : ["unlike", "alike"];
+    const [low, high] = ends[look.mode] ?? ["", ""];
     element("legend-low").textContent = low;
     element("legend-high").textContent = high;
   }
@@ -142,7 +143,7 @@ export class Panel {
       h: () => page.home(), l: () => page.level(), p: () => page.picture(), m: () => this.fold(), n: () => page.shots.step(1), v: () => page.shots.step(-1),
       f: () => element("frusta").click(), t: () => page.about.moves && element("play").click(), b: () => this.tool("box"), r: () => this.tool("brush"), i: () => page.selection.invert(),
       x: () => page.selection.hide(), u: () => page.selection.show(), 1: () => this.mode("color"), 2: () => this.mode("depth"),
-      3: () => this.mode("count"), 4: () => this.mode("centers"), 5: () => page.renderer.alike && this.mode("alike"), k: () => page.alike && this.tool("like"), "?": () => element("help").showModal(),
+      3: () => this.mode("count"), 4: () => this.mode("coverage"), 5: () => this.mode("centers"), 6: () => page.renderer.alike && this.mode("alike"), k: () => page.alike && this.tool("like"), "?": () => element("help").showModal(),
       delete: () => page.selection.remove(), backspace: () => page.selection.remove(),
       escape: () => (page.toolName ? this.tool(page.toolName) : page.selection.clear()),
     };

@@ -5,7 +5,7 @@ precision highp float; precision highp int; precision highp sampler2D; precision
 `;
 
 /** Modes of drawing, as the shaders number them. */
-export const MODES = { color: 0, depth: 1, count: 2, centers: 3, alike: 4 };
+export const MODES = { color: 0, depth: 1, count: 2, centers: 3, alike: 4, coverage: 5 };
 
 const PROJECT = `
 uniform sampler2D splats; uniform usampler2D harmonics, flags;
@@ -173,6 +173,7 @@ void main() {
   if (mode == 1) rgb = c.a < 0.05 ? background : mix(background, falseColor(1.0 - (c.r / c.a - depths.x) / (depths.y - depths.x)), min(1.0, 2.0 * c.a));
   if (mode == 4) rgb = c.a < 0.05 ? background : mix(background, falseColor(c.r / c.a), min(1.0, 2.0 * c.a));
   if (mode == 2) rgb = falseColor(log2(1.0 + c.r) / 9.0);
+  if (mode == 5) rgb = falseColor(c.a);
   if (mode == 0 && exposure != 0.0) rgb = encoded(clamp(linear(clamp(rgb, 0.0, 1.0)) * exp2(exposure), 0.0, 1.0));
   shown = vec4(clamp(rgb, 0.0, 1.0), 1);
 }`];

@@ -16,6 +16,7 @@ export class Shots {
     this.photo = document.getElementById("photo");
     this.wipe = document.getElementById("wipe");
     this.wipe.addEventListener("input", () => this.cut());
+    this.photo.addEventListener("error", () => this.show(false));
     this.strip.hidden = this.all.length === 0;
     this.fill();
   }
@@ -38,6 +39,8 @@ export class Shots {
         const image = document.createElement("img");
         image.loading = "lazy";
         image.alt = "";
+        // A server that ended has no more photos.
+        image.addEventListener("error", () => image.replaceWith(document.createElement("i")));
         image.src = shot.thumbnail ?? shot.photo;
         button.append(image);
       } else {

@@ -9,7 +9,8 @@ use weaver_command::{
 };
 use weaver_inference::RunFolder;
 use weaver_trainer::{
-    ConfigSource, Error, Folder, Observer, Ranks, ResolvedConfig, StepReport, Summary, Training, claim_run, reclaim_run,
+    CURVES, ConfigSource, Error, Folder, Observer, Ranks, ResolvedConfig, StepReport, Summary, Training, claim_run,
+    reclaim_run,
 };
 use weaver_view_run::{Followed, Server, Showing, live};
 
@@ -205,7 +206,8 @@ fn train(
     let label = session.labeler();
     let stop = interrupt.watch();
     let samples = RunFolder::at(folder.path()).samples_path();
-    let followed = Followed { folder: folder.path(), steps: total, showing: Showing::Pictures(&samples), stop };
+    let (names, showing) = (&CURVES, Showing::Pictures(&samples));
+    let followed = Followed { folder: folder.path(), steps: total, names, showing, stop };
     let server = arguments.live.live.then(|| Server::of_run(&path, followed)).transpose()?;
     let progress = Progress::new("train", done, total, console);
     let summary = live(server.as_ref(), console, |console| {

@@ -180,7 +180,7 @@ pub fn exhibit(seen: &Seen<'_>) -> Result<Exhibit, Failure> {
     if let Some(cameras) = seen.cameras.map(PathBuf::from).or_else(|| within("transforms.json")) {
         exhibit = exhibit.with_cameras(&cameras, seen.photos)?;
         let coverage = folder.and_then(coverage).unwrap_or_default();
-        exhibit.shots.iter_mut().for_each(|shot| shot.coverage = coverage.0.get(&shot.name).copied());
+        exhibit.shots.iter_mut().for_each(|shot| shot.coverage = coverage.of(&shot.name));
     }
     if file.ends_with(MAP) {
         exhibit.shots.push(weaver_lidar_run::overview());

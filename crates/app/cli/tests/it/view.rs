@@ -164,7 +164,7 @@ fn a_live_fit_is_stopped_from_its_page_and_saves() {
     capture(folder);
     let mut child = start(folder, "fit capture -o fit --steps 100000 --gaussians 300 --live");
     let (address, mut rest) = address(child.stderr.take().unwrap());
-    assert!(progress(&address, "\"psnr\"").contains("\"of\":100000"));
+    assert!(progress(&address, "PSNR of the photos looked at, dB").contains("\"of\":100000"));
     let (line, _) = asked(&address, "POST", "/stop");
     assert!(line.contains("200"), "{line}");
     let mut said = String::new();
@@ -172,6 +172,41 @@ fn a_live_fit_is_stopped_from_its_page_and_saves() {
     assert!(child.wait().unwrap().success(), "{said}");
     assert!(said.contains("to go on: splatweaver fit --resume fit"), "{said}");
     assert!(folder.join("fit/checkpoint.safetensors").is_file() && folder.join("fit/view.html").is_file());
+}
+
+/// A picture under way is drawn from its checkpoints. A fit of one file leaves nothing but the file.
+#[test]
+fn fits_of_pictures_are_followed() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    capture(folder);
+    let photos = folder.join("capture/images");
+    let photo = std::fs::read_dir(&photos).unwrap().next().unwrap().unwrap().path();
+    std::fs::copy(photo, folder.join("photo.png")).unwrap();
+    let lines = [
+        ("image fit photo.png -o photo.wgi --gaussians 20 --steps 200000 --live", ": photo.wgi"),
+        ("image fit photo.png -o small.wgi --bytes 500 --steps 200000 --live", ": small.wgi"),
+        ("image fit capture/images -o run --gaussians 20 --steps 200000 --live", "saved; `splatweaver image fit"),
+    ];
+    for (line, end) in lines {
+        let mut child = start(folder, line);
+        let (address, _rest) = address(child.stderr.take().unwrap());
+        let png = (0..600).find_map(|_| {
+            std::thread::sleep(std::time::Duration::from_millis(50));
+            let (status, body) = asked(&address, "GET", "/picture");
+            status.contains("200").then_some(body)
+        });
+        assert!(png.is_some_and(|png| png.starts_with(b"\x89PNG")), "{line}");
+        assert!(progress(&address, "\"Gaussians\"").contains("\"loss"));
+        assert!(asked(&address, "POST", "/stop").0.contains("200"));
+        let mut said = String::new();
+        child.stdout.take().unwrap().read_to_string(&mut said).unwrap();
+        assert!(child.wait().unwrap().success() && said.contains(end), "{said}");
+    }
+    let names = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<String> = names.collect();
+    names.sort_unstable();
+    assert_eq!(names, ["capture", "photo.png", "photo.wgi", "run", "small.wgi"]);
 }
 
 /// A network has no scene to show: its page has curves and pictures. A film's has the scene of the expert at hand.
@@ -190,6 +225,7 @@ fn other_runs_are_followed_as_well() {
     assert!(page.contains("id=\"moment-2\"") && !page.contains("id=\"moment-3\""));
     let lines = [
         ("train --preset micro --steps 100000 -o run --live", "404"),
+        ("vad train --steps 100000 --out anomalies --live", "404"),
         (film, "200"),
         ("dynamic prune --run small --keep 0.5 --steps 100000 -o pruned --live", "200"),
         ("dynamic distil --run small --expert poly --steps 100000 -o distilled --live", "200"),

@@ -1,7 +1,7 @@
 //! Answers with the headers that every one has.
 
-use std::io::Cursor;
-use tiny_http::{Header, Response};
+use std::io::{self, Write};
+use tiny_http::{Method, Request, StatusCode};
 
 /// An answer, not yet sent.
 #[derive(Debug)]
@@ -37,18 +37,22 @@ impl Answer {
         Self::text(404, "nothing is here")
     }
 
-    pub fn response(self, policy: &str) -> Response<Cursor<Vec<u8>>> {
-        let headers = [
-            ("Content-Type", self.kind),
-            ("Content-Security-Policy", self.policy.unwrap_or(policy)),
-            ("X-Content-Type-Options", "nosniff"),
-            ("Referrer-Policy", "no-referrer"),
-            ("Cross-Origin-Resource-Policy", "same-origin"),
-            ("Cache-Control", "no-store"),
-        ];
-        let response = Response::from_data(self.body).with_status_code(self.status).with_chunked_threshold(usize::MAX);
-        headers.into_iter().fold(response, |response, (name, value)| {
-            response.with_header(Header::from_bytes(name, value).expect("headers are plain text"))
-        })
+    /// Sends the answer, and asks the client to close the connection: of connections that stay open, tiny_http serves four, and lets those
+    /// that come at the same time wait for one of them to end.
+    pub fn send(self, request: Request, policy: &str) -> io::Result<()> {
+        let wants_body = *request.method() != Method::Head;
+        let (status, length) = (StatusCode(self.status), self.body.len());
+        let (kind, policy) = (self.kind, self.policy.unwrap_or(policy));
+        let mut writer = request.into_writer();
+        write!(
+            writer,
+            "HTTP/1.1 {} {}\r\nConnection: close\r\nContent-Length: {length}\r\nContent-Type: {kind}\r\n\
+             Content-Security-Policy: {policy}\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
+             Cross-Origin-Resource-Policy: same-origin\r\nCache-Control: no-store\r\n\r\n",
+            status.0,
+            status.default_reason_phrase(),
+        )?;
+        writer.write_all(if wants_body { &self.body } else { &[] })?;
+        writer.flush()
     }
 }

@@ -73,6 +73,34 @@ fn post(server: &Server<'_>, path: &str, token: &str, body: &[u8]) -> (u16, Stri
     (status, String::from_utf8(body).unwrap())
 }
 
+/// As browsers ask for the photos of a page: many connections at the same time, which stay open unless the server says otherwise.
+#[test]
+fn many_who_ask_at_once_are_all_answered() {
+    let exhibit = exhibit(None);
+    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    let address = server.address();
+    let place = address.trim_start_matches("http://").split('/').next().unwrap();
+    server.during(|| {
+        let ask = |_| {
+            let mut stream = TcpStream::connect(place).unwrap();
+            stream.set_read_timeout(Some(std::time::Duration::from_secs(20))).unwrap();
+            write!(stream, "GET /scene HTTP/1.1\r\nHost: {place}\r\n\r\n").unwrap();
+            stream
+        };
+        let asked: Vec<TcpStream> = (0..12).map(ask).collect();
+        let mut open = Vec::new();
+        for (i, mut stream) in asked.into_iter().enumerate() {
+            let mut start = [0; 200];
+            stream.read_exact(&mut start).unwrap_or_else(|error| panic!("answer {i}: {error}"));
+            let start = String::from_utf8_lossy(&start);
+            assert!(start.starts_with("HTTP/1.1 200 OK\r\n"), "{start}");
+            if !start.contains("Connection: close") {
+                open.push(stream);
+            }
+        }
+    });
+}
+
 #[test]
 fn listed_addresses_are_answered_and_no_others() {
     let exhibit = exhibit(None);
@@ -188,7 +216,8 @@ fn a_run_without_a_scene_has_pictures_alone() {
     let folder = tempfile::tempdir().unwrap();
     let stop = AtomicBool::new(false);
     let samples = folder.path().join("samples");
-    let followed = Followed { folder: folder.path(), steps: 5, showing: Showing::Pictures(&samples), stop: &stop };
+    let followed =
+        Followed { folder: folder.path(), steps: 5, names: &[], showing: Showing::Pictures(&samples), stop: &stop };
     let server = Server::of_run("run", followed).unwrap();
     server.during(|| {
         let (status, headers, page) = get(&server, "/");

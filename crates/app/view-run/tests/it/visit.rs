@@ -69,7 +69,8 @@ fn a_page_follows_a_run_and_ends_it() {
     let exhibit = Exhibit::new("run", gaussians(10), Default::default());
     let scene = |state: &Tensors| Ok(gaussians(state.values::<u64>("n", &[1])?[0] as usize));
     let stop = AtomicBool::new(false);
-    let followed = Followed { folder: folder.path(), steps: 50, showing: Showing::Scene(&scene), stop: &stop };
+    let followed =
+        Followed { folder: folder.path(), steps: 50, names: &[], showing: Showing::Scene(&scene), stop: &stop };
     let log = |text: &str| std::fs::write(folder.path().join(Folder::LOG), text).unwrap();
     let save = |n: u64| {
         let mut state = Tensors::default();
@@ -137,7 +138,8 @@ fn a_run_is_followed_at_any_time_of_its_film() {
         Ok(scene)
     };
     let stop = AtomicBool::new(false);
-    let followed = Followed { folder: folder.path(), steps: 50, showing: Showing::Film(&film), stop: &stop };
+    let followed =
+        Followed { folder: folder.path(), steps: 50, names: &[], showing: Showing::Film(&film), stop: &stop };
     std::fs::write(folder.path().join(Folder::LOG), "{\"step\":1,\"loss\":0.9}\n").unwrap();
     let save = |n: u64| {
         let mut state = Tensors::default();
@@ -190,7 +192,9 @@ fn a_run_without_a_scene_shows_curves_and_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let samples = folder.path().join("samples");
     let stop = AtomicBool::new(false);
-    let followed = Followed { folder: folder.path(), steps: 9, showing: Showing::Pictures(&samples), stop: &stop };
+    let names = [("rate", "learning rate")];
+    let followed =
+        Followed { folder: folder.path(), steps: 9, names: &names, showing: Showing::Pictures(&samples), stop: &stop };
     let log = |text: &str| std::fs::write(folder.path().join(Folder::LOG), text).unwrap();
     let server = Server::of_run("run </h1><script>document.title='taken'</script>", followed).unwrap();
     server.during(|| {
@@ -199,6 +203,12 @@ fn a_run_without_a_scene_shows_curves_and_pictures() {
         log("{\"step\":1,\"stage\":\"a\",\"loss\":0.9}\n{\"step\":2,\"stage\":\"b\",\"loss\":4,\"rate\":0.1}\n");
         browser.wait("document.querySelectorAll('#curves figure').length === 3");
         assert_eq!(browser.text("document.querySelector('#curves span').textContent"), "loss, a");
+        let rate =
+            "[...document.querySelectorAll('#curves figure')].find((it) => it.textContent.includes('learning rate'))";
+        browser.value(&format!(
+            "{rate}.querySelector('svg').dispatchEvent(new PointerEvent('pointermove', {{ clientX: 100 }}))"
+        ));
+        assert!(browser.is(&format!("{rate}.textContent.includes('0.1000 at step 2')")));
         assert!(browser.text("document.title").starts_with("run </h1>"));
         std::fs::create_dir(&samples).unwrap();
         for (name, width) in [("step-000002.png", 20), ("step-000010.png", 30)] {

@@ -7,7 +7,7 @@ use std::path::Path;
 /// Writes a file atomically: afterward `path` holds either all that `write` wrote, or what it held before.
 ///
 /// The bytes go to a temporary file in the same folder, are flushed to the disk, and take the name `path` in one
-/// rename. When `write` fails, the temporary file is removed and its error is returned with the path.
+/// rename. When `write` fails, the temporary file is removed and its error is returned with the path. A folder that is missing is created.
 ///
 /// ```
 /// let folder = tempfile::tempdir().unwrap();
@@ -37,6 +37,7 @@ fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) ->
         Some(p) if !p.as_os_str().is_empty() => p,
         _ => Path::new("."),
     };
+    std::fs::create_dir_all(folder)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".weaver-");
     // Temporary files are private by default; a finished file has the permissions any new file gets.

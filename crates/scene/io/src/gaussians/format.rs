@@ -125,8 +125,8 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "32-bit floats of everything; up is +y",
         order: None,
         degree: 3,
-        read: Reader::Whole(gltf::decode),
-        write: Writer::Stream(gltf::encode_glb),
+        read: Reader::Blocks(gltf::open),
+        write: Writer::Blocks(gltf::encode_glb),
     },
     SceneFormat {
         name: "gltf",
@@ -134,8 +134,8 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         keeps: "as glb, in one text file a third larger",
         order: None,
         degree: 3,
-        read: Reader::Whole(gltf::decode),
-        write: Writer::Stream(gltf::encode_gltf),
+        read: Reader::Blocks(gltf::open),
+        write: Writer::Blocks(gltf::encode_gltf),
     },
     SceneFormat {
         name: "ksplat",

@@ -13,12 +13,13 @@ mod document;
 mod encode;
 mod nodes;
 
-use super::scene_file::{Drawing, SceneFile};
+use super::blocks::Blocks;
+use super::scene_file::{Drawing, OpenScene};
+use crate::files::content::Content;
 use crate::{Error, Result};
 use std::io::Write;
 use std::path::Path;
 use weaver_geometry::sh;
-use weaver_scene::Gaussians;
 
 /// The extension.
 const EXTENSION: &str = "KHR_gaussian_splatting";
@@ -26,13 +27,14 @@ const MAGIC: &[u8; 4] = b"glTF";
 const JSON: u32 = u32::from_le_bytes(*b"JSON");
 const BINARY: u32 = u32::from_le_bytes(*b"BIN\0");
 
-/// Reads a `.glb` or `.gltf` file: the Gaussians of all nodes of its scene, with the nodes' transforms applied.
+/// Opens a `.glb` or `.gltf` file: the Gaussians of all nodes of its scene, with the nodes' transforms applied. Its buffers are read when
+/// Gaussians are asked for, but for those of base64 and of files with sparse accessors.
 ///
 /// # Errors
-/// When it is malformed, has no Gaussians, an accessor leads out of its buffer, a transform is no similarity, or the file requires an
-/// extension that is unknown here.
-pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<SceneFile> {
-    Ok(decode::decoded(path, data)?.into())
+/// When it is malformed, an accessor leads out of its buffer, a transform is no similarity, or the file requires an extension that is
+/// unknown here.
+pub(crate) fn open<'a>(path: &Path, content: Content<'a>) -> Result<OpenScene<'a>> {
+    Ok(OpenScene { gaussians: decode::open(path, content)?, drawing: Drawing::default() })
 }
 
 /// Writes a `.glb` file; every number is a 32-bit float.
@@ -41,15 +43,15 @@ pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<SceneFile> {
 ///
 /// # Errors
 /// When a value is not finite, or the file would have more than 4 GB.
-pub(crate) fn encode_glb(path: &Path, gaussians: &Gaussians, _drawing: Drawing, w: &mut dyn Write) -> Result<()> {
+pub(crate) fn encode_glb(path: &Path, gaussians: &dyn Blocks, _drawing: Drawing, w: &mut dyn Write) -> Result<()> {
     encode::glb(path, gaussians, w)
 }
 
 /// Writes a `.gltf` file with its buffer inside, in base64.
 ///
 /// # Errors
-/// As [`encode_glb`].
-pub(crate) fn encode_gltf(path: &Path, gaussians: &Gaussians, _drawing: Drawing, w: &mut dyn Write) -> Result<()> {
+/// When a value is not finite.
+pub(crate) fn encode_gltf(path: &Path, gaussians: &dyn Blocks, _drawing: Drawing, w: &mut dyn Write) -> Result<()> {
     encode::gltf(path, gaussians, w)
 }
 

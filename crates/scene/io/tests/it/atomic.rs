@@ -52,10 +52,13 @@ fn replaces_the_old_file() {
 }
 
 #[test]
-fn a_missing_folder_is_named() {
+fn a_missing_folder_is_created() {
     let folder = tempfile::tempdir().unwrap();
-    let error = atomic_write(folder.path().join("no/such/file"), |_| Ok(())).unwrap_err();
-    assert!(error.to_string().contains("no/such/file"), "{error}");
+    let path = folder.path().join("new/ones/file");
+    atomic_write(&path, |w| w.write_all(b"whole")).unwrap();
+    let error = atomic_write(path.join("below/a/file"), |_| Ok(())).unwrap_err();
+    assert!(error.to_string().contains("file/below/a/file: "), "{error}");
+    assert_eq!(std::fs::read(&path).unwrap(), b"whole");
 }
 
 #[cfg(unix)]

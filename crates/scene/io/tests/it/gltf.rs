@@ -209,6 +209,16 @@ fn messages_say_what() {
             set("/accessors/0/count", json!(1_000_000)),
             "expected at most 64 Gaussians in buffers of this length, found 1000000",
         ),
+        (
+            changed(&|d| {
+                let mut other = d["meshes"][0]["primitives"][0].clone();
+                other["attributes"]["POSITION"] = json!(5);
+                d["meshes"][0]["primitives"].as_array_mut().unwrap().push(other);
+                let none = json!({"componentType": 5126, "count": u64::MAX, "type": "VEC3"});
+                d["accessors"].as_array_mut().unwrap().push(none);
+            }),
+            "primitives[1]: expected at most 64 Gaussians in buffers of this length",
+        ),
         (set("/accessors/2/componentType", json!(5125)), "accessors[2]: expected a componentType"),
         (
             set("/accessors/3/byteOffset", json!(8)),
@@ -272,7 +282,7 @@ fn chunks_are_checked() {
         (change(4, 1), "byte 8: expected version 2, found 1"),
         (change(11, 255), "at most"),
         (change(15, 255), "bytes of a chunk"),
-        (change(16, b'X'), "chunks: expected one of JSON, found none"),
+        (change(16, b'X'), "chunks: expected one of JSON first, found 4e4f5358"),
         (message(&whole[..whole.len() - 1]), "expected at most"),
         (message(b"glTF"), "bytes of a version"),
     ];

@@ -167,7 +167,7 @@ fn every_mode_draws_something_else() {
     browser.open_page(&Written::page(&scene, Look::default(), &[], false).address());
     let mut seen = Vec::new();
     let sum = "splatweaver.renderer.pixels(splatweaver.canvas.width, splatweaver.canvas.height).reduce((a, x, i) => (a * 31 + x) % 1000000007, 7)";
-    for key in ["1", "2", "3", "4"] {
+    for key in ["1", "2", "3", "4", "5"] {
         browser.press(&[key]);
         browser.wait(QUIET);
         seen.push(browser.number(sum));

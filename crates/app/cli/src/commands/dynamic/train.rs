@@ -157,7 +157,7 @@ fn finish(
     let [done, steps] = run.steps();
     let (scenes, stop) = (run.scenes(), interrupt.watch());
     let exhibit = follows.live.then(|| exhibit(&run, run.expert_at_hand(), folder)).transpose()?;
-    let followed = Followed { folder, steps, showing: Showing::Film(&scenes), stop };
+    let followed = Followed { folder, steps, names: &[], showing: Showing::Film(&scenes), stop };
     let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
     if server.is_some() {
         run.follow();

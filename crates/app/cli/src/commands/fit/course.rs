@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Progress, device, duration, memory};
 use weaver_fit::{FitRasterizer, Judge, Quality, gaussians_of};
-use weaver_fit_run::{Folder, Initial, Outcome, Run, RunSettings, Views, plan};
+use weaver_fit_run::{CURVES, Folder, Initial, Outcome, Run, RunSettings, Views, plan};
 use weaver_kernels::ranks::{Alone, Ranks};
 use weaver_trainer::evaluate::load_lpips;
 use weaver_view::Look;
@@ -129,7 +129,7 @@ pub fn finish(
     if follows {
         run.follow();
     }
-    let followed = Followed { folder, steps, showing: Showing::Scene(&gaussians_of), stop };
+    let followed = Followed { folder, steps, names: &CURVES, showing: Showing::Scene(&gaussians_of), stop };
     let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
     let mut progress = Progress::new("fit", run.fit().steps_done(), steps, console);
     let (mut psnr, mut held_out, start) = (None, None, Instant::now());

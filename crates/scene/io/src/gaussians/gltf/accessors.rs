@@ -3,7 +3,8 @@
 use super::buffers::{Buffers, View};
 use super::document::{Accessor, Sparse};
 use crate::{Error, Result};
-use std::path::Path;
+use std::ops::Range;
+use std::path::PathBuf;
 
 /// A type of numbers.
 #[derive(Clone, Copy)]
@@ -37,8 +38,8 @@ fn component(code: u64) -> Option<Component> {
 
 /// The accessors of a document.
 pub(super) struct Accessors<'a> {
-    pub path: &'a Path,
-    pub accessors: &'a [Accessor],
+    pub path: PathBuf,
+    pub accessors: Vec<Accessor>,
     pub buffers: Buffers<'a>,
 }
 
@@ -48,10 +49,20 @@ impl Accessors<'_> {
         Ok(self.accessor(index)?.count)
     }
 
-    /// The elements of an accessor of `count` elements of `N` numbers.
-    pub(super) fn read<const N: usize>(&self, index: usize, count: usize) -> Result<Vec<[f32; N]>> {
+    /// True if some elements stand elsewhere than the others.
+    pub(super) fn are_sparse(&self) -> bool {
+        self.accessors.iter().any(|accessor| accessor.sparse.is_some())
+    }
+
+    /// Some elements of an accessor of `count` elements of `N` numbers.
+    pub(super) fn read<const N: usize>(
+        &self,
+        index: usize,
+        count: usize,
+        wanted: Range<usize>,
+    ) -> Result<Vec<[f32; N]>> {
         let accessor = self.accessor(index)?;
-        let invalid = |expected: &str, found: String| Error::invalid(self.path, place(index), expected, found);
+        let invalid = |expected: &str, found: String| Error::invalid(&self.path, place(index), expected, found);
         let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"][N - 1];
         if (accessor.kind.as_str(), accessor.count) != (kind, count) {
             let found = format!("{} of {}", accessor.count, accessor.kind);
@@ -68,21 +79,24 @@ impl Accessors<'_> {
         let element = |bytes: &[u8]| -> [f32; N] { std::array::from_fn(|i| number(&bytes[i * component.size..])) };
         let size = N * component.size;
         let mut elements = match accessor.buffer_view {
-            None => vec![[0.0; N]; count],
+            None => vec![[0.0; N]; wanted.len()],
             Some(view) => {
-                let rows = self.rows(index, self.buffers.view(view)?, accessor.byte_offset, [count, size])?;
-                rows.map(element).collect()
+                let rows = self.rows(index, view, accessor.byte_offset, [count, size])?;
+                rows.read(wanted.clone(), element)?
             }
         };
         if let Some(sparse) = &accessor.sparse {
-            let values = self.buffers.view(sparse.values.buffer_view)?;
-            let values = self.rows(index, values, sparse.values.byte_offset, [sparse.count, size])?;
-            for (at, bytes) in self.replaced(index, sparse, count)?.into_iter().zip(values) {
-                elements[at] = element(bytes);
+            let replaced = self.replaced(index, sparse, count)?;
+            let values =
+                self.rows(index, sparse.values.buffer_view, sparse.values.byte_offset, [sparse.count, size])?;
+            for (at, value) in replaced.into_iter().zip(values.read(0..sparse.count, element)?) {
+                if wanted.contains(&at) {
+                    elements[at - wanted.start] = value;
+                }
             }
         }
         match elements.iter().position(|element| element.iter().any(|x| !x.is_finite())) {
-            Some(i) => Err(invalid("finite numbers", format!("{:?} at {i}", elements[i]))),
+            Some(i) => Err(invalid("finite numbers", format!("{:?} at {}", elements[i], wanted.start + i))),
             None => Ok(elements),
         }
     }
@@ -90,7 +104,7 @@ impl Accessors<'_> {
     fn accessor(&self, index: usize) -> Result<&Accessor> {
         self.accessors.get(index).ok_or_else(|| {
             let expected = format!("fewer than {} accessors", self.accessors.len());
-            Error::invalid(self.path, place(index), expected, "an index beyond")
+            Error::invalid(&self.path, place(index), expected, "an index beyond")
         })
     }
 
@@ -103,7 +117,7 @@ impl Accessors<'_> {
             Some(5125) => |bytes| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]) as usize,
             other => {
                 let expected = "indices of componentType 5121, 5123 or 5125";
-                return Err(Error::invalid(self.path, place(index), expected, format!("{other:?}")));
+                return Err(Error::invalid(&self.path, place(index), expected, format!("{other:?}")));
             }
         };
         let size = match kind {
@@ -111,32 +125,44 @@ impl Accessors<'_> {
             Some(5123) => 2,
             _ => 4,
         };
-        let view = self.buffers.view(sparse.indices.buffer_view)?;
-        let rows = self.rows(index, view, sparse.indices.byte_offset, [sparse.count, size])?;
-        let indices: Vec<usize> = rows.map(read).collect();
+        let rows = self.rows(index, sparse.indices.buffer_view, sparse.indices.byte_offset, [sparse.count, size])?;
+        let indices: Vec<usize> = rows.read(0..sparse.count, read)?;
         match indices.iter().find(|at| **at >= count) {
-            Some(at) => Err(Error::invalid(self.path, place(index), format!("sparse indices below {count}"), at)),
+            Some(at) => Err(Error::invalid(&self.path, place(index), format!("sparse indices below {count}"), at)),
             None => Ok(indices),
         }
     }
 
     /// `count` elements of `size` bytes, all of which lie within the view.
-    fn rows<'v>(
-        &self,
-        index: usize,
-        view: View<'v>,
-        offset: usize,
-        [count, size]: [usize; 2],
-    ) -> Result<impl Iterator<Item = &'v [u8]> + use<'v>> {
+    fn rows(&self, index: usize, view: usize, offset: usize, [count, size]: [usize; 2]) -> Result<Rows<'_>> {
+        let view = self.buffers.view(view)?;
         let stride = view.stride.unwrap_or(size);
         let end = (count.saturating_sub(1).checked_mul(stride))
             .and_then(|last| last.checked_add(offset)?.checked_add(if count == 0 { 0 } else { size }));
-        if stride < size || end.is_none_or(|end| end > view.bytes.len()) {
-            let expected = format!("{count} elements of {size} bytes within the {} of its view", view.bytes.len());
+        if stride < size || end.is_none_or(|end| end > view.length) {
+            let expected = format!("{count} elements of {size} bytes within the {} of its view", view.length);
             let found = format!("steps of {stride} from {offset}");
-            return Err(Error::invalid(self.path, place(index), expected, found));
+            return Err(Error::invalid(&self.path, place(index), expected, found));
         }
-        Ok((0..count).map(move |i| &view.bytes[offset + i * stride..][..size]))
+        Ok(Rows { view, offset, stride, size })
+    }
+}
+
+/// Elements within a view.
+struct Rows<'a> {
+    view: View<'a>,
+    offset: usize,
+    stride: usize,
+    size: usize,
+}
+
+impl Rows<'_> {
+    /// Reads some elements, each from its bytes.
+    fn read<T>(&self, wanted: Range<usize>, element: impl Fn(&[u8]) -> T) -> Result<Vec<T>> {
+        let Some(last) = wanted.end.checked_sub(1).filter(|last| *last >= wanted.start) else { return Ok(Vec::new()) };
+        let place = |row: usize| self.offset + row * self.stride;
+        let bytes = self.view.part(place(wanted.start)..place(last) + self.size)?;
+        Ok(bytes.chunks(self.stride).map(|row| element(&row[..self.size])).collect())
     }
 }
 

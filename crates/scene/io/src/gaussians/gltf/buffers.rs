@@ -1,58 +1,88 @@
 //! Bytes that a document refers to: in the binary chunk, in the document itself, or in files beside it.
 
 use super::document::{Buffer, BufferView};
-use crate::files::file::read_bytes;
+use crate::files::content::Content;
 use crate::{Error, Result};
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use base64::{Engine, alphabet};
 use std::borrow::Cow;
+use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
 
 /// The buffers of a document.
 pub(super) struct Buffers<'a> {
-    path: &'a Path,
-    buffers: Vec<Cow<'a, [u8]>>,
-    views: &'a [BufferView],
+    path: PathBuf,
+    file: Content<'a>,
+    buffers: Vec<Source<'a>>,
+    views: Vec<BufferView>,
+}
+
+/// The bytes of a buffer.
+enum Source<'a> {
+    /// A part of the file, which is its binary chunk.
+    Chunk(Range<usize>),
+    Own(Content<'a>),
 }
 
 /// A part of a buffer.
 pub(super) struct View<'a> {
-    pub bytes: &'a [u8],
+    content: &'a Content<'a>,
+    start: usize,
+    pub length: usize,
     pub stride: Option<usize>,
 }
 
+impl View<'_> {
+    /// Bytes that lie within its length.
+    pub(super) fn part(&self, part: Range<usize>) -> Result<Cow<'_, [u8]>> {
+        self.content.part(self.start + part.start..self.start + part.end)
+    }
+}
+
 impl<'a> Buffers<'a> {
-    pub(super) fn read(
-        path: &'a Path,
+    /// The buffers of a document in a file; those in the binary chunk are read from it later.
+    pub(super) fn open(
+        path: &Path,
+        (file, binary): (Content<'a>, Option<Range<usize>>),
         buffers: &[Buffer],
-        views: &'a [BufferView],
-        binary: Option<&'a [u8]>,
+        views: Vec<BufferView>,
     ) -> Result<Self> {
-        let buffers = buffers.iter().enumerate().map(|(i, buffer)| read(path, i, buffer, binary));
-        Ok(Self { path, buffers: buffers.collect::<Result<_>>()?, views })
+        let sources = buffers.iter().enumerate().map(|(i, buffer)| source(path, i, buffer, binary.clone()));
+        Ok(Self { path: path.to_path_buf(), file, buffers: sources.collect::<Result<_>>()?, views })
     }
 
     /// Bytes of all buffers.
     pub(super) fn len(&self) -> usize {
-        self.buffers.iter().map(|buffer| buffer.len()).sum()
+        self.buffers.iter().map(|buffer| self.place(buffer).1.len()).sum()
+    }
+
+    /// Where the bytes of a buffer are.
+    fn place<'b>(&'b self, source: &'b Source<'a>) -> (&'b Content<'a>, Range<usize>) {
+        match source {
+            Source::Chunk(place) => (&self.file, place.clone()),
+            Source::Own(content) => (content, 0..content.len()),
+        }
     }
 
     pub(super) fn view(&self, index: usize) -> Result<View<'_>> {
         let place = || format!("bufferViews[{index}]");
         let Some(view) = self.views.get(index) else {
             let expected = format!("fewer than {} bufferViews", self.views.len());
-            return Err(Error::invalid(self.path, place(), expected, "an index beyond"));
+            return Err(Error::invalid(&self.path, place(), expected, "an index beyond"));
         };
         let Some(buffer) = self.buffers.get(view.buffer) else {
             let expected = format!("a buffer below {}", self.buffers.len());
-            return Err(Error::invalid(self.path, place(), expected, view.buffer));
+            return Err(Error::invalid(&self.path, place(), expected, view.buffer));
         };
+        let (content, bytes) = self.place(buffer);
         let end = view.byte_offset.checked_add(view.byte_length);
-        let bytes = end.and_then(|end| buffer.get(view.byte_offset..end)).ok_or_else(|| {
+        if end.is_none_or(|end| end > bytes.len()) {
             let found = format!("{} from {}", view.byte_length, view.byte_offset);
-            Error::invalid(self.path, place(), format!("bytes within the {} of its buffer", buffer.len()), found)
-        })?;
-        Ok(View { bytes, stride: view.byte_stride })
+            let expected = format!("bytes within the {} of its buffer", bytes.len());
+            return Err(Error::invalid(&self.path, place(), expected, found));
+        }
+        let (start, length, stride) = (bytes.start + view.byte_offset, view.byte_length, view.byte_stride);
+        Ok(View { content, start, length, stride })
     }
 }
 
@@ -62,27 +92,30 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-fn read<'a>(path: &Path, index: usize, buffer: &Buffer, binary: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>> {
+fn source<'a>(path: &Path, index: usize, buffer: &Buffer, binary: Option<Range<usize>>) -> Result<Source<'a>> {
     let place = format!("buffers[{index}]");
     let invalid = |expected: &str, found: String| Error::invalid(path, &place, expected, found);
-    let bytes: Cow<[u8]> = match &buffer.uri {
-        None => binary.ok_or_else(|| invalid("a uri or a binary chunk", "neither".into()))?.into(),
-        Some(uri) => match uri.strip_prefix("data:") {
+    let source = match &buffer.uri {
+        None => Source::Chunk(binary.ok_or_else(|| invalid("a uri or a binary chunk", "neither".into()))?),
+        Some(uri) => Source::Own(match uri.strip_prefix("data:") {
             Some(data) => {
                 let coded = data.split_once(";base64,").ok_or_else(|| invalid("base64", "another data URI".into()))?.1;
-                BASE64.decode(coded).map_err(|e| invalid("base64", e.to_string()))?.into()
+                Content::Memory(BASE64.decode(coded).map_err(|e| invalid("base64", e.to_string()))?.into())
             }
-            None => read_bytes(beside(path, uri).ok_or_else(|| {
+            None => Content::open(&beside(path, uri).ok_or_else(|| {
                 let expected = "data, or the name of a file in the document's folder";
                 invalid(expected, format!("{uri:?}"))
-            })?)?
-            .into(),
-        },
+            })?)?,
+        }),
     };
-    if bytes.len() < buffer.byte_length {
-        return Err(invalid(&format!("{} bytes", buffer.byte_length), bytes.len().to_string()));
+    let length = match &source {
+        Source::Chunk(place) => place.len(),
+        Source::Own(content) => content.len(),
+    };
+    if length < buffer.byte_length {
+        return Err(invalid(&format!("{} bytes", buffer.byte_length), length.to_string()));
     }
-    Ok(bytes)
+    Ok(source)
 }
 
 /// A file of the document's folder or below it.

@@ -2,11 +2,16 @@
 
 use super::accessors::Accessors;
 use super::buffers::Buffers;
-use super::document::{Document, Primitive};
+use super::document::{Document, Mesh, Primitive, Splatting};
 use super::{EXTENSION, harmonics, invalid, nodes, signs};
-use crate::gaussians::fields::check_values;
+use crate::files::content::Content;
+use crate::gaussians::blocks::Blocks;
+use crate::gaussians::fields::check_rows;
 use crate::{Error, Result};
+use std::borrow::Cow;
+use std::ops::Range;
 use std::path::Path;
+use weaver_geometry::Similarity;
 use weaver_scene::{Gaussians, forms};
 
 /// Extensions that a file may require; the second lets positions be integers.
@@ -15,45 +20,89 @@ const KNOWN: [&str; 2] = [EXTENSION, "KHR_mesh_quantization"];
 const DEGREE: usize = 3;
 const POINTS: u64 = 0;
 
-pub(super) fn decoded(path: &Path, data: &[u8]) -> Result<Gaussians> {
-    let (document, binary) = Document::read(path, data)?;
+/// Opens a document: its Gaussians are read when they are asked for, those of sparse accessors at once.
+pub(super) fn open<'a>(path: &Path, file: Content<'a>) -> Result<Box<dyn Blocks + 'a>> {
+    let (document, binary) = Document::read(path, &file)?;
     if let Some(other) = document.extensions_required.iter().find(|name| !KNOWN.contains(&name.as_str())) {
         return Err(Error::invalid(path, "extensionsRequired", KNOWN.join(" or "), other));
     }
     if !document.extensions_used.iter().any(|name| name == EXTENSION) {
         return Err(Error::invalid(path, "extensionsUsed", EXTENSION, document.extensions_used.join(", ")));
     }
-    let buffers = Buffers::read(path, &document.buffers, &document.buffer_views, binary)?;
-    let (most, mut count) = (buffers.len(), 0);
-    let accessors = Accessors { path, accessors: &document.accessors, buffers };
-    let mut parts = Vec::new();
-    for (mesh, to) in nodes::placed(path, &document)? {
-        let Some(primitives) = document.meshes.get(mesh) else {
-            return Err(Error::invalid(path, "nodes", format!("a mesh below {}", document.meshes.len()), mesh));
+    let placed = nodes::placed(path, &document)?;
+    let Document { buffers, buffer_views, accessors, meshes, .. } = document;
+    let buffers = Buffers::open(path, (file, binary), &buffers, buffer_views)?;
+    let accessors = Accessors { path: path.to_path_buf(), accessors, buffers };
+    let (most, mut count) = (accessors.buffers.len(), 0_usize);
+    let mut scene = Primitives { accessors, meshes, parts: Vec::new() };
+    for (mesh, to) in placed {
+        let Some(primitives) = scene.meshes.get(mesh) else {
+            return Err(Error::invalid(path, "nodes", format!("a mesh below {}", scene.meshes.len()), mesh));
         };
-        for (i, primitive) in primitives.primitives.iter().enumerate() {
-            if primitive.extensions.splatting.is_none() {
-                continue;
-            }
-            let place = format!("meshes[{mesh}].primitives[{i}]");
-            let attributes = Attributes { path, place: &place, primitive, accessors: &accessors };
-            count += attributes.count()?;
+        for index in 0..primitives.primitives.len() {
+            let Some(part) = scene.part([mesh, index], to)? else { continue };
+            count = part.count.saturating_add(count);
             // A mesh may be shown many times, and its numbers may be zeros that take no bytes.
             if count > most {
                 let expected = format!("at most {most} Gaussians in buffers of this length");
-                return Err(Error::invalid(path, place, expected, count));
+                return Err(Error::invalid(path, place(part.of), expected, count));
             }
-            let part = attributes.gaussians()?;
-            parts.push(match &to {
-                Some(to) => part.transformed(to),
-                None => part,
-            });
+            // What is wrong whatever the numbers are.
+            scene.gaussians(&part, 0..0)?;
+            if part.count > 0 {
+                scene.parts.push(part);
+            }
         }
     }
-    let mut gaussians = if parts.len() == 1 { parts.remove(0) } else { Gaussians::joined(&parts) };
-    turn(&mut gaussians);
-    check_values(path, &gaussians)?;
-    Ok(gaussians)
+    // Sparse elements are found by going through all that are.
+    Ok(if scene.accessors.are_sparse() { Box::new(scene.block(0..count)?.into_owned()) } else { Box::new(scene) })
+}
+
+/// The Gaussians of a document: of one primitive after the other, as often as nodes show it.
+struct Primitives<'a> {
+    accessors: Accessors<'a>,
+    meshes: Vec<Mesh>,
+    parts: Vec<Part>,
+}
+
+/// A primitive of Gaussians where a node shows it.
+struct Part {
+    /// Numbers of its mesh, and of the primitive in that.
+    of: [usize; 2],
+    to: Option<Similarity>,
+    count: usize,
+    degree: usize,
+}
+
+/// Where a primitive stands in the document.
+fn place([mesh, primitive]: [usize; 2]) -> String {
+    format!("meshes[{mesh}].primitives[{primitive}]")
+}
+
+impl Blocks for Primitives<'_> {
+    fn len(&self) -> usize {
+        self.parts.iter().map(|part| part.count).sum()
+    }
+
+    fn degree(&self) -> usize {
+        self.parts.iter().map(|part| part.degree).max().unwrap_or(0)
+    }
+
+    fn block(&self, rows: Range<usize>) -> Result<Cow<'_, Gaussians>> {
+        let mut found = Gaussians { degree: self.degree(), ..Gaussians::default() };
+        let mut first = 0;
+        for part in &self.parts {
+            let within = |row: usize| row.clamp(first, first + part.count) - first;
+            let some = within(rows.start)..within(rows.end);
+            if !some.is_empty() {
+                found.append(&self.gaussians(part, some)?);
+            }
+            first += part.count;
+        }
+        turn(&mut found);
+        check_rows(&self.accessors.path, &found, rows.start)?;
+        Ok(Cow::Owned(found))
+    }
 }
 
 /// Half a turn about z.
@@ -66,69 +115,71 @@ fn turn(gaussians: &mut Gaussians) {
     }
 }
 
-/// The attributes of a primitive of Gaussians.
-struct Attributes<'a> {
-    path: &'a Path,
-    place: &'a str,
-    primitive: &'a Primitive,
-    accessors: &'a Accessors<'a>,
-}
-
-impl Attributes<'_> {
-    fn count(&self) -> Result<usize> {
-        self.accessors.count(self.index("POSITION")?)
+impl Primitives<'_> {
+    fn primitive(&self, [mesh, index]: [usize; 2]) -> &Primitive {
+        &self.meshes[mesh].primitives[index]
     }
 
-    fn gaussians(&self) -> Result<Gaussians> {
-        self.check()?;
-        let n = self.count()?;
+    /// A primitive as a node shows it, if it is one of Gaussians.
+    fn part(&self, of: [usize; 2], to: Option<Similarity>) -> Result<Option<Part>> {
+        let primitive = self.primitive(of);
+        let Some(splatting) = &primitive.extensions.splatting else { return Ok(None) };
+        check(&self.accessors.path, &place(of), primitive.mode, splatting)?;
         let mut degree = 0;
-        while degree < DEGREE && harmonics(degree + 1).any(|name| self.primitive.attributes.contains_key(&name)) {
+        while degree < DEGREE && harmonics(degree + 1).any(|name| primitive.attributes.contains_key(&name)) {
             degree += 1;
         }
+        let count = self.accessors.count(self.attribute(of, "POSITION")?)?;
+        Ok(Some(Part { of, to, count, degree }))
+    }
+
+    /// Some Gaussians of a part, with the axes of glTF.
+    fn gaussians(&self, part: &Part, rows: Range<usize>) -> Result<Gaussians> {
         let of = |name: &str| format!("{EXTENSION}:{name}");
-        let quats: Vec<[f32; 4]> = self.read(&of("ROTATION"), n)?;
-        let scales: Vec<[f32; 3]> = self.read(&of("SCALE"), n)?;
-        let opacities: Vec<[f32; 1]> = self.read(&of("OPACITY"), n)?;
-        let coefficients = (0..=degree).flat_map(harmonics).map(|name| self.read::<3>(&name, n));
+        let quats: Vec<[f32; 4]> = self.read(part, &of("ROTATION"), &rows)?;
+        let scales: Vec<[f32; 3]> = self.read(part, &of("SCALE"), &rows)?;
+        let opacities: Vec<[f32; 1]> = self.read(part, &of("OPACITY"), &rows)?;
+        let coefficients = (0..=part.degree).flat_map(harmonics).map(|name| self.read::<3>(part, &name, &rows));
         let coefficients = coefficients.collect::<Result<Vec<_>>>()?;
-        if let Some(i) = scales.as_flattened().iter().position(|scale| *scale < 0.0) {
-            let found = format!("{:?} at {}", scales[i / 3], i / 3);
-            return Err(Error::invalid(self.path, self.place, "scales of 0 and more", found));
+        if let Some(i) = scales.iter().position(|scale| scale.iter().any(|scale| *scale < 0.0)) {
+            let found = format!("{:?} at {}", scales[i], rows.start + i);
+            return Err(Error::invalid(&self.accessors.path, place(part.of), "scales of 0 and more", found));
         }
-        Ok(Gaussians {
-            means: self.read("POSITION", n)?,
+        let gaussians = Gaussians {
+            means: self.read(part, "POSITION", &rows)?,
             log_scales: scales.iter().map(|s| s.map(|s| s.max(f32::MIN_POSITIVE).ln())).collect(),
             quats: quats.iter().map(|[x, y, z, w]| [*w, *x, *y, *z]).collect(),
             opacity_logits: opacities.iter().map(|[o]| forms::opacity_logit(*o)).collect(),
-            sh: (0..n).flat_map(|i| coefficients.iter().flat_map(move |of| of[i])).collect(),
-            degree,
+            sh: (0..rows.len()).flat_map(|i| coefficients.iter().flat_map(move |of| of[i])).collect(),
+            degree: part.degree,
+        };
+        Ok(match &part.to {
+            Some(to) => gaussians.transformed(to),
+            None => gaussians,
         })
     }
 
-    /// That these are Gaussians as they are drawn here.
-    fn check(&self) -> Result<()> {
-        let invalid = |expected| invalid(self.path, self.place, expected);
-        if self.primitive.mode != Some(POINTS) {
-            return Err(invalid("mode 0 (points)")(format!("{:?}", self.primitive.mode)));
-        }
-        let Some(splatting) = &self.primitive.extensions.splatting else { return Ok(()) };
-        match (splatting.kernel.as_deref(), splatting.color_space.as_deref()) {
-            (Some("ellipse") | None, Some("srgb_rec709_display") | None) => Ok(()),
-            (kernel, space) => Err(invalid("kernel ellipse and colorSpace srgb_rec709_display")(format!(
-                "{} and {}",
-                kernel.unwrap_or("ellipse"),
-                space.unwrap_or("srgb_rec709_display")
-            ))),
-        }
+    /// The number of the accessor of an attribute.
+    fn attribute(&self, of: [usize; 2], name: &str) -> Result<usize> {
+        let invalid = || Error::invalid(&self.accessors.path, place(of), format!("an attribute {name}"), "none");
+        self.primitive(of).attributes.get(name).copied().ok_or_else(invalid)
     }
 
-    fn index(&self, name: &str) -> Result<usize> {
-        let invalid = || Error::invalid(self.path, self.place, format!("an attribute {name}"), "none");
-        self.primitive.attributes.get(name).copied().ok_or_else(invalid)
+    fn read<const N: usize>(&self, part: &Part, name: &str, rows: &Range<usize>) -> Result<Vec<[f32; N]>> {
+        self.accessors.read(self.attribute(part.of, name)?, part.count, rows.clone())
     }
+}
 
-    fn read<const N: usize>(&self, name: &str, count: usize) -> Result<Vec<[f32; N]>> {
-        self.accessors.read(self.index(name)?, count)
+/// Checks that Gaussians are as they are drawn here.
+fn check(path: &Path, place: &str, mode: Option<u64>, splatting: &Splatting) -> Result<()> {
+    let invalid = |expected| invalid(path, place, expected);
+    if mode != Some(POINTS) {
+        return Err(invalid("mode 0 (points)")(format!("{mode:?}")));
+    }
+    let kernel = splatting.kernel.as_deref().unwrap_or("ellipse");
+    let space = splatting.color_space.as_deref().unwrap_or("srgb_rec709_display");
+    match (kernel, space) {
+        ("ellipse", "srgb_rec709_display") => Ok(()),
+        _ => Err(invalid("kernel ellipse and colorSpace srgb_rec709_display")(format!("{kernel} and {space}"))),
     }
 }

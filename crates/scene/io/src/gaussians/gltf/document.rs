@@ -2,10 +2,12 @@
 
 use super::{BINARY, JSON, MAGIC};
 use crate::files::bytes::Bytes;
+use crate::files::content::Content;
 use crate::files::json::not_json;
 use crate::{Error, Result};
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 
 #[derive(Default, Deserialize)]
@@ -120,10 +122,11 @@ pub(super) struct Buffer {
 }
 
 impl Document {
-    /// The document of a file, and the binary chunk of one that has chunks.
-    pub(super) fn read<'a>(path: &Path, data: &'a [u8]) -> Result<(Self, Option<&'a [u8]>)> {
-        let (json, binary) = if data.starts_with(MAGIC) { chunks(path, data)? } else { (data, None) };
-        let document = serde_json::from_slice(json).map_err(|e| {
+    /// The document of a file, and where the binary chunk lies of one that has chunks.
+    pub(super) fn read(path: &Path, file: &Content<'_>) -> Result<(Self, Option<Range<usize>>)> {
+        let in_chunks = file.part(0..file.len().min(MAGIC.len()))?.starts_with(MAGIC);
+        let (json, binary) = if in_chunks { chunks(path, file)? } else { (0..file.len(), None) };
+        let document = serde_json::from_slice(&file.part(json)?).map_err(|e| {
             let place = format!("line {} column {}", e.line(), e.column());
             Error::invalid(path, place, "a glTF document", not_json(&e))
         })?;
@@ -131,29 +134,41 @@ impl Document {
     }
 }
 
-/// The document and the binary chunk.
-fn chunks<'a>(path: &Path, data: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>)> {
-    let mut bytes = Bytes::new(path, data);
+/// Bytes of the header of a file of chunks.
+const HEADER: usize = 12;
+/// Bytes of the header of a chunk.
+const CHUNK: usize = 8;
+
+/// The places of the document, which comes first, and of the binary chunk, if that follows.
+fn chunks(path: &Path, file: &Content<'_>) -> Result<(Range<usize>, Option<Range<usize>>)> {
+    let header = file.part(0..file.len().min(HEADER))?;
+    let mut bytes = Bytes::new(path, &*header);
     bytes.skip(MAGIC.len(), "a header")?;
     let version = bytes.u32("a version")?;
     if version != 2 {
         return Err(bytes.invalid("version 2", version));
     }
     let length = bytes.u32("a length")? as usize;
-    if length > data.len() {
-        return Err(bytes.invalid(format!("at most {} bytes", data.len()), length));
+    if length > file.len() {
+        return Err(bytes.invalid(format!("at most {} bytes", file.len()), length));
     }
-    let (mut json, mut binary) = (None, None);
-    while !bytes.rest().is_empty() {
-        let (length, kind) = (bytes.u32("a chunk")? as usize, bytes.u32("a chunk")?);
-        let start = data.len() - bytes.rest().len();
-        bytes.skip(length, "a chunk")?;
-        let chunk = &data[start..start + length];
-        match kind {
-            JSON if json.is_none() => json = Some(chunk),
-            BINARY if binary.is_none() => binary = Some(chunk),
-            _ => {}
-        }
+    let (json, kind) = chunk(path, file, HEADER)?;
+    if kind != JSON {
+        return Err(Error::invalid(path, "chunks", "one of JSON first", format!("{kind:08x}")));
     }
-    Ok((json.ok_or_else(|| Error::invalid(path, "chunks", "one of JSON", "none"))?, binary))
+    let second = if json.end < file.len() { Some(chunk(path, file, json.end)?) } else { None };
+    Ok((json, second.filter(|(_, kind)| *kind == BINARY).map(|(place, _)| place)))
+}
+
+/// The place of a chunk that begins somewhere, and its kind.
+fn chunk(path: &Path, file: &Content<'_>, at: usize) -> Result<(Range<usize>, u32)> {
+    let header = file.part(at..file.len().min(at + CHUNK))?;
+    let mut bytes = Bytes::new(path, &*header);
+    let (length, kind) = (bytes.u32("a chunk")? as usize, bytes.u32("a chunk")?);
+    let (start, room) = (at + CHUNK, file.len() - at - CHUNK);
+    if length > room {
+        let expected = format!("{length} bytes of a chunk");
+        return Err(Error::invalid(path, format!("byte {start}"), expected, format!("{room} until the end")));
+    }
+    Ok((start..start + length, kind))
 }
