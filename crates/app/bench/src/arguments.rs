@@ -168,9 +168,9 @@ pub enum Passes {
 /// Compares methods of compression: bytes, bits of a Gaussian, decibels of pictures beside the scene's, and seconds.
 ///
 /// Formats of files, `lite` (`splatweaver compress`) at several qualities, methods of papers with several constants, and controls: `zstd` packs the
-/// PLY, `half` keeps the more important half of the Gaussians, `half-random` half of them at random. Pictures that judge are six of an orbit over
-/// white, 256 pixels square, or every eighth camera of a file or a capture; methods learn from other cameras. Files that other programs wrote of
-/// the scene are read as they are, and judged beside the rest.
+/// PLY, `half` keeps the more important half of the Gaussians, `half-random` half of them at random. Pictures that judge are six of an orbit, 256
+/// pixels square, or every eighth camera of a file or a capture; methods learn from other cameras. Scenes are drawn as the summary.json beside
+/// them says, else over white. Files that other programs wrote of the scene are read as they are, and judged beside the rest.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver bench compress scene.ply

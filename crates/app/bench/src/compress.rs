@@ -9,11 +9,11 @@ use std::path::Path;
 use std::time::Instant;
 use table::{Coded, Row, page, table};
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, Failure, Progress};
+use weaver_command::{Console, DrawingOptions, Failure, Progress};
 use weaver_compress::{CompressError, Judge, METHODS, Pictures, Point, Surface, Task, formats};
 use weaver_data::posed::{self, PosedOptions};
 use weaver_geometry::Camera;
-use weaver_io::{check_output_file, read_scene};
+use weaver_io::{SceneFile, check_output_file, read_scene};
 use weaver_scene::{Gaussians, Photo};
 use weaver_splat::RasterSettings;
 
@@ -43,12 +43,13 @@ pub fn run(arguments: &BenchCompress, console: &mut Console) -> Result<(), Failu
     let (mut done, all) = (0, arguments.scenes.len() * points.len() + peers.len());
     let mut progress = Progress::new("bench", 0, all, console);
     for path in &arguments.scenes {
-        let gaussians = read_scene(path)?.gaussians;
+        let SceneFile { gaussians, drawing } = read_scene(path)?;
+        let drawing = DrawingOptions::default().beside(path, drawing)?;
         let views = views(arguments, &gaussians)?;
         let named = |error: CompressError| Failure::message(format!("{}: {error}", path.display()));
-        let mut bench = Bench::new(path, &gaussians, &views, arguments.chamfer).map_err(named)?;
+        let mut bench = Bench::new((path, &gaussians), &views, drawing, arguments.chamfer).map_err(named)?;
         for (name, point) in &points {
-            let pictures = pictures(&views.training);
+            let pictures = pictures(&views.training, drawing);
             let (steps, seed, photos) = (arguments.steps, arguments.seed, &views.photos[0]);
             let task = Task { gaussians: &gaussians, pictures, photos, steps, seed };
             let row = bench.measured(name, point, &task);
@@ -96,8 +97,11 @@ fn points(asked: &[String]) -> Result<Vec<(&'static str, Point)>, Failure> {
     Ok(all)
 }
 
-fn pictures(cameras: &[Camera]) -> Pictures<'_> {
-    Pictures { cameras, background: [1.0; 3], settings: RasterSettings::default() }
+/// How a scene is drawn: the color behind it, and settings.
+type Drawing = ([f32; 3], RasterSettings);
+
+fn pictures(cameras: &[Camera], (background, settings): Drawing) -> Pictures<'_> {
+    Pictures { cameras, background, settings }
 }
 
 /// The views of the capture, of the file of cameras, or of an orbit.
@@ -150,10 +154,15 @@ struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    fn new(path: &'a Path, gaussians: &Gaussians, views: &'a Views, geometry: bool) -> Result<Self, CompressError> {
+    fn new(
+        (path, gaussians): (&'a Path, &Gaussians),
+        views: &'a Views,
+        drawing: Drawing,
+        geometry: bool,
+    ) -> Result<Self, CompressError> {
         let all: Vec<Camera> = views.training.iter().chain(&views.judging).copied().collect();
-        let surface = geometry.then(|| Surface::new(gaussians, &pictures(&all))).transpose()?;
-        let judge = Judge::new(gaussians, &pictures(&views.judging))?;
+        let surface = geometry.then(|| Surface::new(gaussians, &pictures(&all, drawing))).transpose()?;
+        let judge = Judge::new(gaussians, &pictures(&views.judging, drawing))?;
         Ok(Self { path, count: gaussians.len(), judge, held_out: &views.photos[1], surface })
     }
 

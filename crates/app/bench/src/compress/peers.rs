@@ -44,6 +44,7 @@ fn one(path: &PathBuf) -> Result<Peer, Failure> {
     let start = Instant::now();
     let gaussians = read_scene(path)?.gaussians;
     let seconds = start.elapsed().as_secs_f64();
-    let bytes = std::fs::metadata(path).map_err(|error| Failure::message(format!("{}: {error}", path.display())))?.len();
+    let bytes =
+        std::fs::metadata(path).map_err(|error| Failure::message(format!("{}: {error}", path.display())))?.len();
     Ok(Peer { name: path.display().to_string(), gaussians, bytes, seconds })
 }

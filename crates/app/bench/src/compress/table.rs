@@ -102,10 +102,10 @@ fn curves(page: &mut Page, title: &str, rows: &[Row], point: impl Fn(&Row) -> Op
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points
     };
-    let all: Vec<(&str, Vec<(f64, f64)>)> =
-        rows.chunk_by(|a, b| a.coded.method == b.coded.method)
-            .map(|group| (group[0].coded.method.as_str(), series(group)))
-            .collect();
+    let all: Vec<(&str, Vec<(f64, f64)>)> = rows
+        .chunk_by(|a, b| a.coded.method == b.coded.method)
+        .map(|group| (group[0].coded.method.as_str(), series(group)))
+        .collect();
     if all.iter().any(|(_, points)| !points.is_empty()) {
         page.lines(title, &all);
     }
