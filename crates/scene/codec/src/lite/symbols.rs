@@ -1,5 +1,7 @@
 //! Gaussians as symbols, and back.
 
+use super::blocks::split;
+use super::colors::Block;
 use super::head::{Head, LARGEST, MOST_LEVELS, UNIT};
 use super::quality::Quality;
 use super::rotation::{imaginary_part, sort_axes};
@@ -20,7 +22,7 @@ pub(super) struct Symbols {
     pub(super) scales: Vec<[i32; 3]>,
     pub(super) opacities: Vec<i32>,
     pub(super) rotations: Vec<[i32; 3]>,
-    /// Green, red less green, blue less green.
+    /// Coefficients of the transform: of three mixtures of red, green and blue.
     pub(super) colors: Vec<[i32; 3]>,
     /// The same of further harmonics, `[N, K - 1]`.
     pub(super) harmonics: Vec<[i32; 3]>,
@@ -40,16 +42,14 @@ impl Symbols {
         }
     }
 
-    /// Symbols of some of the Gaussians, by ascending index.
-    pub(super) fn select(&self, indices: &[usize]) -> Self {
-        let rest = self.harmonics.len() / self.voxels.len().max(1);
+    /// Symbols of some of the Gaussians, by ascending index; without colors.
+    fn select(&self, indices: &[usize]) -> Self {
         Self {
             voxels: indices.iter().map(|&i| self.voxels[i]).collect(),
             scales: indices.iter().map(|&i| self.scales[i]).collect(),
             opacities: indices.iter().map(|&i| self.opacities[i]).collect(),
             rotations: indices.iter().map(|&i| self.rotations[i]).collect(),
-            colors: indices.iter().map(|&i| self.colors[i]).collect(),
-            harmonics: indices.iter().flat_map(|&i| self.harmonics[rest * i..][..rest].iter().copied()).collect(),
+            ..Self::default()
         }
     }
 }
@@ -88,8 +88,16 @@ fn check(gaussians: &Gaussians) -> Result<(), CodecError> {
     Ok(())
 }
 
-/// Quantizes Gaussians, and puts them into the order of a curve through the grid: that of these numbers.
-pub(super) fn quantize(gaussians: &Gaussians, quality: &Quality) -> Result<(Head, Symbols, Vec<usize>), CodecError> {
+/// A scene as symbols.
+pub(super) struct Quantized {
+    pub(super) head: Head,
+    pub(super) blocks: Vec<Block>,
+    /// Numbers of its Gaussians, block by block.
+    pub(super) order: Vec<usize>,
+}
+
+/// Quantizes Gaussians: the symbols of blocks, each in the order of a curve through the grid.
+pub(super) fn quantize(gaussians: &Gaussians, quality: &Quality) -> Result<Quantized, CodecError> {
     check(gaussians)?;
     if !(1..=MOST_LEVELS).contains(&quality.opacity_levels) {
         return Err(CodecError::invalid("opacity levels", "1 to 4095", quality.opacity_levels));
@@ -112,43 +120,21 @@ pub(super) fn quantize(gaussians: &Gaussians, quality: &Quality) -> Result<(Head
     let mut symbols = Symbols { voxels, scales, opacities, ..Symbols::default() };
     let logs = ln_opacities(head.opacity_levels);
     refer(&mut head, &symbols, &logs);
-    let rest = gaussians.coefficients() - 1;
-    let steps = |at: usize| {
-        let scales = symbols.scales[at];
-        head.steps(scales, head.shows(scales, symbols.opacities[at], &logs))
+    symbols.rotations = (0..order.len())
+        .into_par_iter()
+        .map(|at| {
+            let scales = symbols.scales[at];
+            let steps = head.steps(scales, head.shows(scales, symbols.opacities[at], &logs));
+            turned[at].map(|part| bounded(Quantizer { step: steps.rotation, dead_zone: 0.0 }.symbol(part)))
+        })
+        .collect();
+    let indices = split(&head, &symbols);
+    let block = |indices: &Vec<usize>| {
+        let numbers: Vec<usize> = indices.iter().map(|&at| order[at].1).collect();
+        Block::new(&head, symbols.select(indices), gaussians, (&numbers, quality.dead_zone))
     };
-    let rounded = |step| Quantizer { step, dead_zone: 0.0 };
-    let difference = |quantizer: Quantizer, rgb: &[f32]| {
-        let [r, g, b] = [0, 1, 2].map(|c| f64::from(rgb[c]));
-        let green = bounded(quantizer.symbol(g));
-        // Differences to what green is after rounding: its error is not added to theirs.
-        let decoded = quantizer.value(green);
-        [green, bounded(quantizer.symbol(r - decoded)), bounded(quantizer.symbol(b - decoded))]
-    };
-    let mut harmonics = vec![[0; 3]; rest * order.len()];
-    let color = |at: usize, further: &mut [[i32; 3]]| {
-        let steps = steps(at);
-        let row = &gaussians.sh[3 * (rest + 1) * order[at].1..][..3 * (rest + 1)];
-        let coarse = Quantizer { step: steps.sh, dead_zone: quality.dead_zone };
-        further.iter_mut().zip(row[3..].chunks_exact(3)).for_each(|(to, rgb)| *to = difference(coarse, rgb));
-        let rotation = turned[at].map(|part| bounded(rounded(steps.rotation).symbol(part)));
-        (rotation, difference(rounded(steps.dc), &row[..3]))
-    };
-    let further = split_rows(&mut harmonics, rest, order.len());
-    let (rotations, colors) = further.into_par_iter().enumerate().map(|(at, row)| color(at, row)).unzip();
-    (symbols.rotations, symbols.colors, symbols.harmonics) = (rotations, colors, harmonics);
-    Ok((head, symbols, order.into_iter().map(|(_, i)| i).collect()))
-}
-
-/// The rows of an array, also where they are empty.
-fn split_rows<T>(mut array: &mut [T], width: usize, count: usize) -> Vec<&mut [T]> {
-    let mut rows = Vec::with_capacity(count);
-    for _ in 0..count {
-        let (row, others) = array.split_at_mut(width);
-        rows.push(row);
-        array = others;
-    }
-    rows
+    let blocks = indices.par_iter().map(block).collect::<Result<_, _>>()?;
+    Ok(Quantized { head, blocks, order: indices.iter().flatten().map(|&at| order[at].1).collect() })
 }
 
 /// Places the grid about all positions.
