@@ -25,7 +25,10 @@ fn files_of_others_are_rows_beside_the_methods() {
         let done = splatweaver(&[&bench[..], arguments].concat());
         assert!(done.code == 2 && done.stderr.contains(expected), "{}: {}", done.code, done.stderr);
     };
-    wrong(&[&"--peer", &"a/meta.json"], "meta.json: expected a format of one file, whose size counts, found sog-folder");
+    wrong(
+        &[&"--peer", &"a/meta.json"],
+        "meta.json: expected a format of one file, whose size counts, found sog-folder",
+    );
     wrong(&[&scene, &"--peer", &peer], "--peer: expected one SCENE, found 2");
     let done = splatweaver(&[&bench[..], &[&"--peer", &peer, &"--html", &peer]].concat());
     assert!(done.code != 0 && peer.exists(), "{}", done.stderr);
