@@ -3,6 +3,7 @@
 use crate::compare::gaussians;
 use crate::in_process::splatweaver;
 use serde_json::Value;
+use std::ffi::OsStr;
 use weaver_io::write_gaussians;
 
 #[test]
@@ -12,24 +13,23 @@ fn files_of_others_are_rows_beside_the_methods() {
     let (scene, peer, page) = (path("scene.ply"), path("theirs.v4.spz"), path("page.html"));
     write_gaussians(&scene, &gaussians()).unwrap();
     write_gaussians(&peer, &gaussians()).unwrap();
-    let bench: [&dyn AsRef<std::ffi::OsStr>; 5] = [&"bench", &"compress", &scene, &"--methods", &"spz4"];
-    let done = splatweaver(&[&bench[..], &[&"--peer", &peer, &"--html", &page, &"--json"]].concat()).fine();
+    let bench = |more: &[&dyn AsRef<OsStr>]| {
+        let mut line: Vec<&dyn AsRef<OsStr>> = vec![&"bench", &"compress", &scene, &"--methods", &"spz4"];
+        line.extend(more);
+        splatweaver(&line)
+    };
+    let done = bench(&[&"--peer", &peer, &"--html", &page, &"--json"]).fine();
     let rows: Value = serde_json::from_str(&done.stdout).unwrap();
     // The same bytes as the method writes: the same figures.
     for key in ["bytes", "bits_per_gaussian", "psnr", "gaussians"] {
         assert!(rows[0][key].is_number() && rows[0][key] == rows[1][key], "{key}: {rows}");
     }
-    assert_eq!((&rows[1]["method"], &rows[1]["encode_seconds"]), (&peer.to_str().unwrap().into(), &Value::Null));
+    assert_eq!(rows[1]["method"].as_str(), peer.to_str());
+    assert!(rows[1]["encode_seconds"].is_null());
     assert!(std::fs::read_to_string(&page).unwrap().contains("theirs.v4.spz"));
-    let wrong = |arguments: &[&dyn AsRef<std::ffi::OsStr>], expected: &str| {
-        let done = splatweaver(&[&bench[..], arguments].concat());
-        assert!(done.code == 2 && done.stderr.contains(expected), "{}: {}", done.code, done.stderr);
-    };
-    wrong(
-        &[&"--peer", &"a/meta.json"],
-        "meta.json: expected a format of one file, whose size counts, found sog-folder",
-    );
-    wrong(&[&scene, &"--peer", &peer], "--peer: expected one SCENE, found 2");
-    let done = splatweaver(&[&bench[..], &[&"--peer", &peer, &"--html", &peer]].concat());
-    assert!(done.code != 0 && peer.exists(), "{}", done.stderr);
+    let several = "expected a format of one file, whose size counts, found sog-folder";
+    bench(&[&"--peer", &"a/meta.json"]).refused(2, &["meta.json", several]);
+    bench(&[&scene, &"--peer", &peer]).refused(2, &["--peer: expected one SCENE, found 2"]);
+    assert_ne!(bench(&[&"--peer", &peer, &"--html", &peer]).code, 0);
+    assert_eq!(weaver_io::read_gaussians(&peer).unwrap().len(), 24);
 }
