@@ -97,7 +97,7 @@ fn points(asked: &[String]) -> Result<Vec<(&'static str, Point)>, Failure> {
     Ok(all)
 }
 
-/// How a scene is drawn: the color behind it, and settings.
+/// Color behind a scene, and settings of drawing it.
 type Drawing = ([f32; 3], RasterSettings);
 
 fn pictures(cameras: &[Camera], (background, settings): Drawing) -> Pictures<'_> {

@@ -12,6 +12,7 @@ mod fields;
 mod head;
 mod neighbors;
 mod quality;
+mod quantized;
 mod restore;
 mod rotation;
 mod symbols;
@@ -21,9 +22,9 @@ use crate::error::CodecError;
 use blocks::{block_streams, decode_block};
 use colors::Block;
 use head::Head;
+use quantized::{Quantized, quantize};
 use rayon::prelude::*;
 use restore::restore;
-use symbols::{Quantized, quantize};
 use weaver_geometry::sh;
 use weaver_scene::Gaussians;
 
