@@ -168,11 +168,13 @@ pub enum Passes {
 /// Compares methods of compression: bytes, bits of a Gaussian, decibels of pictures beside the scene's, and seconds.
 ///
 /// Formats of files, `lite` (`splatweaver compress`) at several qualities, methods of papers with several constants, and controls: `zstd` packs the
-/// PLY, `half` keeps the more important half of the Gaussians, `half-random` half of them at random. Pictures that judge are six of an orbit over
-/// white, 256 pixels square, or every eighth camera of a file or a capture; methods learn from other cameras.
+/// PLY, `half` keeps the more important half of the Gaussians, `half-random` half of them at random. Pictures that judge are six of an orbit, 256
+/// pixels square, or every eighth camera of a file or a capture; methods learn from other cameras. Scenes are drawn as the summary.json beside
+/// them says, else over white. Files that other programs wrote of the scene are read as they are, and judged beside the rest.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver bench compress scene.ply
+  splatweaver bench compress scene.ply --methods lite,sog --peer theirs/scene.sog --peer theirs/scene.spz
   splatweaver bench compress scene.ply --methods lite,spz4,sog --cameras transforms.json --html table.html
   splatweaver bench compress fern/scene.ply --data fern --methods lite,lightgaussian --steps 500 --chamfer")]
 pub struct BenchCompress {
@@ -182,6 +184,9 @@ pub struct BenchCompress {
     /// Formats, lite, lightgaussian, mesongs, c3dgs, speedysplat, zstd, half, half-random [default: all]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub methods: Vec<String>,
+    /// A file of the scene that another program wrote, judged as well; may be repeated
+    #[arg(long, value_name = "FILE")]
+    pub peer: Vec<PathBuf>,
     /// Cameras of the pictures: transforms.json, a folder with a COLMAP model, or a RealEstate10K file
     #[arg(long, value_name = "FILE", conflicts_with = "data")]
     pub cameras: Option<PathBuf>,

@@ -1,18 +1,19 @@
 //! `splatweaver bench compress`: methods of compression on the same pictures.
 
+mod peers;
 mod table;
 
 use crate::arguments::BenchCompress;
 use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
-use table::{Row, page, table};
+use table::{Coded, Row, page, table};
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, Failure, Progress};
+use weaver_command::{Console, DrawingOptions, Failure, Progress};
 use weaver_compress::{CompressError, Judge, METHODS, Pictures, Point, Surface, Task, formats};
 use weaver_data::posed::{self, PosedOptions};
 use weaver_geometry::Camera;
-use weaver_io::{check_output_file, read_scene};
+use weaver_io::{SceneFile, check_output_file, read_scene};
 use weaver_scene::{Gaussians, Photo};
 use weaver_splat::RasterSettings;
 
@@ -35,23 +36,31 @@ struct Views {
 /// Compares methods on scenes, and prints a table or JSON.
 pub fn run(arguments: &BenchCompress, console: &mut Console) -> Result<(), Failure> {
     let points = points(&arguments.methods)?;
-    arguments.html.as_ref().map_or(Ok(()), |page| check_output_file(page, &arguments.scenes))?;
+    let inputs = || arguments.scenes.iter().chain(&arguments.peer);
+    arguments.html.as_ref().map_or(Ok(()), |page| check_output_file(page, inputs()))?;
+    let peers = peers::read(&arguments.peer, &arguments.scenes)?;
     let mut rows = Vec::new();
-    let (mut done, all) = (0, arguments.scenes.len() * points.len());
+    let (mut done, all) = (0, arguments.scenes.len() * points.len() + peers.len());
     let mut progress = Progress::new("bench", 0, all, console);
     for path in &arguments.scenes {
-        let gaussians = read_scene(path)?.gaussians;
+        let SceneFile { gaussians, drawing } = read_scene(path)?;
+        let drawing = DrawingOptions::default().beside(path, drawing)?;
         let views = views(arguments, &gaussians)?;
         let named = |error: CompressError| Failure::message(format!("{}: {error}", path.display()));
-        let mut bench = Bench::new(path, &gaussians, &views, arguments.chamfer).map_err(named)?;
+        let mut bench = Bench::new((path, &gaussians), &views, drawing, arguments.chamfer).map_err(named)?;
         for (name, point) in &points {
-            let pictures = pictures(&views.training);
+            let pictures = pictures(&views.training, drawing);
             let (steps, seed, photos) = (arguments.steps, arguments.seed, &views.photos[0]);
             let task = Task { gaussians: &gaussians, pictures, photos, steps, seed };
             let row = bench.measured(name, point, &task);
             rows.push(row.map_err(|error| Failure::message(format!("{}: {name}: {error}", path.display())))?);
             done += 1;
             progress.at(done, all, || format!("{name} {}", point.setting), console);
+        }
+        for peer in &peers {
+            rows.push(bench.judged(peer.result(), &peer.gaussians).map_err(named)?);
+            done += 1;
+            progress.at(done, all, || peer.name.clone(), console);
         }
     }
     progress.finish();
@@ -61,9 +70,10 @@ pub fn run(arguments: &BenchCompress, console: &mut Console) -> Result<(), Failu
     }
     if arguments.json {
         let row = |r: &Row| {
-            json!({"scene": r.scene, "method": r.method, "setting": r.setting, "gaussians": r.gaussians, "bytes": r.bytes,
+            let Coded { method, setting, bytes, seconds: [encode, decode] } = &r.coded;
+            json!({"scene": r.scene, "method": method, "setting": setting, "gaussians": r.gaussians, "bytes": bytes,
                 "bits_per_gaussian": r.bits, "psnr": r.psnr, "psnr_of_photos": r.photos, "chamfer": r.chamfer,
-                "encode_seconds": r.seconds[0], "decode_seconds": r.seconds[1], "seed": arguments.seed, "steps": arguments.steps})
+                "encode_seconds": encode, "decode_seconds": decode, "seed": arguments.seed, "steps": arguments.steps})
         };
         return console.print(&serde_json::to_string_pretty(&rows.iter().map(row).collect::<Vec<_>>())?);
     }
@@ -87,8 +97,11 @@ fn points(asked: &[String]) -> Result<Vec<(&'static str, Point)>, Failure> {
     Ok(all)
 }
 
-fn pictures(cameras: &[Camera]) -> Pictures<'_> {
-    Pictures { cameras, background: [1.0; 3], settings: RasterSettings::default() }
+/// Color behind a scene, and settings of drawing it.
+type Drawing = ([f32; 3], RasterSettings);
+
+fn pictures(cameras: &[Camera], (background, settings): Drawing) -> Pictures<'_> {
+    Pictures { cameras, background, settings }
 }
 
 /// The views of the capture, of the file of cameras, or of an orbit.
@@ -141,10 +154,15 @@ struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    fn new(path: &'a Path, gaussians: &Gaussians, views: &'a Views, geometry: bool) -> Result<Self, CompressError> {
+    fn new(
+        (path, gaussians): (&'a Path, &Gaussians),
+        views: &'a Views,
+        drawing: Drawing,
+        geometry: bool,
+    ) -> Result<Self, CompressError> {
         let all: Vec<Camera> = views.training.iter().chain(&views.judging).copied().collect();
-        let surface = geometry.then(|| Surface::new(gaussians, &pictures(&all))).transpose()?;
-        let judge = Judge::new(gaussians, &pictures(&views.judging))?;
+        let surface = geometry.then(|| Surface::new(gaussians, &pictures(&all, drawing))).transpose()?;
+        let judge = Judge::new(gaussians, &pictures(&views.judging, drawing))?;
         Ok(Self { path, count: gaussians.len(), judge, held_out: &views.photos[1], surface })
     }
 
@@ -153,20 +171,23 @@ impl<'a> Bench<'a> {
         let bytes = point.method.encode(task)?;
         let (encoding, start) = (start.elapsed().as_secs_f64(), Instant::now());
         let decoded = point.method.decode(&bytes)?;
-        let seconds = [encoding, start.elapsed().as_secs_f64()];
-        let photos = (!self.held_out.is_empty()).then(|| self.judge.psnr_of_photos(&decoded, self.held_out));
+        let seconds = [Some(encoding), Some(start.elapsed().as_secs_f64())];
+        let setting = point.setting.clone();
+        self.judged(Coded { method: name.into(), setting, bytes: bytes.len() as u64, seconds }, &decoded)
+    }
+
+    /// The row of a method or a file whose Gaussians these are.
+    fn judged(&mut self, coded: Coded, decoded: &Gaussians) -> Result<Row, CompressError> {
+        let photos = (!self.held_out.is_empty()).then(|| self.judge.psnr_of_photos(decoded, self.held_out));
         Ok(Row {
             scene: self.path.display().to_string(),
-            method: name,
-            setting: point.setting.clone(),
             gaussians: decoded.len(),
-            bytes: bytes.len(),
             // Of the scene as it was, whatever is left of it.
-            bits: 8.0 * bytes.len() as f64 / self.count.max(1) as f64,
-            psnr: self.judge.psnr(&decoded)?,
+            bits: 8.0 * coded.bytes as f64 / self.count.max(1) as f64,
+            psnr: self.judge.psnr(decoded)?,
             photos: photos.transpose()?,
-            chamfer: self.surface.as_ref().map(|surface| surface.chamfer(&decoded)).transpose()?,
-            seconds,
+            chamfer: self.surface.as_ref().map(|surface| surface.chamfer(decoded)).transpose()?,
+            coded,
         })
     }
 }

@@ -1,27 +1,30 @@
 //! `lite`: scenes of Gaussians in some hundred bits each.
 //!
 //! Positions lie on a grid and are coded as an octree. Everything else is rounded, in larger steps where a Gaussian shows less, and coded
-//! by [mixed models](crate::MixedModel) with contexts of neighbors and of what is known of the same Gaussian. Axes are exchanged and
-//! turned so that of the 24 rotations of one ellipsoid a single one remains. Large scenes are cut into blocks, which are coded and decoded
+//! by [mixed models](crate::MixedModel) with contexts of neighbors and of what is known of the same Gaussian. Colors are transformed in
+//! space before ([`Raht`](crate::Raht)). Axes are exchanged and turned so that of the 24 rotations of one ellipsoid a single one remains. Large scenes are cut into blocks, which are coded and decoded
 //! at the same time; the first ones hold the Gaussians that show most, so that the beginning of a stream is a picture of the scene.
 
 mod blocks;
+mod colors;
 mod control;
 mod fields;
 mod head;
 mod neighbors;
 mod quality;
+mod quantized;
 mod restore;
 mod rotation;
 mod symbols;
 
 use crate::container::{Container, Stream};
 use crate::error::CodecError;
-use blocks::{block_streams, decode_block, split};
+use blocks::{block_streams, decode_block};
+use colors::Block;
 use head::Head;
+use quantized::{Quantized, quantize};
 use rayon::prelude::*;
 use restore::restore;
-use symbols::{Symbols, quantize};
 use weaver_geometry::sh;
 use weaver_scene::Gaussians;
 
@@ -56,9 +59,9 @@ const HEAD: [u8; 4] = *b"head";
 /// # Ok::<(), weaver_codec::CodecError>(())
 /// ```
 pub fn encode(gaussians: &Gaussians, quality: &Quality) -> Result<Vec<u8>, CodecError> {
-    let (head, symbols, _) = quantize(gaussians, quality)?;
-    let code = |indices: &Vec<usize>| block_streams(&head, symbols.select(indices));
-    let blocks: Vec<Vec<Stream>> = split(&head, &symbols).par_iter().map(code).collect::<Result<_, _>>()?;
+    let Quantized { head, blocks, .. } = quantize(gaussians, quality)?;
+    let code = |block: Block| block_streams(&head, block.symbols);
+    let blocks: Vec<Vec<Stream>> = blocks.into_par_iter().map(code).collect::<Result<_, _>>()?;
     let mut streams = vec![Stream { name: HEAD, symbols: 1, bytes: head.write().into() }];
     streams.extend(blocks.into_iter().flatten());
     let coefficients = gaussians.coefficients() as u8;
@@ -70,17 +73,16 @@ pub fn encode(gaussians: &Gaussians, quality: &Quality) -> Result<Vec<u8>, Codec
 /// # Errors
 /// As [`encode`].
 pub fn order(gaussians: &Gaussians, quality: &Quality) -> Result<Vec<usize>, CodecError> {
-    let (head, symbols, order) = quantize(gaussians, quality)?;
-    Ok(split(&head, &symbols).iter().flatten().map(|&i| order[i]).collect())
+    Ok(quantize(gaussians, quality)?.order)
 }
 
-/// Gaussians as they come back from [`encode`] and [`decode`], without coding them; in Morton order.
+/// Gaussians as they come back from [`encode`] and [`decode`], without coding them.
 ///
 /// # Errors
 /// As [`encode`].
 pub fn rounded(gaussians: &Gaussians, quality: &Quality) -> Result<Gaussians, CodecError> {
-    let (head, symbols, _) = quantize(gaussians, quality)?;
-    Ok(restore(&head, &[symbols], gaussians.degree))
+    let Quantized { head, blocks, .. } = quantize(gaussians, quality)?;
+    Ok(restore(&head, &blocks, gaussians.degree))
 }
 
 /// Gaussians of the same pictures as those of [`rounded`], in the order and with the axes of those that are given: what training with
@@ -89,8 +91,8 @@ pub fn rounded(gaussians: &Gaussians, quality: &Quality) -> Result<Gaussians, Co
 /// # Errors
 /// As [`encode`].
 pub fn rounded_in_place(gaussians: &Gaussians, quality: &Quality) -> Result<Gaussians, CodecError> {
-    let (head, symbols, order) = quantize(gaussians, quality)?;
-    let sorted = restore(&head, &[symbols], gaussians.degree);
+    let Quantized { head, blocks, order } = quantize(gaussians, quality)?;
+    let sorted = restore(&head, &blocks, gaussians.degree);
     let mut placed = gaussians.clone();
     let row = 3 * gaussians.coefficients();
     for (at, &i) in order.iter().enumerate() {
@@ -152,7 +154,7 @@ fn decode_streams(container: &Container) -> Result<Gaussians, CodecError> {
         return Err(CodecError::invalid("blocks", format!("{} Gaussians", container.gaussians), announced));
     }
     let rest = usize::from(container.coefficients) - 1;
-    let decoded: Vec<Symbols> =
+    let decoded: Vec<Block> =
         blocks.par_iter().map(|block| decode_block(&head, rest, block)).collect::<Result<_, _>>()?;
     Ok(restore(&head, &decoded, degree))
 }

@@ -176,3 +176,29 @@ impl<const K: usize> MixedNibble<K> {
         ((found as u8) << 4).reverse_bits()
     }
 }
+
+/// A model of a single decision, by `K` contexts that are mixed.
+#[derive(Clone, Debug)]
+pub(crate) struct MixedBit<const K: usize> {
+    contexts: [Vec<Estimates<1>>; K],
+    mixer: Mixer<K, 1>,
+}
+
+impl<const K: usize> MixedBit<K> {
+    pub(crate) fn new(contexts: [usize; K]) -> Self {
+        Self { contexts: contexts.map(|values| vec![Estimates::UNKNOWN; values]), mixer: Mixer::new() }
+    }
+
+    /// Codes a decision in its contexts.
+    #[inline(always)]
+    pub(crate) fn code(&mut self, coder: &mut impl Coder, contexts: [usize; K], value: bool) -> bool {
+        let mut estimates = self.contexts.iter_mut().zip(contexts).map(|(estimates, context)| &mut estimates[context]);
+        let estimates = std::array::from_fn(|_| estimates.next().expect("an estimate in each context"));
+        let mut found = false;
+        self.mixer.code(estimates, |parts| {
+            found = coder.bit(parts[0], value);
+            Outcomes { made: 1, ones: found.into() }
+        });
+        found
+    }
+}

@@ -1,6 +1,7 @@
 //! The region-adaptive hierarchical transform: orthonormal, of values at Morton-sorted voxels.
 
 use crate::error::CodecError;
+use weaver_kernels::Real;
 
 /// One step: two neighbors with weights `w1`, `w2` become their mean and their difference.
 #[derive(Clone, Copy, Debug)]
@@ -85,11 +86,11 @@ impl Raht {
         (self.voxels > 0).then_some(first).into_iter().chain(finer).collect()
     }
 
-    /// Transforms values, `[N, C]`.
+    /// Transforms values, `[N, C]`. Results are the same bits on every machine.
     ///
     /// # Panics
     /// When there are not `C` values for each voxel.
-    pub fn forward(&self, values: &mut [f64], channels: usize) {
+    pub fn forward<T: Real>(&self, values: &mut [T], channels: usize) {
         assert_eq!(values.len(), self.voxels * channels, "values of {} voxels", self.voxels);
         self.merges.iter().for_each(|merge| merge.turn(values, channels, merge.sine));
     }
@@ -98,19 +99,23 @@ impl Raht {
     ///
     /// # Panics
     /// As [`Raht::forward`].
-    pub fn inverse(&self, values: &mut [f64], channels: usize) {
+    pub fn inverse<T: Real>(&self, values: &mut [T], channels: usize) {
         assert_eq!(values.len(), self.voxels * channels, "values of {} voxels", self.voxels);
         self.merges.iter().rev().for_each(|merge| merge.turn(values, channels, -merge.sine));
     }
 }
 
 impl Merge {
-    fn turn(&self, values: &mut [f64], channels: usize, sine: f64) {
-        for channel in 0..channels {
-            let [i, j] = self.pair.map(|index| index * channels + channel);
-            let (a, b) = (values[i], values[j]);
-            values[i] = self.cosine * a + sine * b;
-            values[j] = self.cosine * b - sine * a;
+    #[inline]
+    fn turn<T: Real>(&self, values: &mut [T], channels: usize, sine: f64) {
+        let (cosine, sine) = (T::from_f64(self.cosine), T::from_f64(sine));
+        // The second one is always behind the first.
+        let (before, behind) = values.split_at_mut(self.pair[1] * channels);
+        let first = &mut before[self.pair[0] * channels..][..channels];
+        for (x, y) in first.iter_mut().zip(&mut behind[..channels]) {
+            let (a, b) = (*x, *y);
+            *x = cosine * a + sine * b;
+            *y = cosine * b - sine * a;
         }
     }
 }

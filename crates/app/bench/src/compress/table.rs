@@ -2,13 +2,21 @@
 
 use weaver_run::Page;
 
+/// The bytes of a scene, and where they are from.
+pub struct Coded {
+    /// Name of the method, or of the file that another program wrote.
+    pub method: String,
+    pub setting: String,
+    pub bytes: u64,
+    /// Seconds to encode, training included, and to decode; encoding of a file is not known.
+    pub seconds: [Option<f64>; 2],
+}
+
 /// Result of a method on a scene.
 pub struct Row {
     pub scene: String,
-    pub method: &'static str,
-    pub setting: String,
+    pub coded: Coded,
     pub gaussians: usize,
-    pub bytes: usize,
     pub bits: f64,
     /// Beside pictures of the scene, dB.
     pub psnr: f64,
@@ -16,8 +24,6 @@ pub struct Row {
     pub photos: Option<f64>,
     /// Chamfer distance to the scene's surface, thousandths of the cameras' distance.
     pub chamfer: Option<f64>,
-    /// Seconds to encode, training included, and to decode.
-    pub seconds: [f64; 2],
 }
 
 const COLUMNS: [&str; 9] =
@@ -25,12 +31,13 @@ const COLUMNS: [&str; 9] =
 
 fn cells(row: &Row) -> [String; 9] {
     let psnr = if row.psnr >= 99.99 { "equal".into() } else { format!("{:.2}", row.psnr) };
-    let [encode, decode] = row.seconds.map(|s| format!("{s:.2}"));
     let optional = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.2}"));
+    let Coded { method, setting, bytes, seconds } = &row.coded;
+    let [encode, decode] = seconds.map(optional);
     [
-        format!("{} {}", row.method, row.setting).trim_end().into(),
+        format!("{method} {setting}").trim_end().into(),
         row.gaussians.to_string(),
-        row.bytes.to_string(),
+        bytes.to_string(),
         format!("{:.1}", row.bits),
         psnr,
         optional(row.photos),
@@ -95,8 +102,10 @@ fn curves(page: &mut Page, title: &str, rows: &[Row], point: impl Fn(&Row) -> Op
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points
     };
-    let all: Vec<(&str, Vec<(f64, f64)>)> =
-        rows.chunk_by(|a, b| a.method == b.method).map(|group| (group[0].method, series(group))).collect();
+    let all: Vec<(&str, Vec<(f64, f64)>)> = rows
+        .chunk_by(|a, b| a.coded.method == b.coded.method)
+        .map(|group| (group[0].coded.method.as_str(), series(group)))
+        .collect();
     if all.iter().any(|(_, points)| !points.is_empty()) {
         page.lines(title, &all);
     }

@@ -1,6 +1,7 @@
 //! `splatweaver bench`.
 
 mod bad_workloads;
+mod compress;
 mod engine;
 mod raster;
 mod surfels;

@@ -1,5 +1,6 @@
 //! Blocks: Gaussians that are coded together, and their streams.
 
+use super::colors::Block;
 use super::fields::{BLENDS, Fields, positions};
 use super::head::Head;
 use super::symbols::{Symbols, ln_opacities};
@@ -47,11 +48,10 @@ pub(super) fn block_streams(head: &Head, symbols: Symbols) -> Result<Vec<Stream<
         code(&mut fields, name, &mut encoder, blend)?;
         streams.push(stream(*name, encoder.finish()));
     }
-    fields.see();
+    fields.see()?;
     let last = last_streams(&mut fields, |fields, name, values| {
-        let blend = best_blend(name, |length, blend| code_last(fields, name, length, (blend, values)))?;
         let mut encoder = RangeEncoder::default();
-        code_last(fields, name, &mut encoder, (blend, values))?;
+        code_last(fields, name, &mut encoder, values)?;
         Ok(encoder.finish())
     })?;
     streams.extend(STREAMS[3..].iter().zip(last).map(|(name, bytes)| stream(*name, bytes)));
@@ -95,7 +95,7 @@ fn last_streams<T: Send>(
 
 /// True if a stream has a prediction from neighbors, and says by how much.
 fn blends(name: &[u8; 4]) -> bool {
-    matches!(name, b"scal" | b"colo")
+    name == b"scal"
 }
 
 fn blend_of(name: &[u8; 4], coder: &mut impl Coder, blend: u32) -> u32 {
@@ -114,21 +114,20 @@ fn code_last(
     fields: &Fields,
     name: &[u8; 4],
     coder: &mut impl Coder,
-    (blend, values): (u32, &mut [[i32; 3]]),
+    values: &mut [[i32; 3]],
 ) -> Result<(), CodecError> {
-    let blend = blend_of(name, coder, blend);
     simd::dispatch(
         #[inline(always)]
         || match name {
             b"rota" => fields.rotations(coder, values),
-            b"colo" => fields.colors(coder, blend, values),
+            b"colo" => fields.colors(coder, values),
             _ => fields.harmonics(coder, values),
         },
     )
 }
 
 /// Decodes a block; `rest` is the number of harmonics beyond the first.
-pub(super) fn decode_block(head: &Head, rest: usize, streams: &[Stream]) -> Result<Symbols, CodecError> {
+pub(super) fn decode_block(head: &Head, rest: usize, streams: &[Stream]) -> Result<Block, CodecError> {
     let names: Vec<[u8; 4]> = streams.iter().map(|stream| stream.name).collect();
     let count = streams[0].symbols;
     if names != STREAMS || streams.iter().any(|stream| stream.symbols != count) {
@@ -146,14 +145,14 @@ pub(super) fn decode_block(head: &Head, rest: usize, streams: &[Stream]) -> Resu
         code(&mut fields, &stream.name, &mut decoder, 0)?;
         whole(&decoder, stream.name)?;
     }
-    fields.see();
+    let raht = fields.see()?;
     let bytes = |name: &[u8; 4]| STREAMS.iter().position(|other| other == name).map_or(&[][..], |i| &*streams[i].bytes);
     last_streams(&mut fields, |fields, name, values| {
         let mut decoder = RangeDecoder::new(bytes(name));
-        code_last(fields, name, &mut decoder, (0, values))?;
+        code_last(fields, name, &mut decoder, values)?;
         whole(&decoder, *name)
     })?;
-    Ok(fields.symbols)
+    Ok(Block { symbols: fields.symbols, raht })
 }
 
 fn whole(decoder: &RangeDecoder, name: [u8; 4]) -> Result<(), CodecError> {

@@ -1,9 +1,11 @@
 //! A control: what the same symbols take without contexts.
 
 use super::blocks::STREAMS;
+use super::colors::Block;
 use super::fields::octree_depth;
 use super::quality::Quality;
-use super::symbols::quantize;
+use super::quantized::{Quantized, quantize};
+use super::symbols::Symbols;
 use crate::adaptive::AdaptiveModel;
 use crate::error::CodecError;
 use crate::range::CodeLength;
@@ -20,7 +22,16 @@ const ALPHABET: i32 = 1 << 14;
 /// # Errors
 /// As [`encode`](super::encode).
 pub fn order_zero_bits(gaussians: &Gaussians, quality: &Quality) -> Result<[([u8; 4], f64); 6], CodecError> {
-    let (head, symbols, _) = quantize(gaussians, quality)?;
+    let Quantized { head, blocks, .. } = quantize(gaussians, quality)?;
+    let mut lengths = STREAMS.map(|name| (name, 0.0));
+    for Block { symbols, .. } in &blocks {
+        let own = block_bits(head.depth, symbols, gaussians.coefficients() - 1);
+        lengths.iter_mut().zip(own).for_each(|((_, bits), own)| *bits += own);
+    }
+    Ok(lengths)
+}
+
+fn block_bits(depth: u8, symbols: &Symbols, rest: usize) -> [f64; 6] {
     let rows = |rows: &[[i32; 3]], stride: usize| -> f64 {
         let column = |first: usize, part: usize| shorter(rows.iter().skip(first).step_by(stride).map(|row| row[part]));
         (0..stride.min(rows.len()))
@@ -29,16 +40,14 @@ pub fn order_zero_bits(gaussians: &Gaussians, quality: &Quality) -> Result<[([u8
             .sum()
     };
     let drops: Vec<[i32; 3]> = symbols.scales.iter().map(|&[a, b, c]| [a, a - b, b - c]).collect();
-    let rest = gaussians.coefficients() - 1;
-    let lengths = [
-        occupancy(&symbols.voxels, head.depth),
+    [
+        occupancy(&symbols.voxels, depth),
         rows(&drops, 1),
         shorter(symbols.opacities.iter().copied()),
         rows(&symbols.rotations, 1),
         rows(&symbols.colors, 1),
         if rest > 0 { rows(&symbols.harmonics, rest) } else { 0.0 },
-    ];
-    Ok(std::array::from_fn(|i| (STREAMS[i], lengths[i])))
+    ]
 }
 
 /// The shorter code of values or of their differences.

@@ -1,11 +1,13 @@
 //! Streams of symbols, each described once for both directions.
 
+use super::colors::{LARGEST_COEFFICIENT, transform};
 use super::head::{Head, LARGEST, Steps};
 use super::neighbors::{NEIGHBORS, known, neighbors};
 use super::symbols::{Symbols, ln_opacities};
 use crate::error::CodecError;
-use crate::mixed::MixedModel;
+use crate::mixed::{MixedBit, MixedModel};
 use crate::octree::code_octree;
+use crate::raht::Raht;
 use crate::range::Coder;
 
 /// Symbols that are coded, and what both directions know of them.
@@ -14,14 +16,13 @@ pub(super) struct Fields {
     pub(super) symbols: Symbols,
     near: Vec<[u32; NEIGHBORS]>,
     /// By scales and opacities, once these are known.
-    shown: Vec<Shown>,
+    steps: Vec<Steps>,
+    /// Coefficients of colors from coarse to fine.
+    order: Vec<usize>,
 }
 
-/// Visibility of a Gaussian: halves of a natural logarithm about the reference, and the steps that follow from it.
-struct Shown {
-    context: usize,
-    steps: Steps,
-}
+/// Largest magnitude that counts in means of the last ones, so that their sums have room.
+const LARGEST_RECENT: i32 = 1 << 15;
 
 /// Quarters that predictions take from neighbors, of four.
 pub(super) const BLENDS: u32 = 4;
@@ -59,13 +60,6 @@ fn bounded(symbol: i32) -> i32 {
     symbol.clamp(-LARGEST, LARGEST)
 }
 
-/// The nearest integer, of even ones in the middle, up to 2^20 in magnitude.
-#[inline(always)]
-fn nearest(x: f32) -> i32 {
-    const ROUND: f32 = 12_582_912.0;
-    ((x.clamp(-1_048_576.0, 1_048_576.0) + ROUND) - ROUND) as i32
-}
-
 /// An error once a decoder has come to the end of its bytes.
 fn check(coder: &impl Coder, place: &str, i: usize) -> Result<(), CodecError> {
     if !coder.exhausted() {
@@ -77,17 +71,17 @@ fn check(coder: &impl Coder, place: &str, i: usize) -> Result<(), CodecError> {
 impl Fields {
     /// Fields whose positions are known.
     pub(super) fn new(head: Head, symbols: Symbols) -> Self {
-        Self { head, near: neighbors(&symbols.voxels), shown: Vec::new(), symbols }
+        Self { head, near: neighbors(&symbols.voxels), steps: Vec::new(), order: Vec::new(), symbols }
     }
 
-    /// Sees how much each Gaussian shows: what streams behind scales and opacities need.
-    pub(super) fn see(&mut self) {
+    /// Sees how much each Gaussian shows: what streams behind scales and opacities need. Returns the transform of colors.
+    pub(super) fn see(&mut self) -> Result<Raht, CodecError> {
         let (head, logs) = (self.head, ln_opacities(self.head.opacity_levels));
-        let shown = |(&scales, &opacity): (&[i32; 3], &i32)| {
-            let shows = head.shows(scales, opacity, &logs);
-            Shown { context: ((shows >> 15) + 6).clamp(0, 9) as usize, steps: head.steps(scales, shows) }
-        };
-        self.shown = self.symbols.scales.iter().zip(&self.symbols.opacities).map(shown).collect();
+        let shapes = self.symbols.scales.iter().zip(&self.symbols.opacities);
+        self.steps = shapes.map(|(s, opacity)| head.steps(*s, head.shows(*s, *opacity, &logs))).collect();
+        let raht = transform(&self.symbols.voxels, &self.steps.iter().map(|steps| steps.factor).collect::<Vec<_>>())?;
+        self.order = raht.order();
+        Ok(raht)
     }
 
     fn count(&self) -> usize {
@@ -142,7 +136,7 @@ impl Fields {
         for (i, rotation) in rotations.iter_mut().enumerate() {
             let scales = self.symbols.scales[i];
             // Numbers of the range: up to √¾ of the step.
-            let range = ((0.87 / self.shown[i].steps.rotation).min(1e6) as i32).max(1);
+            let range = ((0.87 / self.steps[i].rotation).min(1e6) as i32).max(1);
             let fine = 2 * bucket(range, 11) - usize::from(range < 3 << (bucket(range, 11).max(2) - 2));
             let thin = ((scales[0] - scales[2]).saturating_mul(2) / 3).clamp(0, 15) as usize;
             let mut before = 0;
@@ -157,78 +151,99 @@ impl Fields {
         Ok(())
     }
 
+    /// Coefficients of degree 0, from the largest regions to the smallest.
     #[inline(always)]
-    pub(super) fn colors(&self, coder: &mut impl Coder, blend: u32, colors: &mut [[i32; 3]]) -> Result<(), CodecError> {
-        let mut green = MixedModel::new([1, 16, 10]);
-        let mut others = MixedModel::new([2, 16 * 2, 10 * 2, 12 * 2]);
-        // Of each Gaussian that is known, green, red and blue as they are drawn.
-        let mut drawn = vec![[0.0_f32; 3]; self.count()];
-        for i in 0..self.count() {
-            let Shown { context: shows, steps: Steps { dc, .. } } = self.shown[i];
-            let near = known(&self.near, i);
-            // Neighbors in steps of this Gaussian.
-            let (dc, per_step) = (dc as f32, 1.0 / dc as f32);
-            let like = |j: usize, channel: usize| nearest(drawn[j][channel] * per_step);
-            let (mean, spread) = mean_of(near.clone().map(|j| like(j, 0)), 0);
-            let predicted = blended(0, mean, blend);
-            let own = colors[i];
-            let off = green.code(coder, [0, bucket(spread, 15), shows], own[0] - predicted);
-            let mut found = [bounded(predicted + off), 0, 0];
-            for channel in 1..3 {
-                let (mean, spread) = mean_of(near.clone().map(|j| like(j, channel)), 0);
-                let red = if channel == 2 { bucket(found[1], 11) } else { bucket(off, 11) };
-                let half = channel - 1;
-                let contexts = [half, bucket(spread, 15) * 2 + half, shows * 2 + half, red * 2 + half];
-                let predicted = blended(0, mean, blend);
-                found[channel] = bounded(predicted + others.code(coder, contexts, own[channel] - predicted));
+    pub(super) fn colors(&self, coder: &mut impl Coder, colors: &mut [[i32; 3]]) -> Result<(), CodecError> {
+        let mut model = MixedModel::new([16 * 3, 12 * 3, 9 * 3]);
+        let mut recent = [[0; 3]];
+        for (at, &i) in self.order.iter().enumerate() {
+            let (own, mut found) = (colors[i], [0; 3]);
+            let all = bucket(total(&recent) >> 3, 11);
+            for m in 0..3 {
+                let contexts = [16 * m + bucket(recent[0][m] >> 2, 15), 12 * m + all, 9 * m + brothers(found, m)];
+                found[m] = coefficient(model.code(coder, contexts, own[m]));
             }
             colors[i] = found;
-            drawn[i] = found.map(|symbol| symbol as f32 * dc);
-            check(coder, "colo", i)?;
+            remember(&mut recent, &[found]);
+            check(coder, "colo", at)?;
         }
         Ok(())
     }
 
+    /// Coefficients of further harmonics: of each degree, are there any? Then these.
     #[inline(always)]
     pub(super) fn harmonics(&self, coder: &mut impl Coder, harmonics: &mut [[i32; 3]]) -> Result<(), CodecError> {
         let rest = harmonics.len() / self.count().max(1);
         let kinds = 3 * rest;
-        let mut model = MixedModel::new([kinds * 10, kinds * 12, 36 * 12, kinds * 9, kinds * 9]);
-        for i in 0..self.count() {
-            let shows = self.shown[i].context;
-            let (mut sums, mut counts) = ([0; 3], 0);
-            for k in 0..rest {
-                let at = rest * i + k;
-                let mut green = 0;
-                for channel in 0..3 {
-                    let kind = 3 * k + channel;
-                    let energy = bucket(2 * sums[channel] / (counts + 1) + sums[channel].min(2), 11);
-                    let all = bucket(sums[0] + sums[1] + sums[2], 11);
-                    let mut near = [0; 2];
-                    for (j, near) in known(&self.near, i).zip(&mut near) {
-                        *near = harmonics[rest * j + k][channel].signum() + 1;
+        let mut any = MixedBit::new([5 * 12, 5 * 12]);
+        let mut model = MixedModel::new([12 * kinds, 12 * 12 * 3, 9 * kinds]);
+        let mut recent = vec![[0; 3]; rest];
+        for (at, &i) in self.order.iter().enumerate() {
+            let row = &mut harmonics[rest * i..][..rest];
+            let (mut sums, mut first, mut degree) = ([0_i32; 3], 0, 1);
+            while first < rest {
+                let next = first + 2 * degree + 1;
+                let lately = total(&recent[first..next]) / (4 * (next - first) as i32);
+                let contexts = [12 * degree + bucket(lately, 11), 12 * degree + bucket(total(&[sums]), 11)];
+                let there = row[first..next].iter().any(|three| *three != [0; 3]);
+                if any.code(coder, contexts, there) {
+                    for k in first..next {
+                        row[k] = harmonic(coder, &mut model, (k, row[k]), (&recent[k], &mut sums));
                     }
-                    let sides = (near[0] * 3 + near[1]) as usize;
-                    let brothers = bucket(green, 2) * 3 + if channel == 2 { bucket(harmonics[at][1], 2) } else { 0 };
-                    let contexts = [
-                        kind * 10 + shows,
-                        kind * 12 + energy,
-                        (channel * 12 + all) * 12 + shows,
-                        kind * 9 + brothers,
-                        kind * 9 + sides,
-                    ];
-                    let symbol = bounded(model.code(coder, contexts, harmonics[at][channel]));
-                    harmonics[at][channel] = symbol;
-                    sums[channel] = (sums[channel] + symbol.abs()).min(LARGEST);
-                    if channel == 0 {
-                        green = symbol;
-                    }
+                } else {
+                    row[first..next].fill([0; 3]);
                 }
-                counts += 1;
+                (first, degree) = (next, degree + 1);
             }
-            check(coder, "harm", i)?;
+            remember(&mut recent, row);
+            check(coder, "harm", at)?;
         }
         Ok(())
+    }
+}
+
+/// Codes the three coefficients of a harmonic. `sums` are those of magnitudes of the harmonics before it.
+#[inline(always)]
+fn harmonic(
+    coder: &mut impl Coder,
+    model: &mut MixedModel<3>,
+    (k, own): (usize, [i32; 3]),
+    (recent, sums): (&[i32; 3], &mut [i32; 3]),
+) -> [i32; 3] {
+    let (count, lately) = (k as i32 + 1, bucket(total(&[*recent]) >> 3, 11));
+    let mut found = [0; 3];
+    for m in 0..3 {
+        let energy = bucket(2 * sums[m] / count + sums[m].min(2), 11);
+        let all = bucket(total(&[*sums]), 11);
+        let kind = 3 * k + m;
+        let contexts = [12 * kind + energy, 12 * (12 * m + all) + lately, 9 * kind + brothers(found, m)];
+        found[m] = coefficient(model.code(coder, contexts, own[m]));
+        sums[m] = (sums[m] + found[m].abs()).min(LARGEST);
+    }
+    found
+}
+
+#[inline(always)]
+fn coefficient(symbol: i32) -> i32 {
+    symbol.clamp(-LARGEST_COEFFICIENT, LARGEST_COEFFICIENT)
+}
+
+/// Sizes of the mixtures of a color that come before one.
+#[inline(always)]
+fn brothers(found: [i32; 3], m: usize) -> usize {
+    3 * bucket(found[0], 2) + if m == 2 { bucket(found[1], 2) } else { 0 }
+}
+
+#[inline(always)]
+fn total(rows: &[[i32; 3]]) -> i32 {
+    rows.as_flattened().iter().sum()
+}
+
+/// Magnitudes of the last coefficients, in parts of 256: each new one counts an eighth.
+#[inline(always)]
+fn remember(recent: &mut [[i32; 3]], row: &[[i32; 3]]) {
+    for (mean, x) in recent.as_flattened_mut().iter_mut().zip(row.as_flattened()) {
+        *mean += ((x.abs().min(LARGEST_RECENT) << 8) - *mean) >> 3;
     }
 }
 

@@ -13,7 +13,7 @@ pub(super) const LARGEST: i32 = 1 << 22;
 pub(super) const UNIT: f64 = 65_536.0;
 
 /// The version of models and symbols, at the end of a head. The first one had none there.
-const VERSION: u8 = 2;
+const VERSION: u8 = 3;
 
 /// Bytes of a head.
 const BYTES: usize = 12 + 4 + 1 + 10 * 4 + 1;
@@ -80,12 +80,8 @@ impl Head {
         // What turns is the difference of two scales: thin Gaussians show it more.
         let thin = i64::from(scales[0]).saturating_sub(i64::from(scales[2])) * i64::from(self.scale_step);
         let thin = thin.min((2.0 * UNIT) as i64) - UNIT as i64;
-        let step = |parts: u32| f64::from(parts) / UNIT;
-        Steps {
-            rotation: step(self.rotation_step) * self.factor(shows + thin, self.rotation_adaptation),
-            dc: step(self.dc_step) * factor,
-            sh: step(self.sh_step) * factor,
-        }
+        let rotation = f64::from(self.rotation_step) / UNIT;
+        Steps { rotation: rotation * self.factor(shows + thin, self.rotation_adaptation), factor }
     }
 
     pub(super) fn write(&self) -> Vec<u8> {
@@ -153,10 +149,11 @@ impl Head {
 }
 
 /// Steps of one Gaussian.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Steps {
     pub(super) rotation: f64,
-    pub(super) dc: f64,
-    pub(super) sh: f64,
+    /// Of the steps of colors.
+    pub(super) factor: f64,
 }
 
 /// Logarithms of the least and the largest factor of steps, in parts of 64.

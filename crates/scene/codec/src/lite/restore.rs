@@ -1,19 +1,17 @@
 //! Gaussians of symbols.
 
+use super::colors::Block;
 use super::head::{Head, UNIT};
 use super::rotation::with_real_part;
-use super::symbols::{Symbols, ln_opacities, opacity};
+use super::symbols::{ln_opacities, opacity};
 use crate::exact::ln;
 use crate::morton::from_morton3;
 use rayon::prelude::*;
 use weaver_scene::Gaussians;
 
-/// Gaussians that are restored by one thread.
-const CHUNK: usize = 1 << 12;
-
-/// Gaussians of blocks of symbols that are complete, one block behind the other.
-pub(super) fn restore(head: &Head, blocks: &[Symbols], degree: usize) -> Gaussians {
-    let count = blocks.iter().map(|symbols| symbols.voxels.len()).sum();
+/// Gaussians of blocks that are complete, one block behind the other.
+pub(super) fn restore(head: &Head, blocks: &[Block], degree: usize) -> Gaussians {
+    let count = blocks.iter().map(|block| block.symbols.voxels.len()).sum();
     let mut gaussians = Gaussians { degree, ..Gaussians::default() };
     let row = 3 * gaussians.coefficients();
     gaussians.means = vec![[0.0; 3]; count];
@@ -29,15 +27,13 @@ pub(super) fn restore(head: &Head, blocks: &[Symbols], degree: usize) -> Gaussia
         opacity_logits: &mut gaussians.opacity_logits,
         sh: &mut gaussians.sh,
     };
-    let mut parts = Vec::new();
-    for symbols in blocks {
-        for first in (0..symbols.voxels.len()).step_by(CHUNK) {
-            let rows;
-            (rows, rest) = rest.split(CHUNK.min(symbols.voxels.len() - first), row);
-            parts.push((symbols, first, rows));
-        }
+    let mut parts = Vec::with_capacity(blocks.len());
+    for block in blocks {
+        let rows;
+        (rows, rest) = rest.split(block.symbols.voxels.len(), row);
+        parts.push((block, rows));
     }
-    parts.into_par_iter().for_each(|(symbols, first, rows)| values.restore(symbols, first, rows));
+    parts.into_par_iter().for_each(|(block, rows)| values.restore(block, rows));
     gaussians
 }
 
@@ -87,30 +83,20 @@ impl<'a> Values<'a> {
         Self { head, logs: ln_opacities(head.opacity_levels), logits }
     }
 
-    /// Restores Gaussians from the first on that is named.
-    fn restore(&self, symbols: &Symbols, first: usize, rows: Rows) {
-        let head = self.head;
+    /// Restores the Gaussians of a block.
+    fn restore(&self, block: &Block, rows: Rows) {
+        let (head, symbols) = (self.head, &block.symbols);
         let scale_step = f64::from(head.scale_step) / UNIT;
-        let row = rows.sh.len() / rows.means.len();
-        let rest = row / 3 - 1;
-        for (at, sh) in rows.sh.chunks_exact_mut(row).enumerate() {
-            let i = first + at;
+        for i in 0..symbols.voxels.len() {
             let scales = symbols.scales[i];
             let steps = head.steps(scales, head.shows(scales, symbols.opacities[i], &self.logs));
-            rows.means[at] = head.mean(symbols.voxels[i]);
-            rows.log_scales[at] = scales.map(|symbol| (f64::from(symbol) * scale_step) as f32);
-            rows.opacity_logits[at] = self.logits[symbols.opacities[i] as usize];
+            rows.means[i] = head.mean(symbols.voxels[i]);
+            rows.log_scales[i] = scales.map(|symbol| (f64::from(symbol) * scale_step) as f32);
+            rows.opacity_logits[i] = self.logits[symbols.opacities[i] as usize];
             let part = symbols.rotations[i].map(|symbol| f64::from(symbol) * steps.rotation);
-            rows.quats[at] = with_real_part(part).map(|x| x as f32);
-            let color = |[g, r, b]: [i32; 3], step: f64| {
-                let green = f64::from(g) * step;
-                [green + f64::from(r) * step, green, green + f64::from(b) * step].map(|x| x as f32)
-            };
-            sh[..3].copy_from_slice(&color(symbols.colors[i], steps.dc));
-            for (to, &rgb) in sh[3..].chunks_exact_mut(3).zip(&symbols.harmonics[rest * i..][..rest]) {
-                to.copy_from_slice(&color(rgb, steps.sh));
-            }
+            rows.quats[i] = with_real_part(part).map(|x| x as f32);
         }
+        block.restore_colors(head, rows.sh);
     }
 }
 

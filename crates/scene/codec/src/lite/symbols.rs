@@ -1,15 +1,7 @@
-//! Gaussians as symbols, and back.
+//! Symbols of Gaussians.
 
-use super::head::{Head, LARGEST, MOST_LEVELS, UNIT};
-use super::quality::Quality;
-use super::rotation::{imaginary_part, sort_axes};
-use crate::error::CodecError;
+use super::head::UNIT;
 use crate::exact::ln;
-use crate::morton::morton3;
-use crate::octree::DEEPEST;
-use crate::quantizer::Quantizer;
-use rayon::prelude::*;
-use weaver_scene::Gaussians;
 
 /// Symbols of a scene, Gaussians in Morton order.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,7 +12,7 @@ pub(super) struct Symbols {
     pub(super) scales: Vec<[i32; 3]>,
     pub(super) opacities: Vec<i32>,
     pub(super) rotations: Vec<[i32; 3]>,
-    /// Green, red less green, blue less green.
+    /// Coefficients of the transform: of three mixtures of red, green and blue.
     pub(super) colors: Vec<[i32; 3]>,
     /// The same of further harmonics, `[N, K - 1]`.
     pub(super) harmonics: Vec<[i32; 3]>,
@@ -40,16 +32,14 @@ impl Symbols {
         }
     }
 
-    /// Symbols of some of the Gaussians, by ascending index.
+    /// Symbols of some of the Gaussians, by ascending index; without colors.
     pub(super) fn select(&self, indices: &[usize]) -> Self {
-        let rest = self.harmonics.len() / self.voxels.len().max(1);
         Self {
             voxels: indices.iter().map(|&i| self.voxels[i]).collect(),
             scales: indices.iter().map(|&i| self.scales[i]).collect(),
             opacities: indices.iter().map(|&i| self.opacities[i]).collect(),
             rotations: indices.iter().map(|&i| self.rotations[i]).collect(),
-            colors: indices.iter().map(|&i| self.colors[i]).collect(),
-            harmonics: indices.iter().flat_map(|&i| self.harmonics[rest * i..][..rest].iter().copied()).collect(),
+            ..Self::default()
         }
     }
 }
@@ -63,145 +53,4 @@ pub(super) fn ln_opacities(levels: u32) -> Vec<i64> {
 pub(super) fn opacity(symbol: i32, levels: u32) -> f64 {
     let quarter = 0.25 / f64::from(levels);
     (f64::from(symbol) / f64::from(levels)).clamp(quarter, 1.0 - quarter)
-}
-
-/// Checks that every number can be stored.
-fn check(gaussians: &Gaussians) -> Result<(), CodecError> {
-    if !gaussians.lengths_agree() {
-        return Err(CodecError::invalid("Gaussians", "fields of one length, a degree up to 4", "others"));
-    }
-    let per_row = 3 * gaussians.coefficients();
-    for i in 0..gaussians.len() {
-        let fields: [(&str, &[f32]); 4] = [
-            ("position", &gaussians.means[i]),
-            ("scale", &gaussians.log_scales[i]),
-            ("rotation", &gaussians.quats[i]),
-            ("color", &gaussians.sh[i * per_row..][..per_row]),
-        ];
-        if let Some((name, values)) = fields.iter().find(|(_, values)| !values.iter().all(|x| x.is_finite())) {
-            return Err(CodecError::invalid(format!("Gaussian {i}, {name}"), "finite numbers", format!("{values:?}")));
-        }
-        if gaussians.opacity_logits[i].is_nan() {
-            return Err(CodecError::invalid(format!("Gaussian {i}, opacity"), "a number", "NaN"));
-        }
-    }
-    Ok(())
-}
-
-/// Quantizes Gaussians, and puts them into the order of a curve through the grid: that of these numbers.
-pub(super) fn quantize(gaussians: &Gaussians, quality: &Quality) -> Result<(Head, Symbols, Vec<usize>), CodecError> {
-    check(gaussians)?;
-    if !(1..=MOST_LEVELS).contains(&quality.opacity_levels) {
-        return Err(CodecError::invalid("opacity levels", "1 to 4095", quality.opacity_levels));
-    }
-    let mut head = Head::new(quality);
-    place(&mut head, gaussians, quality);
-    let mut order: Vec<(u64, usize)> =
-        gaussians.means.par_iter().enumerate().map(|(i, mean)| (head.voxel(*mean), i)).collect();
-    order.par_sort_unstable();
-    let scale = Quantizer { step: f64::from(head.scale_step) / UNIT, dead_zone: 0.0 };
-    let shape = |&(_, i): &(u64, usize)| {
-        let (log_scales, quat) = sort_axes(gaussians.log_scales[i], gaussians.quats[i]);
-        let share = 1.0 / (1.0 + (-f64::from(gaussians.opacity_logits[i])).exp());
-        let scales = log_scales.map(|s| bounded(scale.symbol(f64::from(s))));
-        ((scales, (share * f64::from(head.opacity_levels)).round() as i32), imaginary_part(quat))
-    };
-    let (shapes, turned): (Vec<_>, Vec<[f64; 3]>) = order.par_iter().map(shape).unzip();
-    let (scales, opacities) = shapes.into_iter().unzip();
-    let voxels = order.iter().map(|(voxel, _)| *voxel).collect();
-    let mut symbols = Symbols { voxels, scales, opacities, ..Symbols::default() };
-    let logs = ln_opacities(head.opacity_levels);
-    refer(&mut head, &symbols, &logs);
-    let rest = gaussians.coefficients() - 1;
-    let steps = |at: usize| {
-        let scales = symbols.scales[at];
-        head.steps(scales, head.shows(scales, symbols.opacities[at], &logs))
-    };
-    let rounded = |step| Quantizer { step, dead_zone: 0.0 };
-    let difference = |quantizer: Quantizer, rgb: &[f32]| {
-        let [r, g, b] = [0, 1, 2].map(|c| f64::from(rgb[c]));
-        let green = bounded(quantizer.symbol(g));
-        // Differences to what green is after rounding: its error is not added to theirs.
-        let decoded = quantizer.value(green);
-        [green, bounded(quantizer.symbol(r - decoded)), bounded(quantizer.symbol(b - decoded))]
-    };
-    let mut harmonics = vec![[0; 3]; rest * order.len()];
-    let color = |at: usize, further: &mut [[i32; 3]]| {
-        let steps = steps(at);
-        let row = &gaussians.sh[3 * (rest + 1) * order[at].1..][..3 * (rest + 1)];
-        let coarse = Quantizer { step: steps.sh, dead_zone: quality.dead_zone };
-        further.iter_mut().zip(row[3..].chunks_exact(3)).for_each(|(to, rgb)| *to = difference(coarse, rgb));
-        let rotation = turned[at].map(|part| bounded(rounded(steps.rotation).symbol(part)));
-        (rotation, difference(rounded(steps.dc), &row[..3]))
-    };
-    let further = split_rows(&mut harmonics, rest, order.len());
-    let (rotations, colors) = further.into_par_iter().enumerate().map(|(at, row)| color(at, row)).unzip();
-    (symbols.rotations, symbols.colors, symbols.harmonics) = (rotations, colors, harmonics);
-    Ok((head, symbols, order.into_iter().map(|(_, i)| i).collect()))
-}
-
-/// The rows of an array, also where they are empty.
-fn split_rows<T>(mut array: &mut [T], width: usize, count: usize) -> Vec<&mut [T]> {
-    let mut rows = Vec::with_capacity(count);
-    for _ in 0..count {
-        let (row, others) = array.split_at_mut(width);
-        rows.push(row);
-        array = others;
-    }
-    rows
-}
-
-/// Places the grid about all positions.
-fn place(head: &mut Head, gaussians: &Gaussians, quality: &Quality) {
-    if gaussians.is_empty() {
-        return;
-    }
-    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for mean in &gaussians.means {
-        for axis in 0..3 {
-            low[axis] = low[axis].min(mean[axis]);
-            high[axis] = high[axis].max(mean[axis]);
-        }
-    }
-    let extent = (0..3).map(|axis| f64::from(high[axis]) - f64::from(low[axis])).fold(0.0, f64::max);
-    let logs = gaussians.log_scales.as_flattened();
-    let mean_log = logs.iter().map(|s| f64::from(*s)).sum::<f64>() / logs.len() as f64;
-    let wanted = quality.position * mean_log.exp();
-    let finest = extent / f64::from((1_u32 << DEEPEST) - 1);
-    let cell = wanted.clamp(finest, f64::from(f32::MAX)).max(f64::from(f32::MIN_POSITIVE));
-    head.origin = low;
-    head.cell = cell as f32;
-    // Rounding to f32 may have made the cell smaller, by less than one of 2^21 steps.
-    let steps = (extent / f64::from(head.cell)).round().min(f64::from((1_u32 << DEEPEST) - 1)) as u32;
-    head.depth = (u32::BITS - steps.leading_zeros()) as u8;
-}
-
-/// Sets the reference of adaptive steps, and the means that predictions begin with.
-fn refer(head: &mut Head, symbols: &Symbols, logs: &[i64]) {
-    let count = symbols.scales.len().max(1) as f64;
-    let mut squares = 0.0;
-    for (&scales, &opacity) in symbols.scales.iter().zip(&symbols.opacities) {
-        let log = head.shows(scales, opacity, logs) as f64 / UNIT;
-        squares += (2.0 * log.clamp(-150.0, 150.0)).exp();
-    }
-    let root_mean = 0.5 * (squares / count).max(f64::MIN_POSITIVE).ln();
-    head.reference = (root_mean * UNIT).round() as i32;
-    let mean = |sum: f64| (sum / count).round() as i32;
-    head.scale_mean = mean(symbols.scales.iter().map(|s| f64::from(s[0])).sum());
-    head.opacity_mean = mean(symbols.opacities.iter().map(|s| f64::from(*s)).sum());
-}
-
-fn bounded(symbol: i32) -> i32 {
-    symbol.clamp(-LARGEST, LARGEST)
-}
-
-impl Head {
-    fn voxel(&self, mean: [f32; 3]) -> u64 {
-        let end = (1_u64 << self.depth) - 1;
-        let place = |axis: usize| {
-            let distance = f64::from(mean[axis]) - f64::from(self.origin[axis]);
-            ((distance / f64::from(self.cell)).round() as u64).min(end) as u32
-        };
-        morton3([place(0), place(1), place(2)])
-    }
 }
