@@ -99,7 +99,7 @@ fn variant(argument: &str) -> Result<Variant, Failure> {
     Ok(Variant { name: name.into(), views, even, planted, side, looks: looks.unwrap_or(0), by_photos, dense, settings })
 }
 
-/// Fits a capture, and returns how well the held-out photos of another, the same at its own size, are met, and the pairs, in millions, of the last step.
+/// Fits a capture, and returns the quality of the held-out photos of another, the same at its own size, and the pairs, in millions, of the last step.
 fn fit([capture, judged]: [&PosedPhotos; 2], variant: &Variant, base: Value) -> Result<(Quality, f64), Failure> {
     let mut settings = serde_json::to_value(FitSettings::default())?;
     merge(&mut settings, base);
@@ -154,7 +154,7 @@ fn fit([capture, judged]: [&PosedPhotos; 2], variant: &Variant, base: Value) -> 
     Ok((met(&mut fit, &test)?, pairs as f64 / 1e6))
 }
 
-/// How well photos are met.
+/// Mean quality of photos, drawn as they are now.
 fn met(fit: &mut Fit, photos: &[&PosedPhoto]) -> Result<Quality, Failure> {
     let judge = Judge::default();
     let mut compare = |photo: &Photo| -> Result<Quality, Failure> {
