@@ -51,8 +51,13 @@ fn compare(name: &str, gaussians: &Gaussians, camera: Camera, look: Look, browse
         eprintln!("{name:<28} {kind}: largest difference {most:>3}, {psnr:.1} dB");
         assert!(kind == "byte" || psnr >= BAR && most <= MOST, "{name}: {most}, {psnr}");
     }
+    eprintln!("{name:<28} {}", browser.awaited(PACE).as_str().unwrap());
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
+
+/// Draws the page's own picture ten times and returns the time of the last.
+const PACE: &str = "(async () => { for (let i = 0; i < 10; i++) { splatweaver.changed(); await new Promise((done) => setTimeout(done, 100)); } \
+                    return document.getElementById('pace').title; })()";
 
 fn look(antialiased: bool, alpha_max: f64, background: [f32; 3]) -> Look {
     Look {
