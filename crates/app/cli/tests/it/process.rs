@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use weaver_scene::Gaussians;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
 
@@ -32,6 +33,44 @@ fn exit_codes_tell_what_happened() {
     let done = splatweaver(folder.path(), &["info", "nothing.ply"]);
     assert_eq!(text(&done.stderr).lines().count(), 1);
     assert!(text(&done.stderr).starts_with("error: nothing.ply: "), "{}", text(&done.stderr));
+}
+
+/// A sphere of small Gaussians in many colors.
+fn sphere(count: usize) -> Gaussians {
+    let at = |n: usize| {
+        let (z, turn) = (1.0 - 2.0 * (n as f32 + 0.5) / count as f32, 2.4 * n as f32);
+        let radius = (1.0 - z * z).sqrt();
+        [radius * turn.cos(), radius * turn.sin(), z]
+    };
+    Gaussians {
+        means: (0..count).map(at).collect(),
+        log_scales: vec![[-2.5; 3]; count],
+        quats: vec![[1.0, 0.0, 0.0, 0.0]; count],
+        opacity_logits: vec![3.0; count],
+        sh: (0..count).flat_map(at).collect(),
+        degree: 0,
+    }
+}
+
+#[test]
+fn a_compressed_scene_is_one_in_every_process() {
+    let folder = tempfile::tempdir().unwrap();
+    weaver_io::write_gaussians(folder.path().join("s.ply"), &sphere(400)).unwrap();
+    let run = |line: &str| {
+        let done = splatweaver(folder.path(), &line.split(' ').collect::<Vec<_>>());
+        assert!(done.status.success(), "{line}: {}", text(&done.stderr));
+    };
+    run("compress s.ply -o s.wsz --psnr 40");
+    run("convert s.wsz decoded.ply");
+    for (scene, threads, out) in [("s.wsz", 1, "a"), ("s.wsz", 3, "b"), ("decoded.ply", 2, "c"), ("s.ply", 1, "d")] {
+        run(&format!("render {scene} --orbit 2 --width 48 --height 36 --threads {threads} -o {out}"));
+    }
+    for picture in ["0000.png", "0001.png"] {
+        let [a, b, c, d] =
+            ["a", "b", "c", "d"].map(|out| std::fs::read(folder.path().join(out).join(picture)).unwrap());
+        assert!(a == b && a == c, "{picture}: other bits in another process");
+        assert!(a != d, "{picture}: nothing was lost");
+    }
 }
 
 #[test]
