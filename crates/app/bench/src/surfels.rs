@@ -45,7 +45,7 @@ pub fn run(arguments: &BenchSurfels, console: &mut Console) -> Result<(), Failur
     });
     // The first scan is the keyframe, the others are registered to it.
     let keyframe = seconds.next().expect("at least one scan")?;
-    let scan = median(seconds.collect::<Result<Vec<_>, _>>()?.into_iter());
+    let scan = median(seconds.collect::<Result<Vec<_>, _>>()?);
     let mapped = odometry.mapper().surfels();
 
     let peak_gflops = peak::fma_gflops_f32(rayon::current_num_threads());
