@@ -32,7 +32,7 @@ pub fn run(arguments: &BenchSurfels, console: &mut Console) -> Result<(), Failur
     let settings = MapSettings { iterations: STEPS - 1, density: arguments.density, ..MapSettings::default() };
     let failed = |error: weaver_lidar::Error| Failure::message(error.to_string());
     let runs = arguments.runs as usize;
-    let track = TrackSettings { farthest: f64::INFINITY, ..TrackSettings::default() };
+    let track = TrackSettings { farthest: f64::INFINITY, least_fitness: 0.0, ..TrackSettings::default() };
     let mut odometry = Odometry::new(&camera, RANGE, settings, track, None).map_err(failed)?;
     let mut seconds = (0..=runs).map(|scan| {
         let scan = hall(&camera, MOTION.map(|x| scan as f64 * x));
