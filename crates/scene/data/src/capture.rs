@@ -6,6 +6,8 @@
 //! | `transforms_train.json`, `transforms_test.json` | NeRF-synthetic | none | the test file's frames |
 //! | `sparse/0`, `images/` | COLMAP | COLMAP | every 8th |
 //! | `cameras.txt` or `<16 hex digits>.txt`, `images/` | RealEstate10K | none | every 8th |
+//! | `cams/` or `Cameras/` of `NAME_cam.txt`, `images/` | DTU, Tanks and Temples, as for MVSNet | none | every 8th |
+//! | `cameras_sphere.npz` or `cameras.npz`, `image/`, `mask/` | DTU as for IDR and NeuS | none | every 8th |
 //!
 //! Photos are sorted by path. The largest centered crop of the network's aspect ratio is shrunk with a Lanczos
 //! filter; intrinsics follow exactly.
@@ -19,6 +21,7 @@
 
 mod by_name;
 mod crop;
+mod dtu;
 mod masks;
 mod nerf;
 mod photo;
@@ -247,7 +250,8 @@ pub fn has_cameras(path: &Path) -> Result<bool, Error> {
         return Ok(true);
     }
     let known = ["transforms.json", "transforms_train.json", "sparse"];
-    Ok(known.iter().any(|name| path.join(name).exists()) || realestate::camera_file(path)?.is_some())
+    let known = known.iter().any(|name| path.join(name).exists()) || dtu::cameras(path).is_some();
+    Ok(known || realestate::camera_file(path)?.is_some())
 }
 
 fn read_photos(folder: &Path) -> Result<Photos, Error> {
@@ -260,13 +264,15 @@ fn read_photos(folder: &Path) -> Result<Photos, Error> {
         nerf::read_split(folder)
     } else if folder.join("sparse").exists() {
         sparse::read(folder)
+    } else if let Some(cameras) = dtu::cameras(folder) {
+        dtu::read(folder, &cameras)
     } else if let Some(cameras) = realestate::camera_file(folder)? {
         realestate::read(folder, &cameras)
     } else {
         Err(Error::unexpected(
             folder,
             "cameras",
-            "transforms.json, transforms_train.json, sparse/0 or a RealEstate10K camera file",
+            "transforms.json, transforms_train.json, sparse/0, cams/, cameras.npz or a RealEstate10K camera file",
             "none of them; `splatweaver cameras` estimates some, `train --teacher` takes those of published weights",
         ))
     }

@@ -19,7 +19,7 @@ mod tensors;
 pub use advice::Advice;
 pub use cameras::read_cameras;
 pub use cameras::transforms::Transforms;
-pub use cameras::{colmap, llff, nerfies, realestate};
+pub use cameras::{colmap, dtu, llff, nerfies, realestate};
 pub use error::{Error, Result};
 pub use files::append::Appender;
 pub use files::atomic::atomic_write;
@@ -43,6 +43,7 @@ pub use pictures::image::{Background, Image};
 pub use pictures::photo_file::{PhotoFile, list_photos};
 pub use tensors::array::open_array;
 pub use tensors::npy::{Npy, write_npy};
+pub use tensors::npz::Npz;
 pub use tensors::safetensors;
 pub use tensors::torch::TorchCheckpoint;
 

@@ -2,5 +2,6 @@
 
 pub(crate) mod array;
 pub(crate) mod npy;
+pub(crate) mod npz;
 pub mod safetensors;
 pub(crate) mod torch;

@@ -168,6 +168,14 @@ fn exists(folder: &Path) -> Failure {
 
 /// True if a folder or file tells its cameras.
 fn is_capture(path: &Path) -> bool {
-    let files = ["transforms.json", "transforms_train.json", "sparse", "cameras.txt"];
+    let files = [
+        "transforms.json",
+        "transforms_train.json",
+        "sparse",
+        "cams",
+        "cameras_sphere.npz",
+        "cameras.npz",
+        "cameras.txt",
+    ];
     path.is_file() && path.extension().is_some_and(|e| e == "json") || files.iter().any(|name| path.join(name).exists())
 }

@@ -2,6 +2,7 @@
 
 mod appearance;
 mod capture;
+mod dtu;
 mod estimated;
 mod exif;
 mod film;

@@ -1,7 +1,7 @@
 //! Memory-mapped files: the system loads pages when they are read and may drop them again.
 
 use crate::{Error, Result};
-use memmap2::Mmap;
+use memmap2::{Mmap, MmapMut};
 use std::fs::File;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
@@ -24,6 +24,13 @@ impl MappedFile {
         #[allow(unsafe_code)]
         let map = unsafe { Mmap::map(&file) }.map_err(Error::io(path))?;
         Ok(Self { map, path: path.to_path_buf() })
+    }
+
+    /// Bytes in memory in place of those of a file; errors call them by this path.
+    pub fn of_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let mut map = MmapMut::map_anon(bytes.len()).map_err(Error::io(path))?;
+        map.copy_from_slice(bytes);
+        Ok(Self { map: map.make_read_only().map_err(Error::io(path))?, path: path.to_path_buf() })
     }
 
     /// Drops the pages read so far; they are loaded from the file again when needed. Does nothing where the system has no

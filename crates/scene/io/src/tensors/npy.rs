@@ -48,11 +48,16 @@ impl Npy {
     /// # Errors
     /// When it cannot be read, is not a complete NPY file, or holds other types of numbers or another order.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
-        Self::open_with(path.as_ref(), &KINDS, "one of <f2 <f4 <f8 |u1 |b1")
+        Self::of(MappedFile::open(path.as_ref())?)
     }
 
-    fn open_with(path: &Path, kinds: &[(&str, Dtype, usize)], expected: &str) -> Result<Self> {
-        let file = Arc::new(MappedFile::open(path)?);
+    /// The array of a file that is in memory.
+    pub(crate) fn of(file: MappedFile) -> Result<Self> {
+        Self::of_kinds(file, &KINDS, "one of <f2 <f4 <f8 |u1 |b1")
+    }
+
+    fn of_kinds(file: MappedFile, kinds: &[(&str, Dtype, usize)], expected: &str) -> Result<Self> {
+        let (path, file) = (&file.path().to_path_buf(), Arc::new(file));
         let invalid = |place: &str, expected: &str, found: String| Error::invalid(path, place, expected, found);
         let broken = |found: String| invalid("header", "a complete NPY file", found);
         let Some(([major, _minor], rest)) = file.strip_prefix(MAGIC).and_then(|rest| rest.split_first_chunk()) else {
@@ -148,7 +153,7 @@ impl Npy {
 /// When the file cannot be read, is not a complete NPY file, or holds anything but little-endian `float16` or `float32` in C order.
 pub(crate) fn read_npy(path: &Path) -> Result<Array> {
     let Npy { file, data, dtype, shape } =
-        Npy::open_with(path, &KINDS[..2], "<f4 or <f2, as array.astype(numpy.float32) is")?;
+        Npy::of_kinds(MappedFile::open(path)?, &KINDS[..2], "<f4 or <f2, as array.astype(numpy.float32) is")?;
     let name = path.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
     Ok(Array::new(name, dtype, shape, file, data))
 }
