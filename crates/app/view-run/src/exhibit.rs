@@ -13,6 +13,9 @@ use weaver_view::{HtmlOptions, Look, Shot, Subject, film_html, html, photo_file,
 
 /// Quality of photos that are served as libjpeg counts it.
 const QUALITY: u8 = 82;
+/// Gaussians from which on a page is first given those that show most, and their part, which is that of `.wsz`.
+const LARGE_SCENE: usize = 250_000;
+const BEGINNING: usize = 12;
 /// Longest side of photos that are served, pixels.
 const LARGE: usize = 1600;
 
@@ -94,6 +97,17 @@ impl Exhibit {
             frames.iter().map(|frame| shot(frame, file, held_out.contains(&frame.name))).collect::<Result<_, _>>()?;
         self.gallery = Some(Gallery { frames, file: file.into() });
         Ok(self)
+    }
+
+    /// True for a scene so large that a page shows its [beginning](Self::beginning) first. Where numbers of Gaussians count, none does.
+    pub fn has_beginning(&self) -> bool {
+        self.gaussians.len() >= LARGE_SCENE && self.features.is_none() && self.moving.is_none()
+    }
+
+    /// The twelfth of the Gaussians that show most, by [`Gaussians::importance`].
+    pub fn beginning(&self) -> Gaussians {
+        let scene = &self.gaussians;
+        scene.select(&scene.largest(&scene.importance(), scene.len().div_ceil(BEGINNING)))
     }
 
     /// The parts that a page is made of.

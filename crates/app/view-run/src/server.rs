@@ -68,6 +68,7 @@ impl<'a> Server<'a> {
             report: report.as_deref(),
             live: followed.is_some(),
             features: exhibit.features.is_some(),
+            beginning: followed.is_none() && exhibit.has_beginning(),
             moves: exhibit.moving.is_some()
                 || followed.is_some_and(|followed| matches!(followed.showing, Showing::Film(_))),
         };
@@ -159,6 +160,7 @@ impl<'a> Server<'a> {
         let latest = match (&self.followed, moving) {
             (Some(followed), _) => followed.gaussians(at)?,
             (None, Some(moving)) if time.is_some() => Some(moving.at(at)),
+            _ if guard::value(query, "part") == Some("beginning") => self.exhibit.map(Exhibit::beginning),
             _ => None,
         };
         let Some(scene) = latest.as_ref().or(self.exhibit.map(|exhibit| &exhibit.gaussians)) else {

@@ -242,7 +242,8 @@ impl Fit {
         self.objective = objective;
     }
 
-    /// Draws rounded Gaussians in place of those that are optimized, from this part of the run on.
+    /// Draws rounded Gaussians in place of those that are optimized, from this part of the run on. Those that are not [worth](Rounding::worth)
+    /// their bits are removed in the first half of that.
     pub fn set_rounding(&mut self, from: f64, rounding: Box<dyn Rounding>) {
         // A device draws what it optimizes.
         self.resident = None;
@@ -282,6 +283,7 @@ impl Fit {
             self.changed();
         }
         let moment = self.moment();
+        self.remove_worthless(&moment)?;
         let views = self.settings.views_per_step;
         let photo = self.photo_of(step * views);
         let level = self.settings.level(fraction);
@@ -297,7 +299,7 @@ impl Fit {
                 step as u64 + 1,
                 &mut self.population,
                 &self.activated,
-                &self.settings.rates.in_run_of(self.settings.steps),
+                &self.settings.rates.in_run_of(self.settings.steps).at(fraction),
                 moment.mean_rate,
             );
             self.timings.optimizer = start.elapsed();

@@ -28,6 +28,7 @@ pub mod init;
 mod objective;
 mod photos;
 mod population;
+mod removal;
 mod resident;
 mod rounding;
 mod settings;

@@ -14,4 +14,10 @@ pub trait Rounding: Debug + Send {
     /// # Errors
     /// Gaussians that cannot be rounded.
     fn rounded(&mut self, gaussians: &Gaussians) -> Result<Gaussians, Box<dyn Error + Send + Sync>>;
+
+    /// Least cost of removing a Gaussian that stays, over the mean error that rounding gives one, both as [squared changes of
+    /// pictures](crate::Fit::removal_costs): where less is lost, bits are better spent on the others. At 0, the default, all stay.
+    fn worth(&self) -> f64 {
+        0.0
+    }
 }

@@ -118,6 +118,14 @@ pub struct Rates {
     pub exposure_rest: f64,
     /// Dependence of the rates of shorter runs on their length; 0 for the same rates in all.
     pub power: f64,
+    /// Factor on the rates of shapes, opacities and colors at the end; over the last fifth of the run their logarithm is linear.
+    #[serde(default = "constant")]
+    pub end: f64,
+}
+
+/// Value in settings that are older than the key.
+fn constant() -> f64 {
+    1.0
 }
 
 /// Value in settings that are older than the key.
@@ -138,6 +146,7 @@ impl Default for Rates {
             exposure: 2e-3,
             exposure_rest: exposure_rest(),
             power: 0.5,
+            end: constant(),
         }
     }
 }
@@ -145,6 +154,8 @@ impl Default for Rates {
 /// The run that rates are meant for, and their largest factor in shorter ones: that of 1000 steps, the shortest it was measured in.
 const STEPS: f64 = 6000.0;
 const FASTEST: f64 = 2.5;
+/// Part of the run from which on rates fall.
+const ENDING: f64 = 0.8;
 
 impl Rates {
     /// The rates in a run of so many steps.
@@ -152,6 +163,18 @@ impl Rates {
         let factor = (STEPS / steps.max(1) as f64).max(1.0).powf(self.power).min(FASTEST);
         Self {
             means: self.means * factor,
+            scales: self.scales * factor,
+            quats: self.quats * factor,
+            opacities: self.opacities * factor,
+            sh: self.sh * factor,
+            ..self.clone()
+        }
+    }
+
+    /// The rates at a part of the run.
+    pub(crate) fn at(&self, fraction: f64) -> Self {
+        let factor = self.end.powf(((fraction - ENDING) / (1.0 - ENDING)).max(0.0));
+        Self {
             scales: self.scales * factor,
             quats: self.quats * factor,
             opacities: self.opacities * factor,
@@ -280,6 +303,7 @@ impl FitSettings {
             ("poses.until", self.poses.until),
             ("poses.rate_end", self.poses.rate_end),
             ("rates.means_end", self.rates.means_end),
+            ("rates.end", self.rates.end),
             ("background", f64::from(self.background[0])),
             ("background", f64::from(self.background[1])),
             ("background", f64::from(self.background[2])),

@@ -100,6 +100,8 @@ pub struct ServedPage<'a> {
     pub live: bool,
     /// The Gaussians have features: `alike?gaussian=I` has a byte for each of them, 255 where its features are those of the I-th.
     pub features: bool,
+    /// The scene is large: its address with `?part=beginning` has what shows most, to look at until all is there.
+    pub beginning: bool,
     /// The scene moves: `scene?time=T` has it at a time, 0 to 1, and `scene` in the middle.
     pub moves: bool,
 }
@@ -116,9 +118,10 @@ impl ServedPage<'_> {
     /// # Errors
     /// When the picture of the scene cannot be drawn.
     pub fn html(&self, subject: &Subject<'_>, shots: &[Shot]) -> Result<String, ViewError> {
-        let Self { nonce, scene, photo, formats, report, live, features, moves } = *self;
+        let Self { nonce, scene, photo, formats, report, live, features, beginning, moves } = *self;
         let mut further = json!({ "source": scene, "formats": formats, "report": report, "live": live });
         (further["features"], further["moves"]) = (json!(features), json!(moves));
+        further["beginning"] = json!(beginning);
         Parts { subject, shots, photo, further, scene: "", nonce, connect: "'self'" }.page()
     }
 

@@ -295,10 +295,10 @@ class Page {
   }
 }
 
-/** The scene as the file or the server has it. */
-async function request(about) {
+/** The scene as the file or the server has it; of a server a part, if that is said. */
+async function request(about, part = "") {
   if (about.source) {
-    const answer = await fetch(about.source, { headers: { "X-Token": token() } });
+    const answer = await fetch(about.source + part, { headers: { "X-Token": token() } });
     if (!answer.ok) throw new Error(`The scene could not be loaded: ${await answer.text()}`);
     return { bytes: await answer.arrayBuffer(), antialiased: about.look.antialiased };
   }
@@ -309,6 +309,17 @@ async function request(about) {
   return { text, antialiased: about.look.antialiased };
 }
 
+/** Puts all of a scene in the place of its beginning. */
+async function complete(page, about) {
+  say("These are the Gaussians that show most. The others are being loaded.");
+  try {
+    await page.replace(await request(about));
+    say("");
+  } catch (error) {
+    say(`The rest of the scene is missing: ${error.message}`);
+  }
+}
+
 async function begin() {
   const about = JSON.parse(element("about").textContent);
   const probe = document.createElement("canvas").getContext("webgl2");
@@ -316,7 +327,7 @@ async function begin() {
   probe.getExtension("WEBGL_lose_context")?.loseContext();
   say("Loading the scene.");
   const background = new Background();
-  const source = await request(about);
+  const source = await request(about, about.beginning ? "?part=beginning" : "");
   const scene = await background.call("load", source, source.bytes ? [source.bytes] : []);
   element("scene")?.remove();
   say("");
@@ -329,6 +340,7 @@ async function begin() {
     element("report").hidden = false;
   }
   const moment = about.moves ? new Moment(page) : null;
+  if (about.beginning) await complete(page, about);
   if (about.live) new Live((bytes) => page.replace({ bytes }, Boolean(moment)), () => moment?.address() ?? "scene");
 }
 

@@ -8,6 +8,7 @@ use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::Image;
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
+use weaver_scene::Gaussians;
 use weaver_view_run::{Exhibit, Features, Followed, Moving, Server, Showing, Visitors};
 
 #[test]
@@ -122,6 +123,28 @@ fn a_scene_that_moves_is_shown_at_any_time() {
         browser.wait(&format!("{moved} !== '0.90'"));
         browser.press(&["t"]);
         browser.wait("document.getElementById('play').getAttribute('aria-pressed') === 'false'");
+    });
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
+#[test]
+fn a_large_scene_is_shown_before_all_is_there() {
+    let Some(browser) = Browser::start("a_large_scene_is_shown") else { return };
+    let mut scene = gaussians(250_000);
+    // Small ones, which are drawn fast.
+    scene.log_scales.fill([-7.0; 3]);
+    let exhibit = Exhibit::new("large", scene, Default::default());
+    let beginning = exhibit.beginning();
+    let faintest = |scene: &Gaussians| scene.opacity_logits.iter().copied().fold(f32::INFINITY, f32::min);
+    assert_eq!((exhibit.has_beginning(), beginning.len()), (true, 20_834));
+    assert!(faintest(&beginning) >= faintest(&exhibit.gaussians));
+    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    server.during(|| {
+        // Numbers of Gaussians as scenes are put in place of each other.
+        browser.open_page(&server.address());
+        browser.wait("splatweaver.scene.n === 250000 && document.getElementById('status').textContent === ''");
+        let sizes = "performance.getEntriesByType('resource').filter((r) => r.name.includes('scene')).map((r) => r.name.endsWith('part=beginning')).join()";
+        assert_eq!(browser.text(sizes), "true,false");
     });
     assert_eq!(browser.errors(), Vec::<String>::new());
 }

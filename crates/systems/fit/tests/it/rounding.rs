@@ -85,6 +85,68 @@ fn settling_makes_the_scene_what_was_drawn() {
     assert_eq!(fit.gaussians(), drawn);
 }
 
+/// Steps of logits, and Gaussians that are removed where less is lost than this.
+#[derive(Debug)]
+struct Worth(f64);
+
+impl Rounding for Worth {
+    fn rounded(&mut self, gaussians: &Gaussians) -> Result<Gaussians, Box<dyn Error + Send + Sync>> {
+        Steps(STEP).rounded(gaussians)
+    }
+
+    fn worth(&self) -> f64 {
+        self.0
+    }
+}
+
+#[test]
+fn removal_costs_are_changes_of_pictures() {
+    let (scene, photos) = (cloud(12, 3), photos(3, &cloud(12, 5)));
+    let fit = Fit::new(photos.clone(), &scene, plain(StrategyKind::Keep, 2, 12)).expect("a fit");
+    let cameras: Vec<_> = photos.iter().map(|photo| photo.camera).collect();
+    let drawn = |scene: &Gaussians| crate::scenes::render(scene, &cameras).concat();
+    let (all, costs) = (drawn(&scene), fit.removal_costs().expect("costs"));
+    assert!(costs.iter().filter(|cost| **cost > 0.01).count() > 6, "{costs:?}");
+    for (i, cost) in costs.iter().enumerate() {
+        let others: Vec<usize> = (0..12).filter(|j| *j != i).collect();
+        let without = drawn(&scene.select(&others));
+        let expected: f64 = all.iter().zip(&without).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+        // What is far below a pixel's last bit is not drawn.
+        assert!((cost - expected).abs() < 0.02 * expected + 1e-4, "{i}: {cost} of {expected}");
+    }
+}
+
+/// A fit of a scene and of others that nothing shows, at its end, or stopped and gone on with.
+fn with_invisible(worth: f64, stop: Option<usize>) -> Gaussians {
+    let (mut scene, hidden) = (cloud(40, 3), 10);
+    scene.opacity_logits[..hidden].fill(-9.0);
+    let begin = || {
+        let mut settings = plain(StrategyKind::Keep, 120, 40);
+        settings.rates = Rates { opacities: 0.0, end: 0.1, ..settings.rates };
+        let mut fit = Fit::new(photos(4, &scene), &scene, settings).expect("a fit");
+        fit.set_rounding(0.5, Box::new(Worth(worth)));
+        fit
+    };
+    let mut fit = begin();
+    if let Some(stop) = stop {
+        (0..stop).for_each(|_| _ = fit.step().expect("a step"));
+        let state = fit.state();
+        fit = begin();
+        fit.restore(&state).expect("the state");
+    }
+    crate::scenes::finish(&mut fit);
+    fit.gaussians()
+}
+
+#[test]
+fn what_no_picture_shows_is_removed() {
+    assert_eq!(with_invisible(0.0, None).len(), 40);
+    let left = with_invisible(1e-3, None);
+    assert!(left.opacity_logits.iter().all(|logit| *logit > -8.0) && left.len() > 25, "{} are left", left.len());
+    // In the middle of the rounds, too.
+    assert_eq!(with_invisible(1e-3, Some(67)), left);
+}
+
 #[test]
 fn refusals_are_named() {
     let mut fit = Fit::new(photos(2, &cloud(9, 3)), &cloud(9, 4), plain(StrategyKind::Keep, 2, 9)).expect("a fit");

@@ -1,0 +1,134 @@
+//! Gaussians that are not worth their bits.
+
+use crate::FitError;
+use crate::fit::Fit;
+use crate::strategy::Moment;
+use weaver_geometry::{Camera, sh};
+use weaver_scene::{ActivatedGaussians, CameraRows};
+use weaver_splat::{BlendWeights, Images, RasterError, Workspace, rasterize};
+
+/// Longest side of the pictures, pixels.
+const LONG_SIDE: usize = 400;
+/// Pictures at most.
+const PICTURES: usize = 64;
+/// Rounds of removal, and the part of the Gaussians that each takes at most: where some hide others that look like them, the cost of each alone says
+/// nothing of that of all.
+const ROUNDS: usize = 5;
+const MOST: f64 = 0.1;
+
+/// Pictures of scenes as the photos are taken.
+struct Drawing<'a> {
+    fit: &'a Fit,
+    workspace: Workspace<f32>,
+}
+
+impl Drawing<'_> {
+    fn cameras(&self) -> impl Iterator<Item = Camera> + use<'_> {
+        let photos = self.fit.photos();
+        (0..photos).step_by(photos.div_ceil(PICTURES)).map(|photo| self.fit.camera(photo).shrunk(LONG_SIDE))
+    }
+
+    fn draw(&mut self, scene: &ActivatedGaussians, camera: Camera) -> Result<Vec<f32>, RasterError> {
+        let pixels = camera.width * camera.height;
+        let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
+        let rows = CameraRows::new(&[camera]);
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+        let cameras = rows.as_slices(&self.fit.settings.background);
+        rasterize(&scene.as_slices(), &cameras, &self.fit.raster, &mut self.workspace, images)?;
+        Ok(image)
+    }
+}
+
+impl Fit {
+    /// Cost of removing each Gaussian alone, `[N]`: the sum over pixels and channels of squared changes of the pictures of up to 64 photos, whose longest
+    /// side is at most 400 pixels.
+    ///
+    /// A pixel shows `C = Σ w_i c_i` over the background. Without Gaussian i it changes by `w_i (c_i - B_i)`, with `B_i` the color of everything behind.
+    ///
+    /// # Errors
+    /// When the rasterizer refuses.
+    pub fn removal_costs(&self) -> Result<Vec<f64>, FitError> {
+        let scene = self.gaussians().to_activated();
+        let mut costs = vec![0.0; scene.opacities.len()];
+        let mut drawing = self.drawing();
+        let (cameras, mut hits) = (drawing.cameras().collect::<Vec<_>>(), Vec::new());
+        for camera in cameras {
+            drawing.draw(&scene, camera)?;
+            let weights = BlendWeights::of(&drawing.workspace)?;
+            let colors = colors(&scene, &camera);
+            for pixel in 0..weights.pixels() {
+                hits.clear();
+                let mut transmittance = 1.0_f32;
+                for (gaussian, weight) in weights.of_pixel(pixel) {
+                    hits.push((gaussian, weight, transmittance));
+                    transmittance -= weight;
+                }
+                // From the back: what is behind, as it would arrive without what is before.
+                let mut behind = self.settings.background;
+                for &(gaussian, weight, transmittance) in hits.iter().rev() {
+                    let alpha = if transmittance > 0.0 { weight / transmittance } else { 0.0 };
+                    for (behind, own) in behind.iter_mut().zip(colors[gaussian]) {
+                        costs[gaussian] += f64::from(weight * (own - *behind)).powi(2);
+                        *behind += alpha * (own - *behind);
+                    }
+                }
+            }
+        }
+        Ok(costs)
+    }
+
+    fn drawing(&self) -> Drawing<'_> {
+        Drawing { fit: self, workspace: Workspace::new() }
+    }
+
+    /// Removes Gaussians that are not [worth](crate::Rounding::worth) their bits, if a round of that is due.
+    pub(crate) fn remove_worthless(&mut self, moment: &Moment) -> Result<(), FitError> {
+        let step = moment.step;
+        let due = self.rounding.as_mut().filter(|(from, _)| is_due(*from, step, moment.steps));
+        let Some((_, rounding)) = due.filter(|(_, rounding)| rounding.worth() > 0.0) else { return Ok(()) };
+        let worth = rounding.worth();
+        let rounded = rounding.rounded(&self.population.to_gaussians(0));
+        let rounded = rounded.map_err(|source| FitError::Rounding { step, source })?.to_activated();
+        let scene = self.population.to_gaussians(0).to_activated();
+        let mut drawing = self.drawing();
+        let (cameras, mut error) = (drawing.cameras().collect::<Vec<_>>(), 0.0);
+        for camera in cameras {
+            let (before, after) = (drawing.draw(&scene, camera)?, drawing.draw(&rounded, camera)?);
+            error += before.iter().zip(&after).map(|(x, y)| f64::from(x - y).powi(2)).sum::<f64>();
+        }
+        let costs = self.removal_costs()?;
+        let (count, least) = (costs.len(), worth * error / costs.len() as f64);
+        let mut order: Vec<usize> = (0..count).filter(|i| costs[*i] < least).collect();
+        order.sort_unstable_by(|a, b| costs[*a].total_cmp(&costs[*b]).then(a.cmp(b)));
+        let mut keep = vec![true; count];
+        order.into_iter().take((MOST * count as f64) as usize).for_each(|i| keep[i] = false);
+        self.population.retain(&keep);
+        self.statistics.clear();
+        self.statistics.resize(self.population.len(), Default::default());
+        Ok(())
+    }
+}
+
+/// True if a round is due at a step: in the first half of the steps from a part of the run on, evenly spread.
+fn is_due(from: f64, step: usize, steps: usize) -> bool {
+    let begin = (from * steps as f64).ceil() as usize;
+    let every = (steps.saturating_sub(begin) / 2 / ROUNDS).max(1);
+    step.checked_sub(begin).is_some_and(|at| at.is_multiple_of(every) && at / every < ROUNDS)
+}
+
+/// The color of each Gaussian as a camera sees it, `[N]`.
+fn colors(gaussians: &ActivatedGaussians, camera: &Camera) -> Vec<[f32; 3]> {
+    let eye = camera.pose.center();
+    let width = 3 * sh::coefficients(gaussians.degree);
+    let rows = gaussians.means.chunks_exact(3).zip(gaussians.sh.chunks_exact(width));
+    let of = |(mean, row): (&[f32], &[f32])| {
+        let [x, y, z] = [0, 1, 2].map(|axis| f64::from(mean[axis]) - eye[axis]);
+        let length = (x * x + y * y + z * z).sqrt().max(f64::MIN_POSITIVE);
+        let basis = sh::basis(gaussians.degree, [x / length, y / length, z / length], |c| c);
+        [0, 1, 2].map(|channel| {
+            let sum: f64 = row.iter().skip(channel).step_by(3).zip(basis).map(|(h, b)| f64::from(*h) * b).sum();
+            (0.5 + sum).max(0.0) as f32
+        })
+    };
+    rows.map(of).collect()
+}
