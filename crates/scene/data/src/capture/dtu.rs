@@ -23,7 +23,7 @@ pub(super) enum Cameras {
     Projections(PathBuf),
 }
 
-/// What a folder has, if anything.
+/// Finds the cameras that a folder has, if any.
 pub(super) fn cameras(folder: &Path) -> Option<Cameras> {
     let projections = PROJECTIONS.iter().map(|name| folder.join(name)).find(|file| file.is_file());
     let cams = || ["cams", "Cameras"].iter().map(|name| folder.join(name)).find(|cams| cams.is_dir());
