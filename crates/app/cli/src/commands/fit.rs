@@ -127,7 +127,7 @@ pub struct Fit {
     #[arg(long = "also", value_parser = scene_format(), value_name = "FORMAT", help_heading = SCENE)]
     pub formats: Vec<SceneFormat>,
     /// Also writes scene.wsz, at a level from 0, the finest, to 3, and fits the last fifth of the run with its rounding in place, without Gaussians that are not worth their bits
-    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = level, help_heading = SCENE)]
+    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "0.25", value_parser = level, help_heading = SCENE)]
     pub compress: Option<f64>,
     /// Writes no view.html, the page to look at the scene
     #[arg(long, help_heading = SCENE, conflicts_with = "resume")]

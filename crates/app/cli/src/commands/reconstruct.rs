@@ -55,7 +55,7 @@ pub struct Reconstruct {
     #[arg(long)]
     pub json: bool,
     /// Also writes scene.wsz, at a level from 0, the finest, to 3, and fits the last fifth of the run with its rounding in place, without Gaussians that are not worth their bits
-    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = level)]
+    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "0.25", value_parser = level)]
     pub compress: Option<f64>,
     /// Writes no view.html, the page to look at the scene
     #[arg(long)]
