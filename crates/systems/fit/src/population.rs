@@ -1,6 +1,6 @@
 //! The Gaussians that are being fitted, with the optimizer's memory of each.
 
-use weaver_geometry::sh::{DC, coefficients};
+use weaver_geometry::sh::coefficients;
 use weaver_scene::{Gaussians, forms};
 
 /// One parameter of all Gaussians, row by row, and Adam's two moments of it.
@@ -118,19 +118,7 @@ pub struct Population {
 impl Population {
     /// Maps all colors by `[A | b]`, `[3, 4]` row by row.
     pub(crate) fn map_colors(&mut self, map: &[f32; 12]) {
-        let width = self.sh.width;
-        for coefficients in self.sh.values.chunks_exact_mut(width) {
-            for (k, rgb) in coefficients.chunks_exact_mut(3).enumerate() {
-                let old = [rgb[0], rgb[1], rgb[2]];
-                for (new, row) in rgb.iter_mut().zip(map.chunks_exact(4)) {
-                    *new = row[0] * old[0] + row[1] * old[1] + row[2] * old[2];
-                    // A color is 1/2 where all coefficients are 0.
-                    if k == 0 {
-                        *new += (0.5 * (row[0] + row[1] + row[2] - 1.0) + row[3]) / DC as f32;
-                    }
-                }
-            }
-        }
+        forms::map_colors(&mut self.sh.values, self.sh.width / 3, map);
     }
 
     /// Gaussians without a history.

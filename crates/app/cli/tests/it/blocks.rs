@@ -45,7 +45,8 @@ fn street(folder: &Path) {
     weaver_io::ply::write_points(folder.join("sparse_pc.ply"), &points).unwrap();
 }
 
-/// Each block is fitted by the line that is printed, and the scene has of each fit what lies in its block.
+/// Each block is fitted by the line that is printed, and the scene has of each fit what lies in its block; where all photos see all
+/// blocks, the cut says that it is not worth it.
 #[test]
 fn blocks_are_fitted_apart_and_joined() {
     let folder = tempfile::tempdir().unwrap();
@@ -56,6 +57,7 @@ fn blocks_are_fitted_apart_and_joined() {
             .fine();
     let lines: Vec<&str> = cut.stdout.lines().collect();
     assert_eq!(lines.len(), 2);
+    assert!(cut.stderr.contains("one fit of the whole is better"), "{}", cut.stderr);
     // A block's capture is one that can be read, with the photos, points and tracks of the whole.
     let whole = survey(path("capture"), HoldOut::Listed, false).unwrap();
     for number in 0..2 {
@@ -113,7 +115,8 @@ fn what_cannot_be_cut_or_joined_is_refused() {
     let bare = splatweaver(&[&"split", &path("bare"), &"--blocks", &"2", &"-o", &path("bare-blocks")]);
     bare.refused(1, &["points: expected points", "splatweaver cameras", "found none"]);
     split(&["--blocks", "2"], "two").fine();
-    split(&["--blocks", "3"], "three").fine();
+    let three = split(&["--blocks", "3"], "three").fine();
+    assert!(!three.stderr.contains("one fit of the whole is better"), "{}", three.stderr);
     std::fs::remove_dir_all(path("two/block-01")).unwrap();
     std::fs::rename(path("three/block-01"), path("two/block-01")).unwrap();
     let mixed = splatweaver(&[&"merge", &path("two"), &"-o", &path("scene.ply")]);

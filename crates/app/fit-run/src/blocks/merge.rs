@@ -2,11 +2,12 @@
 
 use super::BlockFile;
 use crate::{Outcome, RunError};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use weaver_blocks::merged;
-use weaver_io::{Drawing, SceneFile, read_scene, read_text};
+use weaver_blocks::{ColorMap, color_maps, merged};
+use weaver_io::{Drawing, SceneFile, Transforms, read_scene, read_text};
 use weaver_run::Folder;
-use weaver_scene::Gaussians;
+use weaver_scene::{Gaussians, forms};
 
 /// Fits of blocks, joined.
 #[derive(Clone, Debug)]
@@ -23,14 +24,18 @@ pub struct Merged {
     pub remarks: Vec<String>,
 }
 
-/// Joins the fits of the blocks in a folder that [`split`](super::split) wrote: of each the Gaussians in its region.
+/// The correction of photos that are drawn as they are.
+const AS_IT_IS: ColorMap = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+/// Joins the fits of the blocks in a folder that [`split`](super::split) wrote: of each the Gaussians in its region. Where fits corrected the colors of
+/// photos, their colors are [brought together](color_maps) first.
 ///
 /// # Errors
 /// When the folder holds no blocks, or not all of one split; when a block has no complete fit; and when a file cannot be read.
 pub fn merge(folder: &Path) -> Result<Merged, RunError> {
     let blocks = blocks_in(folder)?;
     let mut fits = Vec::with_capacity(blocks.len());
-    let (mut outcomes, mut fitted, mut drawings) = (Vec::new(), 0, Vec::new());
+    let (mut outcomes, mut fitted, mut drawings, mut corrections) = (Vec::new(), 0, Vec::new(), Vec::new());
     for (path, block) in blocks {
         let fit = path.join(BlockFile::FIT);
         let outcome = outcome(&fit, &path)?;
@@ -38,6 +43,7 @@ pub fn merge(folder: &Path) -> Result<Merged, RunError> {
         fitted += gaussians.len();
         fits.push((block.region, gaussians));
         drawings.push(drawing);
+        corrections.push(corrections_of(&outcome, &path)?);
         outcomes.push((fit, outcome));
     }
     let [(_, first), ..] = &outcomes[..] else { return Err(missing(folder, "at least one block", "none")) };
@@ -48,10 +54,19 @@ pub fn merge(folder: &Path) -> Result<Merged, RunError> {
             remarks
                 .push(format!("{fit}: fitted with another background or another --antialiased than the first block"));
         }
-        if !outcome.exposures.is_empty() {
-            remarks.push(format!(
-                "{fit}: colors of photos were corrected, in each block by itself: blocks may differ in color"
-            ));
+    }
+    if outcomes.iter().any(|(_, outcome)| !outcome.exposures.is_empty()) {
+        for (((fit, _), (_, gaussians)), map) in outcomes.iter().zip(&mut fits).zip(color_maps(&corrections)) {
+            match map {
+                Some(map) => {
+                    let coefficients = gaussians.coefficients();
+                    forms::map_colors(&mut gaussians.sh, coefficients, &map);
+                }
+                None => remarks.push(format!(
+                    "{}: colors of photos were corrected, and no photo is also in another block: it may differ in color",
+                    fit.display()
+                )),
+            }
         }
     }
     let background = first.background;
@@ -85,6 +100,15 @@ fn read(folder: &Path, number: usize) -> Result<(PathBuf, BlockFile), RunError> 
         found: e.to_string(),
     })?;
     Ok((path, block))
+}
+
+/// The corrections of the photos of a block, by their names; where its fit made none, all are drawn as they are.
+fn corrections_of(outcome: &Outcome, block: &Path) -> Result<BTreeMap<String, ColorMap>, RunError> {
+    if !outcome.exposures.is_empty() {
+        return Ok(outcome.exposures.clone());
+    }
+    let transforms = Transforms::read(block.join(BlockFile::CAPTURE).join("transforms.json"))?;
+    Ok(transforms.frames.into_iter().map(|frame| (frame.name, AS_IT_IS)).collect())
 }
 
 /// The outcome of a complete fit.

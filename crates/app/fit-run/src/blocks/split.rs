@@ -14,6 +14,9 @@ use weaver_scene::Frame;
 
 /// The most blocks that are tried for a bound on memory.
 const MOST: usize = 1000;
+/// Part of all photos above which a block of its own saves little: the blocks of a fox, seen from all around, have 0.8 to 1 of them, those along
+/// a street a third.
+const NEARLY_ALL: f64 = 0.75;
 
 /// Options of a cut.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,8 +97,17 @@ pub fn split(options: &SplitOptions, out: &OutputFolder) -> Result<Split, RunErr
     let colors = &survey.points.colors;
     let sum = |i: usize| colors.iter().map(|color| f64::from(color[i])).sum::<f64>();
     let background = [0, 1, 2].map(|i| (sum(i) / (255.0 * colors.len() as f64)) as f32);
-    let blocks = found.into_iter().map(|(_, file)| file).collect();
-    Ok(Split { blocks, background, remarks: survey.remarks })
+    let blocks: Vec<BlockFile> = found.into_iter().map(|(_, file)| file).collect();
+    let mut remarks = survey.remarks;
+    let all = survey.photos.iter().filter(|photo| !photo.held_out).count();
+    let most = blocks.iter().map(|block| block.photos).max().unwrap_or(0);
+    if blocks.len() > 1 && most as f64 > NEARLY_ALL * all as f64 {
+        remarks.push(format!(
+            "a block has {most} of the {all} photos that are fitted: where nearly all photos see the same place, cutting saves little \
+             memory, and one fit of the whole is better"
+        ));
+    }
+    Ok(Split { blocks, background, remarks })
 }
 
 fn refused(options: &SplitOptions, source: BlockError) -> RunError {

@@ -1,7 +1,8 @@
 //! Cuts of random points, and what a block takes of a capture.
 
 use proptest::prelude::*;
-use weaver_blocks::{BlockError, BlockOptions, Sight, Sights, blocks, ground_axes, merged, regions};
+use std::collections::BTreeMap;
+use weaver_blocks::{BlockError, BlockOptions, Sight, Sights, blocks, color_maps, ground_axes, merged, regions};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_scene::Gaussians;
@@ -116,4 +117,64 @@ fn too_little_for_so_many_blocks_is_refused() {
     assert!(refused.to_string().contains("at least 104, 8 for each of 13 blocks, found 100"), "{refused}");
     let unseen = cut(2, 0.2, |i| i < 5).unwrap_err();
     assert!(matches!(unseen, BlockError::Photos { block: 0, blocks: 2, .. }), "{unseen}");
+}
+
+/// A map that loses no color.
+fn color_map() -> impl Strategy<Value = [f32; 12]> {
+    proptest::array::uniform12(-0.1_f32..0.1)
+        .prop_map(|x| std::array::from_fn(|i| x[i] + f32::from(u8::from(i % 5 == 0))))
+}
+
+fn mapped(map: &[f32; 12], color: [f32; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|row| (0..3).map(|i| map[4 * row + i] * color[i]).sum::<f32>() + map[4 * row + 3])
+}
+
+/// The map that applies `first` and then `then`.
+fn chained(then: &[f32; 12], first: &[f32; 12]) -> [f32; 12] {
+    let column = |i: usize| [0, 1, 2].map(|row| first[4 * row + i]);
+    let origin = mapped(then, [0.0; 3]);
+    let columns: [[f32; 3]; 4] = std::array::from_fn(|i| {
+        let to = mapped(then, column(i));
+        if i == 3 { to } else { [0, 1, 2].map(|row| to[row] - origin[row]) }
+    });
+    std::array::from_fn(|i| columns[i % 4][i / 4])
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
+
+    /// Blocks in a row, each with two photos of the next: planted differences of their colors are found, and a photo looks the same by any of
+    /// them. A block that shares no photo stays as it is.
+    #[test]
+    fn colors_of_blocks_agree(
+        photos in proptest::collection::vec(color_map(), 14),
+        turns in proptest::collection::vec(color_map(), 5),
+        color in proptest::array::uniform3(0.0_f32..1.0),
+    ) {
+        let names: Vec<String> = (0..photos.len()).map(|i| format!("{i}.jpg")).collect();
+        // The colors of block b are those of all, turned; its corrections E turn them back.
+        let mut blocks: Vec<BTreeMap<String, [f32; 12]>> = turns
+            .iter()
+            .enumerate()
+            .map(|(b, turn)| {
+                let own = 2 * b..2 * b + 4;
+                own.map(|p| (names[p].clone(), chained(&photos[p], turn))).collect()
+            })
+            .collect();
+        blocks.push(BTreeMap::from([("elsewhere.jpg".into(), photos[13])]));
+        let maps = color_maps(&blocks);
+        prop_assert!(maps[5].is_none());
+        // What is planted: common colors c are seen as c_b with turn(c_b) = c, so that the map of each block is its turn, up to one for all.
+        let seen = |b: usize| mapped(&maps[b].unwrap(), mapped(&inverse(&turns[b]), color));
+        for b in 1..5 {
+            prop_assert!(seen(b).iter().zip(seen(0)).all(|(a, b)| (a - b).abs() < 2e-3), "{b}: {:?} {:?}", seen(b), seen(0));
+        }
+    }
+}
+
+fn inverse(map: &[f32; 12]) -> [f32; 12] {
+    let column = |i: usize| DVec3::new(map[i].into(), map[4 + i].into(), map[8 + i].into());
+    let inverse = DMat3::from_cols(column(0), column(1), column(2)).inverse();
+    let offset = -(inverse * column(3));
+    std::array::from_fn(|i| if i % 4 == 3 { offset[i / 4] } else { inverse.col(i % 4)[i / 4] } as f32)
 }
