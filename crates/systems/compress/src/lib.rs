@@ -4,7 +4,7 @@
 //! - [`Surface`] compares surfaces: meshes of the drawn depth.
 //! - [`Method`] is a way to compress: real bytes of a scene, and a scene of these bytes alone. [`METHODS`] is the table of them, [`formats()`] the
 //!   formats of files as methods.
-//! - Methods that train do so by weaver-fit, on a [`Schedule`] of changes.
+//! - A method encodes in the steps of a [`Training`], which can be stopped and gone on with; what changes the scene is due on a [`Schedule`].
 
 mod codes;
 mod error;
@@ -18,6 +18,7 @@ mod schedule;
 mod shapes;
 mod steps;
 mod table;
+mod training;
 mod views;
 
 pub use error::CompressError;
@@ -28,6 +29,7 @@ pub use methods::{C3dgs, Format, Half, LightGaussian, Lite, MesonGs, SpeedySplat
 pub use schedule::Schedule;
 pub use steps::{Compressed, MOST_DECIBELS, Round, compress};
 pub use table::{Family, METHODS, formats};
+pub use training::Training;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -1,6 +1,6 @@
 //! Methods of compression behind one trait.
 
-use crate::{CompressError, Pictures};
+use crate::{CompressError, Pictures, Training};
 use std::fmt::Debug;
 use weaver_scene::{Gaussians, Photo};
 
@@ -43,11 +43,29 @@ pub struct Task<'a> {
 /// # Ok::<(), weaver_compress::CompressError>(())
 /// ```
 pub trait Method: Debug {
-    /// The bytes of a scene.
+    /// Steps of [training](Self::begin) where a paper's 5000 are `of`; without training none.
+    fn steps(&self, of: usize) -> usize {
+        let _ = of;
+        0
+    }
+
+    /// Begins to encode a scene.
     ///
     /// # Errors
     /// A scene that cannot be encoded, drawn or trained.
-    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError>;
+    fn begin<'a>(&'a self, task: &'a Task<'a>) -> Result<Box<dyn Training + 'a>, CompressError>;
+
+    /// The bytes of a scene: all steps, one after the other.
+    ///
+    /// # Errors
+    /// A scene that cannot be encoded, drawn or trained.
+    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
+        let mut training = self.begin(task)?;
+        for _ in 0..training.steps()[1] {
+            training.step()?;
+        }
+        training.finish()
+    }
 
     /// The scene of such bytes, from them alone.
     ///

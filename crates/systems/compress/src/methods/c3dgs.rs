@@ -3,10 +3,10 @@
 use crate::codes::Codes;
 use crate::method::Point;
 use crate::payload::{Grid, Reader, Writer, broken};
-use crate::recovery::{Change, recover, trainable};
+use crate::recovery::{Recovery, trainable};
 use crate::shapes::{decomposed, normalized};
 use crate::views::sensitivities;
-use crate::{CompressError, Method, Schedule, Task};
+use crate::{CompressError, Method, Schedule, Task, Training};
 use std::error::Error;
 use weaver_fit::Rounding;
 use weaver_scene::Gaussians;
@@ -34,19 +34,20 @@ impl C3dgs {
 }
 
 impl Method for C3dgs {
-    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
+    fn steps(&self, of: usize) -> usize {
+        of
+    }
+
+    fn begin<'a>(&'a self, task: &'a Task<'a>) -> Result<Box<dyn Training + 'a>, CompressError> {
         let gaussians = trainable(task.gaussians)?;
         let [of_colors, of_shapes] = sensitivities(&gaussians, &task.pictures)?;
         let colors = Codes::fit(&gaussians.sh, 3 * gaussians.coefficients(), &of_colors, self.codes)?;
         let shapes: Vec<f32> = (0..gaussians.len()).flat_map(|i| normalized(&gaussians, i).1).collect();
-        let shapes = (Codes::fit(&shapes, SHAPE, &of_shapes, self.codes)?, shapes);
-        let round: Change<'_> = Box::new(|recovery| {
-            let colors = colors.clone();
-            recovery.round(move || Box::new(Coded { colors: colors.clone() }));
-            Ok(())
-        });
-        let trained = recover(task, gaussians.clone(), Schedule::new(vec![(0, 0, round)], 0), task.steps)?;
-        write(&trained, &colors, (&shapes.0, &shapes.1))
+        let codes_of_shapes = Codes::fit(&shapes, SHAPE, &of_shapes, self.codes)?;
+        let rounding = Coded { colors: colors.clone() };
+        let write = move |it: &Gaussians| write(it, &colors, (&codes_of_shapes, &shapes));
+        let training = Recovery::new(task, gaussians, Schedule::default(), self.steps(task.steps), write);
+        Ok(Box::new(training.rounded(move || Box::new(rounding.clone()))))
     }
 
     fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressError> {
@@ -55,7 +56,7 @@ impl Method for C3dgs {
 }
 
 /// Training with colors as their codes, and opacities rounded.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Coded {
     colors: Codes,
 }

@@ -2,7 +2,8 @@
 
 use super::format::{from_ply, ply};
 use crate::method::Point;
-use crate::{CompressError, Method, Task};
+use crate::training::Untrained;
+use crate::{CompressError, Method, Task, Training};
 use ruzstd::decoding::StreamingDecoder;
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 use std::io::Read;
@@ -23,8 +24,8 @@ impl Zstd {
 const LONGER: u64 = 64;
 
 impl Method for Zstd {
-    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
-        Ok(compress_to_vec(&ply(task.gaussians)?[..], CompressionLevel::Fastest))
+    fn begin<'a>(&'a self, task: &'a Task<'a>) -> Result<Box<dyn Training + 'a>, CompressError> {
+        Ok(Box::new(Untrained(|| Ok(compress_to_vec(&ply(task.gaussians)?[..], CompressionLevel::Fastest)))))
     }
 
     fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressError> {
@@ -55,7 +56,17 @@ impl Half {
 }
 
 impl Method for Half {
-    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
+    fn begin<'a>(&'a self, task: &'a Task<'a>) -> Result<Box<dyn Training + 'a>, CompressError> {
+        Ok(Box::new(Untrained(|| self.half(task))))
+    }
+
+    fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressError> {
+        from_ply(bytes)
+    }
+}
+
+impl Half {
+    fn half(self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
         let (gaussians, count) = (task.gaussians, task.gaussians.len().div_ceil(2));
         let numbers = if self.important {
             gaussians.largest(&gaussians.importance(), count)
@@ -66,9 +77,5 @@ impl Method for Half {
             drawn
         };
         ply(&gaussians.select(&numbers))
-    }
-
-    fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressError> {
-        from_ply(bytes)
     }
 }

@@ -1,6 +1,7 @@
 //! Formats of files as methods.
 
-use crate::{CompressError, Method, Task};
+use crate::training::Untrained;
+use crate::{CompressError, Method, Task, Training};
 use weaver_io::{SceneFormat, read_gaussians_from, write_gaussians_to};
 use weaver_scene::Gaussians;
 
@@ -12,8 +13,8 @@ pub struct Format {
 }
 
 impl Method for Format {
-    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
-        encoded(self.format, task.gaussians)
+    fn begin<'a>(&'a self, task: &'a Task<'a>) -> Result<Box<dyn Training + 'a>, CompressError> {
+        Ok(Box::new(Untrained(|| encoded(self.format, task.gaussians))))
     }
 
     fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressError> {

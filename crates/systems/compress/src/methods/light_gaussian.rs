@@ -4,8 +4,8 @@ use super::pruning::{kept, significance};
 use crate::codes::{Codes, rest_of};
 use crate::method::Point;
 use crate::payload::{Grid, Reader, Writer};
-use crate::recovery::{Change, recover, trainable};
-use crate::{CompressError, Method, Schedule, Task};
+use crate::recovery::{Change, Recovery, trainable};
+use crate::{CompressError, Method, Schedule, Task, Training};
 use weaver_scene::Gaussians;
 
 /// Bits of a coordinate.
@@ -34,21 +34,17 @@ impl LightGaussian {
 }
 
 impl Method for LightGaussian {
-    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
-        let (keep, steps) = (self.keep, task.steps);
-        let prune: Change<'_> = Box::new(move |recovery| {
-            let values = significance(&recovery.gaussians, task)?;
-            recovery.gaussians = kept(&recovery.gaussians, &values, keep);
-            Ok(())
-        });
-        let cut: Change<'_> = Box::new(|recovery| {
-            let degree = recovery.gaussians.degree.min(DEGREE);
-            recovery.gaussians = recovery.gaussians.with_degree(degree);
-            Ok(())
-        });
-        let schedule = Schedule::new(vec![(0, 0, prune), (steps, 0, cut)], 0);
-        let gaussians = recover(task, trainable(task.gaussians)?, schedule, 2 * steps)?;
-        write(&gaussians, &significance(&gaussians, task)?)
+    fn steps(&self, of: usize) -> usize {
+        2 * of
+    }
+
+    fn begin<'a>(&'a self, task: &'a Task<'a>) -> Result<Box<dyn Training + 'a>, CompressError> {
+        let keep = self.keep;
+        let prune: Change<'_> = Box::new(move |it| Ok(kept(it, &significance(it, task)?, keep)));
+        let cut: Change<'_> = Box::new(|it| Ok(it.with_degree(it.degree.min(DEGREE))));
+        let schedule = Schedule::new(vec![(0, 0, prune), (task.steps, 0, cut)]);
+        let write = |it: &Gaussians| write(it, &significance(it, task)?);
+        Ok(Box::new(Recovery::new(task, trainable(task.gaussians)?, schedule, self.steps(task.steps), write)))
     }
 
     fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressError> {

@@ -1,7 +1,8 @@
 //! `lite`, the codec of .wsz files.
 
 use crate::method::Point;
-use crate::{CompressError, Judge, Method, Task, compress};
+use crate::training::Untrained;
+use crate::{CompressError, Judge, Method, Task, Training, compress};
 use weaver_codec::lite;
 use weaver_scene::Gaussians;
 
@@ -23,9 +24,11 @@ impl Lite {
 }
 
 impl Method for Lite {
-    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
-        let mut judge = Judge::new(task.gaussians, &task.pictures)?;
-        Ok(compress(task.gaussians, self.decibels, &mut judge, |_| {})?.bytes)
+    fn begin<'a>(&'a self, task: &'a Task<'a>) -> Result<Box<dyn Training + 'a>, CompressError> {
+        Ok(Box::new(Untrained(|| {
+            let mut judge = Judge::new(task.gaussians, &task.pictures)?;
+            Ok(compress(task.gaussians, self.decibels, &mut judge, |_| {})?.bytes)
+        })))
     }
 
     fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressError> {

@@ -4,8 +4,8 @@ use super::pruning::{kept, significance};
 use crate::codes::{Codes, rest_of};
 use crate::method::Point;
 use crate::payload::{Grid, Reader, Writer};
-use crate::recovery::{Change, recover, trainable};
-use crate::{CompressError, Method, Schedule, Task};
+use crate::recovery::{Recovery, trainable};
+use crate::{CompressError, Method, Schedule, Task, Training};
 use std::error::Error;
 use weaver_codec::Raht;
 use weaver_fit::Rounding;
@@ -42,18 +42,18 @@ impl MesonGs {
 }
 
 impl Method for MesonGs {
-    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
+    fn steps(&self, of: usize) -> usize {
+        (STEPS * of as f64) as usize
+    }
+
+    fn begin<'a>(&'a self, task: &'a Task<'a>) -> Result<Box<dyn Training + 'a>, CompressError> {
         let whole = trainable(task.gaussians)?;
         let pruned = kept(&whole, &significance(&whole, task)?, self.keep);
         let codes = codes_of(&pruned, task)?;
-        let round: Change<'_> = Box::new(|recovery| {
-            let codes = codes.clone();
-            recovery.round(move || Box::new(Transformed { codes: codes.clone() }));
-            Ok(())
-        });
-        let steps = (STEPS * task.steps as f64) as usize;
-        let trained = recover(task, pruned, Schedule::new(vec![(0, 0, round)], 0), steps)?;
-        write(&trained, codes.as_ref())
+        let rounding = Transformed { codes: codes.clone() };
+        let write = move |it: &Gaussians| write(it, codes.as_ref());
+        let training = Recovery::new(task, pruned, Schedule::default(), self.steps(task.steps), write);
+        Ok(Box::new(training.rounded(move || Box::new(rounding.clone()))))
     }
 
     fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressError> {
@@ -158,7 +158,7 @@ fn transform(order: &[(u64, usize)]) -> Result<Raht, CompressError> {
 }
 
 /// Training with the transform's rounding in place.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Transformed {
     codes: Option<Codes>,
 }

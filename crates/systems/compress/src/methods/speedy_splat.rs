@@ -3,9 +3,9 @@
 use super::format::{from_ply, ply};
 use super::pruning::kept;
 use crate::method::Point;
-use crate::recovery::{Change, recover};
+use crate::recovery::{Change, Recovery};
 use crate::views::squared_gradients;
-use crate::{CompressError, Method, Schedule, Task};
+use crate::{CompressError, Method, Schedule, Task, Training};
 use weaver_scene::Gaussians;
 
 /// Share of the Gaussians that soft pruning takes away, at the beginning.
@@ -39,26 +39,26 @@ impl SpeedySplat {
 }
 
 impl Method for SpeedySplat {
-    fn encode(&self, task: &Task<'_>) -> Result<Vec<u8>, CompressError> {
-        let interval = (INTERVAL * task.steps as f64) as usize;
+    fn steps(&self, of: usize) -> usize {
+        (usize::from(self.soft) + self.rounds) * interval(of)
+    }
+
+    fn begin<'a>(&'a self, task: &'a Task<'a>) -> Result<Box<dyn Training + 'a>, CompressError> {
         let prune = |share: f64| -> Change<'_> {
-            Box::new(move |recovery| {
-                let scores = squared_gradients(&recovery.gaussians, &task.pictures)?;
-                recovery.gaussians = kept(&recovery.gaussians, &scores, 1.0 - share);
-                Ok(())
-            })
+            Box::new(move |it| Ok(kept(it, &squared_gradients(it, &task.pictures)?, 1.0 - share)))
         };
-        let mut tasks = Vec::new();
-        if self.soft {
-            tasks.push((0, 0, prune(SOFT)));
-        }
-        let first = usize::from(self.soft);
-        tasks.extend((first..first + self.rounds).map(|round| (round * interval, 0, prune(HARD))));
-        let steps = (first + self.rounds) * interval;
-        ply(&recover(task, task.gaussians.clone(), Schedule::new(tasks, 0), steps)?)
+        let shares = std::iter::repeat_n(SOFT, self.soft.into()).chain(std::iter::repeat_n(HARD, self.rounds));
+        let tasks = shares.enumerate().map(|(round, share)| (round * interval(task.steps), 0, prune(share))).collect();
+        let steps = self.steps(task.steps);
+        Ok(Box::new(Recovery::new(task, task.gaussians.clone(), Schedule::new(tasks), steps, ply)))
     }
 
     fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressError> {
         from_ply(bytes)
     }
+}
+
+/// Steps between two rounds, where a paper's 5000 are `of`.
+fn interval(of: usize) -> usize {
+    (INTERVAL * of as f64) as usize
 }
