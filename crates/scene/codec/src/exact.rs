@@ -3,14 +3,22 @@
 use std::f64::consts::LN_2;
 
 /// `exp(x)`, within 1e-13 of it relatively, for arguments up to 700 in magnitude.
-pub(crate) fn exp(x: f64) -> f64 {
+///
+/// ```
+/// assert!((weaver_codec::exact::exp(1.0) - std::f64::consts::E).abs() < 1e-12);
+/// ```
+pub fn exp(x: f64) -> f64 {
     let small = x / 1024.0;
     let series = (1..12).rev().fold(1.0, |sum, n| 1.0 + sum * small / f64::from(n));
     (0..10).fold(series, |power, _| power * power)
 }
 
 /// `ln(x)` of a positive normal number, within 1e-14.
-pub(crate) fn ln(x: f64) -> f64 {
+///
+/// ```
+/// assert!((weaver_codec::exact::ln(2.0) - std::f64::consts::LN_2).abs() < 1e-14);
+/// ```
+pub fn ln(x: f64) -> f64 {
     let exponent = (x.to_bits() >> 52) as i32 - 1023;
     let fraction = f64::from_bits(x.to_bits() & (u64::MAX >> 12) | 1023 << 52);
     // ln f = 2 artanh((f - 1) / (f + 1)), of an argument up to 1/3.

@@ -2,7 +2,8 @@
 //!
 //! - [`Coder`] is a direction: [`RangeEncoder`], [`RangeDecoder`], or [`CodeLength`], which only counts. A stream is described once, for
 //!   all three.
-//! - [`AdaptiveModel`] codes symbols by their frequencies, [`MixedModel`] numbers by several contexts at once.
+//! - [`AdaptiveModel`] codes symbols by their frequencies, [`MixedModel`] numbers by several contexts at once,
+//!   [`GaussianModel`] numbers by a normal distribution that is predicted.
 //! - [`Quantizer`] makes numbers symbols. [`gaussian_rate`], [`bernoulli_rate`] and [`FactorizedPrior`] say what symbols cost.
 //! - [`morton3`], [`code_octree`], [`Raht`] and [`Codebook`] are for positions, and for what varies slowly in space.
 //! - [`Container`] holds streams, with sizes and checksums.
@@ -12,8 +13,9 @@ mod codebook;
 mod container;
 mod error;
 mod estimates;
-mod exact;
+pub mod exact;
 mod factorized;
+mod gaussian;
 pub mod lite;
 mod mixed;
 mod morton;
@@ -28,6 +30,7 @@ pub use codebook::Codebook;
 pub use container::{Container, Extent, GAUSSIANS_PER_BYTE, Layout, MAGIC, Stream, VERSION};
 pub use error::CodecError;
 pub use factorized::{FactorizedPrior, PRIOR_PARAMETERS, PriorRate};
+pub use gaussian::GaussianModel;
 pub use mixed::MixedModel;
 pub use morton::{from_morton2, from_morton3, morton2, morton3};
 pub use octree::{DEEPEST, code_octree};

@@ -18,6 +18,8 @@ pub struct GaussianRate {
     pub by_x: f64,
     /// Derivative by `s`.
     pub by_deviation: f64,
+    /// Derivative by `Q`.
+    pub by_step: f64,
 }
 
 /// Bits and slope of a probability: below the least one the slope is that at the least one.
@@ -48,7 +50,8 @@ pub fn gaussian_rate(x: f64, mean: f64, deviation: f64, step: f64) -> GaussianRa
     // z φ(z) vanishes at infinity, where the product would be NaN.
     let moment = |z: f64| if z.abs() > 40.0 { 0.0 } else { z * density(z) };
     let by_deviation = if deviation < LEAST_DEVIATION { 0.0 } else { slope * (moment(lower) - moment(upper)) / s };
-    GaussianRate { bits, by_x: if x < mean { -by_distance } else { by_distance }, by_deviation }
+    let by_step = slope * 0.5 * (density(upper) + density(lower)) / s;
+    GaussianRate { bits, by_step, by_x: if x < mean { -by_distance } else { by_distance }, by_deviation }
 }
 
 /// Bits of one of two outcomes whose probability is `p`, held within `[1e-6, 1 - 1e-6]`, and the derivative by `p`.

@@ -1,7 +1,9 @@
 //! Range coder and adaptive models: identity, length in bytes, length by closed form.
 
 use proptest::prelude::*;
-use weaver_codec::{AdaptiveModel, CodeLength, Coder, MixedModel, RangeDecoder, RangeEncoder, Slices, WHOLE};
+use weaver_codec::{
+    AdaptiveModel, CodeLength, Coder, GaussianModel, MixedModel, RangeDecoder, RangeEncoder, Slices, WHOLE, gaussian_rate,
+};
 use weaver_kernels::random::Stream;
 
 /// ln Γ by Stirling's series, after the argument was made large.
@@ -177,5 +179,51 @@ proptest! {
             }
             prop_assert_eq!(next, WHOLE);
         }
+    }
+}
+
+#[test]
+fn numbers_come_back_at_their_gaussian_rate() {
+    let random = Stream::new(3, 0, "codec.gaussian");
+    let draw = |i: u64| {
+        let (mean, log) = (20.0 * random.normal::<f64>(3 * i), 6.0 * random.uniform::<f64>(3 * i + 1) - 2.0);
+        ((mean + log.exp() * random.normal::<f64>(3 * i + 2)).round() as i32, mean, log)
+    };
+    let numbers: Vec<(i32, f64, f64)> = (0..20_000).map(draw).collect();
+    // Near the mean, where each number has a slice of its own.
+    let (near, expected) = numbers.iter().filter(|(x, m, log)| (f64::from(*x) - m).abs() < 30.0 && *log < 2.0).fold(
+        (CodeLength::default(), 0.0),
+        |(mut length, bits), (x, mean, log)| {
+            GaussianModel::new(*mean, *log).code(&mut length, *x);
+            (length, bits + gaussian_rate(f64::from(*x), *mean, log.exp(), 1.0).bits)
+        },
+    );
+    assert!((near.bits / expected - 1.0).abs() < 0.01, "{} of {expected} bits", near.bits);
+    let mut encoder = RangeEncoder::default();
+    let extreme = [(i32::MAX, 0.0, 0.0), (i32::MIN, 1e30, f64::NAN), (5, f64::NAN, f64::INFINITY), (7, 0.0, -1e9), (1 << 24, -3.5, 1.0)];
+    let all: Vec<_> = numbers.iter().chain(&extreme).collect();
+    all.iter().for_each(|(x, mean, log)| _ = GaussianModel::new(*mean, *log).code(&mut encoder, *x));
+    let bytes = encoder.finish();
+    let mut decoder = RangeDecoder::new(&bytes);
+    for (x, mean, log) in all {
+        let found = GaussianModel::new(*mean, *log).code(&mut decoder, 0);
+        assert_eq!(found, (*x).clamp(-(1 << 24), 1 << 24));
+    }
+    assert!(decoder.is_whole());
+}
+
+proptest! {
+    #[test]
+    fn slices_of_a_gaussian_share_all_parts(mean in -3.0..3.0_f64, log in -20.0..20.0_f64, part in 0..WHOLE) {
+        let model = GaussianModel::new(mean, log);
+        let mut next = 0;
+        for symbol in 0..83 {
+            let (first, size) = model.slice(symbol);
+            prop_assert!(first == next && size > 0, "{} of {} and {}", symbol, first, size);
+            next = first + size;
+        }
+        prop_assert_eq!(next, WHOLE);
+        let (first, size) = model.slice(model.at(part));
+        prop_assert!((first..first + size).contains(&part));
     }
 }

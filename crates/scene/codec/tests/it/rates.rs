@@ -32,6 +32,7 @@ proptest! {
         prop_assert!(near(rate.by_x, slope(|x| gaussian_rate(x, mean, deviation, step).bits, x)));
         prop_assert!(near(-rate.by_x, slope(|mean| gaussian_rate(x, mean, deviation, step).bits, mean)));
         prop_assert!(near(rate.by_deviation, slope(|s| gaussian_rate(x, mean, s, step).bits, deviation)));
+        prop_assert!(near(rate.by_step, slope(|q| gaussian_rate(x, mean, deviation, q).bits, step)));
     }
 
     #[test]
