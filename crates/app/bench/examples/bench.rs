@@ -3,7 +3,7 @@
 use clap::Parser;
 use std::process::ExitCode;
 use weaver_bench::{Bench, run};
-use weaver_command::Console;
+use weaver_command::{Console, Interrupt};
 
 #[derive(Parser)]
 struct Line {
@@ -14,7 +14,7 @@ struct Line {
 fn main() -> ExitCode {
     let (mut stdout, mut stderr) = (std::io::stdout(), std::io::stderr());
     let mut console = Console::new(&mut stdout, &mut stderr, false);
-    match run(&Line::parse().bench, &mut console) {
+    match run(&Line::parse().bench, &mut console, &Interrupt::new()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             failure.line().into_iter().for_each(|line| eprintln!("error: {line}"));

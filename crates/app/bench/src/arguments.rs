@@ -170,16 +170,19 @@ pub enum Passes {
 /// Formats of files, `lite` (`splatweaver compress`) at several qualities, methods of papers with several constants, and controls: `zstd` packs the
 /// PLY, `half` keeps the more important half of the Gaussians, `half-random` half of them at random. Pictures that judge are six of an orbit, 256
 /// pixels square, or every eighth camera of a file or a capture; methods learn from other cameras. Scenes are drawn as the summary.json beside
-/// them says, else over white. Files that other programs wrote of the scene are read as they are, and judged beside the rest.
+/// them says, else over white. Files that other programs wrote of the scene are read as they are, and judged beside the rest. With a folder, what
+/// each method wrote is kept there, Ctrl-C saves, and --resume goes on to the same bytes.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver bench compress scene.ply
   splatweaver bench compress scene.ply --methods lite,sog --peer theirs/scene.sog --peer theirs/scene.spz
   splatweaver bench compress scene.ply --methods lite,spz4,sog --cameras transforms.json --html table.html
-  splatweaver bench compress fern/scene.ply --data fern --methods lite,lightgaussian --steps 500 --chamfer")]
+  splatweaver bench compress fern/scene.ply --data fern --methods lite,lightgaussian --steps 500 --chamfer
+  splatweaver bench compress scene.ply --methods mesongs,c3dgs --steps 5000 -o runs/methods
+  splatweaver bench compress --resume runs/methods")]
 pub struct BenchCompress {
     /// Files of Gaussians
-    #[arg(value_name = "SCENE", required = true)]
+    #[arg(value_name = "SCENE", required_unless_present = "resume")]
     pub scenes: Vec<PathBuf>,
     /// Formats, lite, lightgaussian, mesongs, c3dgs, speedysplat, zstd, half, half-random [default: all]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
@@ -205,6 +208,14 @@ pub struct BenchCompress {
     /// Writes the table and curves as one page
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
+    /// Folder for the files of the methods, checkpoints, a log, summary.json and report.html
+    #[arg(short, long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Goes on with the comparison in this folder, with its own settings
+    #[arg(long, value_name = "RUN", conflicts_with_all = [
+        "scenes", "methods", "peer", "cameras", "data", "steps", "seed", "chamfer", "out",
+    ])]
+    pub resume: Option<PathBuf>,
     /// Prints the figures as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,

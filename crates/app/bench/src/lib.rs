@@ -15,14 +15,14 @@ mod workload;
 pub use arguments::Bench;
 
 use arguments::Subject;
-use weaver_command::{Console, Failure, in_pool};
+use weaver_command::{Console, Failure, Interrupt, in_pool};
 
-/// Runs a benchmark and prints its figures, as a table or as JSON.
+/// Runs a benchmark and prints its figures, as a table or as JSON. One that keeps a folder saves when it is interrupted.
 ///
 /// Fails where a workload or a capture cannot be read, where there is no such device, and where figures cannot be written.
-pub fn run(arguments: &Bench, console: &mut Console) -> Result<(), Failure> {
+pub fn run(arguments: &Bench, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match &arguments.subject {
-        Subject::Compress(scenes) => in_pool(scenes.threads.count(), || compress::run(scenes, console)),
+        Subject::Compress(scenes) => in_pool(scenes.threads.count(), || compress::run(scenes, console, interrupt)),
         Subject::Engine(engine) => in_pool(engine.threads.count(), || engine::run(engine, console)),
         Subject::Fit(fit) => in_pool(fit.threads.count(), || fit::run(fit, console)),
         Subject::Mixture(mixture) => in_pool(mixture.threads.count(), || mixture::run(mixture, console)),

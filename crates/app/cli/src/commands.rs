@@ -133,7 +133,7 @@ table! {
         EvalTrajectory(weaver_lidar_run::EvalTrajectory) => |it, console, _| weaver_lidar_run::eval_trajectory(it, console),
         EvalMesh(weaver_lidar_run::EvalMesh) => |it, console, _| weaver_lidar_run::eval_mesh(it, console),
         Image(weaver_image_run::Pictures) => weaver_image_run::run,
-        Bench(weaver_bench::Bench) => |it, console, _| weaver_bench::run(it, console),
+        Bench(weaver_bench::Bench) => weaver_bench::run,
         Completions(completions::Completions) => |it, console, _| completions::run(it, console),
     }
 }

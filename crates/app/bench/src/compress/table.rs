@@ -1,8 +1,10 @@
 //! The results of methods as a table, and as a page with curves.
 
+use serde::{Deserialize, Serialize};
 use weaver_run::Page;
 
 /// The bytes of a scene, and where they are from.
+#[derive(Deserialize, Serialize)]
 pub struct Coded {
     /// Name of the method, or of the file that another program wrote.
     pub method: String,
@@ -13,6 +15,7 @@ pub struct Coded {
 }
 
 /// Result of a method on a scene.
+#[derive(Deserialize, Serialize)]
 pub struct Row {
     pub scene: String,
     pub coded: Coded,
