@@ -184,7 +184,7 @@ pub struct BenchCompress {
     /// Files of Gaussians
     #[arg(value_name = "SCENE", required_unless_present = "resume")]
     pub scenes: Vec<PathBuf>,
-    /// Formats, lite, lightgaussian, mesongs, c3dgs, speedysplat, zstd, half, half-random [default: all]
+    /// Formats, lite, lightgaussian, mesongs, c3dgs, speedysplat, haclite, zstd, half, half-random [default: all]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub methods: Vec<String>,
     /// A file of the scene that another program wrote, judged as well; may be repeated

@@ -8,7 +8,9 @@
 
 mod codes;
 mod error;
+mod gaussian_bits;
 mod geometry;
+mod hash_grid;
 mod judge;
 mod method;
 mod methods;
@@ -22,10 +24,12 @@ mod training;
 mod views;
 
 pub use error::CompressError;
+pub use gaussian_bits::{binary_through, gaussian_bits};
 pub use geometry::Surface;
+pub use hash_grid::{HashGrid, HashLevel};
 pub use judge::{Judge, Pictures};
 pub use method::{Method, Point, Task};
-pub use methods::{C3dgs, Format, Half, LightGaussian, Lite, MesonGs, SpeedySplat, Zstd};
+pub use methods::{C3dgs, Format, HacLite, Half, LightGaussian, Lite, MesonGs, SpeedySplat, Zstd};
 pub use schedule::Schedule;
 pub use steps::{Compressed, MOST_DECIBELS, Round, compress};
 pub use table::{Family, METHODS, formats};

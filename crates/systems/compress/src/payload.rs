@@ -21,8 +21,12 @@ impl Grid {
     /// The grid of 2^depth voxels a side, and the Gaussians in Morton order: code and number.
     pub(crate) fn new(gaussians: &Gaussians, depth: u32) -> Result<(Self, Vec<(u64, usize)>), CompressError> {
         check(gaussians)?;
-        let bound =
-            |axis: usize, start: f32, of: fn(f32, f32) -> f32| gaussians.means.iter().map(|m| m[axis]).fold(start, of);
+        Ok(Self::about(&gaussians.means, depth))
+    }
+
+    /// The grid about finite positions, and these in Morton order.
+    pub(crate) fn about(means: &[[f32; 3]], depth: u32) -> (Self, Vec<(u64, usize)>) {
+        let bound = |axis: usize, start: f32, of: fn(f32, f32) -> f32| means.iter().map(|m| m[axis]).fold(start, of);
         let low = [0, 1, 2].map(|axis| bound(axis, f32::INFINITY, f32::min));
         let high = [0, 1, 2].map(|axis| bound(axis, f32::NEG_INFINITY, f32::max));
         let extent = (0..3).map(|axis| f64::from(high[axis]) - f64::from(low[axis])).fold(0.0, f64::max);
@@ -33,9 +37,9 @@ impl Grid {
             let place = |axis: usize| (f64::from(mean[axis]) - f64::from(low[axis])) / f64::from(cell);
             morton3([0, 1, 2].map(|axis| place(axis).round().min(last) as u32))
         };
-        let mut order: Vec<(u64, usize)> = gaussians.means.iter().map(voxel).zip(0..).collect();
+        let mut order: Vec<(u64, usize)> = means.iter().map(voxel).zip(0..).collect();
         order.sort_unstable();
-        Ok((grid, order))
+        (grid, order)
     }
 
     /// The position of a voxel.
@@ -109,6 +113,11 @@ impl Writer {
             symbols.iter().skip(column).step_by(width).for_each(|s| _ = model.code(&mut encoder, *s as usize));
         }
         self.push(name, symbols.len(), encoder.finish());
+    }
+
+    /// What an encoder has made of so many symbols.
+    pub(crate) fn coded(&mut self, name: &[u8; 4], symbols: usize, encoder: RangeEncoder) {
+        self.push(name, symbols, encoder.finish());
     }
 
     /// A grid, and codes in Morton order.
@@ -209,6 +218,20 @@ impl<'a> Reader<'a> {
         }
         whole(&decoder, name)?;
         Ok(values)
+    }
+
+    /// Decodes a stream of so many symbols.
+    pub(crate) fn coded<R>(
+        &mut self,
+        name: &[u8; 4],
+        symbols: usize,
+        decode: impl FnOnce(&mut RangeDecoder<'_>) -> R,
+    ) -> Result<R, CompressError> {
+        let stream = self.sized(name, symbols)?;
+        let mut decoder = RangeDecoder::new(&stream.bytes);
+        let decoded = decode(&mut decoder);
+        whole(&decoder, name)?;
+        Ok(decoded)
     }
 
     pub(crate) fn symbols(

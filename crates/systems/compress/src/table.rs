@@ -1,7 +1,7 @@
 //! The table of methods.
 
 use crate::method::Point;
-use crate::methods::{C3dgs, Format, Half, LightGaussian, Lite, MesonGs, SpeedySplat, Zstd};
+use crate::methods::{C3dgs, Format, HacLite, Half, LightGaussian, Lite, MesonGs, SpeedySplat, Zstd};
 use weaver_io::SCENE_FORMATS;
 
 /// A method with all constants that it is compared at.
@@ -16,7 +16,7 @@ pub struct Family {
 }
 
 /// The methods beside the [formats](formats) of files. A further one is a file in `methods` and a row here.
-pub const METHODS: [Family; 8] = [
+pub const METHODS: [Family; 9] = [
     Family { name: "lite", about: "measured steps, mixed contexts, range coding (.wsz)", points: Lite::points },
     Family {
         name: "lightgaussian",
@@ -37,6 +37,11 @@ pub const METHODS: [Family; 8] = [
         name: "speedysplat",
         about: "pruned by squared gradients of pixels, trained; no coding (Hanson et al., 2024)",
         points: SpeedySplat::points,
+    },
+    Family {
+        name: "haclite",
+        about: "anchors, networks, a hash grid that predicts what is coded, trained with its bits (after Chen et al., 2024)",
+        points: HacLite::points,
     },
     Family { name: "zstd", about: "control: PLY packed by zstd", points: Zstd::points },
     Family { name: "half", about: "control: the more important half of the Gaussians", points: Half::important },

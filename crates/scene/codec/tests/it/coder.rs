@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 use weaver_codec::{
-    AdaptiveModel, CodeLength, Coder, GaussianModel, MixedModel, RangeDecoder, RangeEncoder, Slices, WHOLE, gaussian_rate,
+    AdaptiveModel, CodeLength, Coder, GaussianModel, MixedModel, RangeDecoder, RangeEncoder, Slices, WHOLE,
+    gaussian_rate,
 };
 use weaver_kernels::random::Stream;
 
@@ -200,7 +201,13 @@ fn numbers_come_back_at_their_gaussian_rate() {
     );
     assert!((near.bits / expected - 1.0).abs() < 0.01, "{} of {expected} bits", near.bits);
     let mut encoder = RangeEncoder::default();
-    let extreme = [(i32::MAX, 0.0, 0.0), (i32::MIN, 1e30, f64::NAN), (5, f64::NAN, f64::INFINITY), (7, 0.0, -1e9), (1 << 24, -3.5, 1.0)];
+    let extreme = [
+        (i32::MAX, 0.0, 0.0),
+        (i32::MIN, 1e30, f64::NAN),
+        (5, f64::NAN, f64::INFINITY),
+        (7, 0.0, -1e9),
+        (1 << 24, -3.5, 1.0),
+    ];
     let all: Vec<_> = numbers.iter().chain(&extreme).collect();
     all.iter().for_each(|(x, mean, log)| _ = GaussianModel::new(*mean, *log).code(&mut encoder, *x));
     let bytes = encoder.finish();

@@ -1,6 +1,7 @@
 //! Tests of compression.
 
 mod methods;
+mod ops;
 mod quality;
 mod scenes;
 mod schedule;
