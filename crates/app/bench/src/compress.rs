@@ -2,14 +2,16 @@
 
 mod peers;
 mod run;
+mod settings;
 mod table;
 #[cfg(test)]
 mod tests;
 mod views;
 
 use crate::arguments::BenchCompress;
-use run::{Comparison, Inputs, KIND, Settings};
+use run::{Comparison, Inputs, KIND};
 use serde_json::{Value, json};
+use settings::Settings;
 use std::path::PathBuf;
 use table::{Coded, Row, page, table};
 use weaver_command::{Console, Failure, Interrupt, Progress};
@@ -65,7 +67,7 @@ pub fn run(arguments: &BenchCompress, console: &mut Console, interrupt: &Interru
     show(arguments, &inputs, run.job.rows(), console)
 }
 
-/// What the arguments ask for; of a run with a folder by absolute paths, so that it can go on from anywhere.
+/// Settings that the arguments ask for; of a run with a folder by absolute paths, so that it can go on from anywhere.
 fn asked(arguments: &BenchCompress) -> Result<Settings, Failure> {
     let placed = |path: &PathBuf| match &arguments.out {
         Some(_) => std::path::absolute(path),

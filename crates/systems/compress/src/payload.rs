@@ -115,7 +115,7 @@ impl Writer {
         self.push(name, symbols.len(), encoder.finish());
     }
 
-    /// What an encoder has made of so many symbols.
+    /// The bytes that an encoder has made of so many symbols.
     pub(crate) fn coded(&mut self, name: &[u8; 4], symbols: usize, encoder: RangeEncoder) {
         self.push(name, symbols, encoder.finish());
     }

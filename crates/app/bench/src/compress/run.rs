@@ -1,9 +1,9 @@
 //! The comparison as a job in steps: a step of training, or a method that ends and is judged.
 
 use super::peers::{self, Peer};
+use super::settings::Settings;
 use super::table::{Coded, Row};
 use super::views::{Views, views};
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -22,22 +22,6 @@ pub const KIND: Kind = Kind { command: "bench compress", settings: "run.json", r
 const ROWS: &str = "rows";
 const SECONDS: &str = "seconds";
 const FINISHED: &str = "finished";
-
-/// What is compared.
-#[derive(Clone, Debug, Default, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct Settings {
-    pub scenes: Vec<PathBuf>,
-    pub methods: Vec<String>,
-    pub peer: Vec<PathBuf>,
-    pub cameras: Option<PathBuf>,
-    pub data: Option<PathBuf>,
-    pub steps: usize,
-    pub seed: u64,
-    pub chamfer: bool,
-    /// Checksums of the scenes with their views, as a run began with them.
-    pub read: Vec<String>,
-}
 
 /// Color behind a scene, and settings of drawing it.
 type Drawing = ([f32; 3], RasterSettings);
@@ -86,7 +70,7 @@ impl Inputs {
         &self.settings
     }
 
-    /// What each scene's methods are given.
+    /// Tasks of the scenes' methods.
     pub fn tasks(&self) -> Vec<Task<'_>> {
         let Settings { steps, seed, .. } = self.settings;
         let scenes = self.scenes.iter().map(|Scene { gaussians, views, drawing, .. }| {
@@ -159,7 +143,7 @@ fn points(asked: &[String]) -> Result<Vec<(&'static str, Point)>, Failure> {
     Ok(all)
 }
 
-/// What scenes are judged by.
+/// Judges of a scene.
 struct Bench {
     judge: Judge,
     surface: Option<Surface>,

@@ -1,6 +1,7 @@
 //! A comparison in a folder: stopped, gone on with.
 
-use super::run::{Comparison, Inputs, KIND, Settings};
+use super::run::{Comparison, Inputs, KIND};
+use super::settings::Settings;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

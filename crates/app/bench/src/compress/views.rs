@@ -1,6 +1,6 @@
 //! The views that methods learn from, and those that judge.
 
-use super::run::Settings;
+use super::settings::Settings;
 use weaver_command::Failure;
 use weaver_command::camera_files::{self, Size};
 use weaver_data::posed::{self, PosedOptions};

@@ -62,7 +62,7 @@ fn code_networks(
 /// Deviations of the parts of all networks.
 const PARTS: usize = 16;
 
-/// What the numbers of anchors are coded by.
+/// Anchors, and the context that their numbers are coded by.
 struct Anchors<'a> {
     /// Places in the unit cube, `[A, 3]`.
     places: &'a [[f64; 3]],

@@ -20,7 +20,7 @@ pub(super) const SCALINGS: usize = 6;
 pub(super) const NUMBERS: usize = FEATURES + SCALINGS + 3 * OFFSETS;
 /// Groups of these numbers, and the middle of the steps that each is rounded with.
 pub(super) const STEPS: [(usize, f64); 3] = [(FEATURES, 1.0), (SCALINGS, 0.05), (3 * OFFSETS, 0.2)];
-/// What is predicted of an anchor: means and logarithms of deviations, and the place of the three steps in their ranges.
+/// Numbers that are predicted of an anchor: means and logarithms of deviations, and the place of the three steps in their ranges.
 pub(super) const PREDICTED: usize = 2 * NUMBERS + STEPS.len();
 /// Largest magnitudes of a logarithm, and of the place of a step.
 pub(super) const LOGARITHM: f64 = 12.0;
@@ -61,7 +61,7 @@ pub(super) fn levels(anchors: usize) -> Vec<HashLevel> {
         .collect()
 }
 
-/// What is trained.
+/// All that is trained.
 #[derive(Debug)]
 pub(super) struct Model {
     pub params: Params<f32>,
@@ -71,7 +71,7 @@ pub(super) struct Model {
     pub degree: usize,
 }
 
-/// What networks say of Gaussians.
+/// Output of the networks for Gaussians.
 pub(super) struct Made<'t> {
     /// Logits `[A, K]`.
     pub logits: Var<'t, f32>,
@@ -87,7 +87,7 @@ pub(super) struct Drawn<'t> {
     pub penalty: Var<'t, f32>,
 }
 
-/// What a step does beside drawing.
+/// Parts of a step beside drawing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stage {
     /// Noise as of rounding.
@@ -143,7 +143,7 @@ impl Model {
         layer("fc2", layer("fc1", x, Activation::Relu), Activation::None)
     }
 
-    /// What networks make of features `[A, F]`.
+    /// Output of the networks for features `[A, F]`.
     pub fn made<'t>(&self, features: Var<'t, f32>) -> Made<'t> {
         let (count, features) = (self.count(), features * (1.0 / SPREAD));
         Made {
@@ -153,7 +153,7 @@ impl Model {
         }
     }
 
-    /// What is drawn, and the rest of the loss: volumes, masks and bits.
+    /// Gaussians to draw, and the rest of the loss: volumes, masks and bits.
     pub fn drawn<'t>(&self, tape: &'t Tape<f32>, stage: Stage) -> Drawn<'t> {
         let count = self.count();
         let parts = ["features", "scalings", "offsets"].map(|name| self.param(tape, name));

@@ -39,7 +39,7 @@ const RISE: f64 = 0.02;
 /// Where a state has the steps done.
 const STEP: &str = "hac.step";
 
-/// What is due at a step.
+/// A task that is due at a step.
 #[derive(Clone, Copy, Debug)]
 enum Due {
     /// The numbers of the given scene.
@@ -94,7 +94,7 @@ impl<'a> HacTraining<'a> {
         })
     }
 
-    /// What is due before a step.
+    /// Does what is due before a step.
     fn change(&mut self) -> Result<(), CompressError> {
         for due in self.schedule.take_due(self.steps[0]) {
             match due {

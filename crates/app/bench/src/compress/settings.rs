@@ -1,0 +1,20 @@
+//! Settings of a comparison.
+
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Settings of a comparison, as its folder keeps them.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    pub scenes: Vec<PathBuf>,
+    pub methods: Vec<String>,
+    pub peer: Vec<PathBuf>,
+    pub cameras: Option<PathBuf>,
+    pub data: Option<PathBuf>,
+    pub steps: usize,
+    pub seed: u64,
+    pub chamfer: bool,
+    /// Checksums of the scenes with their views, as a run began with them.
+    pub read: Vec<String>,
+}
