@@ -212,7 +212,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, CompressError> {
 
 /// Adds what networks make of the numbers of an anchor.
 fn add(to: &mut Gaussians, anchor: [f32; 3], numbers: &[f64; NUMBERS], shown: &[bool], networks: &[Network]) {
-    let finite = |x: f64| x.max(-LARGEST).min(LARGEST) as f32;
+    let finite = |x: f64| if x.is_nan() { 0.0 } else { x.clamp(-LARGEST, LARGEST) as f32 };
     let features = std::array::from_fn::<f64, FEATURES, _>(|k| numbers[k] / SPREAD);
     let [logits, shapes, colors] = [0, 1, 2].map(|net| networks[net].of(&features));
     let scaling = |k: usize| numbers[FEATURES + k].clamp(-LOGARITHM, LOGARITHM);
