@@ -3,14 +3,14 @@
 use crate::plan::read;
 use crate::results::{MAP, Summary, TRAJECTORY, surfels};
 use crate::{KIND, LidarPlan, LidarRunError};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Progress, Threads, in_pool};
 use weaver_geometry::Pose;
 use weaver_io::ply::read_triangles;
 use weaver_io::{TrajectoryFile, read_gaussians, read_lidar_scan, read_text};
-use weaver_mesh::{DistanceField, Mesh, RangeView, compare, thinned};
+use weaver_mesh::{Benchmark, Chamfer, DistanceField, Mesh, RangeView, compare, mesh_chamfer, point_chamfer, thinned};
 use weaver_run::Folder;
 use weaver_surfel::{Limits, RangeImages, Sight, SurfelWorkspace};
 
@@ -19,10 +19,23 @@ const PER_AREA: f64 = 5000.0;
 /// Side of the cubes that keep one point each, meters.
 const THINNED: f64 = 0.02;
 
+/// Ways to measure how far a surface is from a reference.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Measure {
+    /// Meters, points 2 cm apart, errors up to half a meter, and an F-score
+    #[default]
+    Lidar,
+    /// As the benchmark DTU: millimeters, points 0.2 apart, mean of the distances below 20 within its box; no masks
+    Dtu,
+    /// One point for each cube of 0.2, mean of the distances, each at most 20; of a mesh its vertices count
+    Points,
+}
+
 /// Compares a mesh with a cloud of the true surface: accuracy, completeness, Chamfer distance, F-score.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver eval-mesh street.ply truth.ply
+  splatweaver eval-mesh scan24.ply stl024_total.ply --measure dtu
   splatweaver eval-mesh street.ply truth.pcd --threshold 0.1 --json")]
 pub struct EvalMesh {
     /// The mesh, PLY
@@ -34,6 +47,9 @@ pub struct EvalMesh {
     /// Distance within which points belong together in the F-score, meters
     #[arg(long, value_name = "METERS", default_value_t = 0.2)]
     threshold: f64,
+    /// How distances are measured
+    #[arg(long, value_enum, value_name = "MEASURE", default_value_t = Measure::Lidar, conflicts_with = "threshold")]
+    measure: Measure,
     /// Prints figures as JSON
     #[arg(long)]
     json: bool,
@@ -81,13 +97,16 @@ pub fn map_mesh(run: &Path, voxel: f64, console: &mut Console) -> Result<Mesh, F
 
 /// Runs `splatweaver eval-mesh`.
 ///
-/// Fails where files cannot be read.
+/// Fails where files cannot be read, and where nothing is left to compare.
 pub fn eval_mesh(arguments: &EvalMesh, console: &mut Console) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || {
         let (vertices, triangles) = read_triangles(&arguments.mesh)?;
         let mesh = Mesh { vertices, triangles };
-        let points = thinned(&mesh.sample(PER_AREA, 0), THINNED);
-        let cloud = thinned(&read_lidar_scan(&arguments.cloud)?.points, THINNED);
+        let cloud = read_lidar_scan(&arguments.cloud)?.points;
+        if arguments.measure != Measure::Lidar {
+            return by_benchmark(arguments, &mesh, &cloud, console);
+        }
+        let (points, cloud) = (thinned(&mesh.sample(PER_AREA, 0), THINNED), thinned(&cloud, THINNED));
         let errors = compare(&points, &cloud, arguments.threshold);
         if arguments.json {
             let figures = json!({
@@ -109,4 +128,27 @@ pub fn eval_mesh(arguments: &EvalMesh, console: &mut Console) -> Result<(), Fail
             arguments.threshold
         ))
     })
+}
+
+/// Prints the distances as a benchmark has them.
+fn by_benchmark(arguments: &EvalMesh, mesh: &Mesh, cloud: &[[f32; 3]], console: &mut Console) -> Result<(), Failure> {
+    let found = match arguments.measure {
+        Measure::Points => point_chamfer(&mesh.vertices, cloud, &Benchmark::DTU),
+        _ => mesh_chamfer(mesh, cloud, &Benchmark::DTU, 0),
+    };
+    let Some(Chamfer { accuracy, completeness, chamfer, points }) = found else {
+        let expected = format!("a surface in the frame and the unit of {}", arguments.cloud.display());
+        let found = format!("none within {} of it", Benchmark::DTU.far);
+        return Err(LidarRunError::Invalid { path: arguments.mesh.clone(), what: "mesh", expected, found }.into());
+    };
+    if arguments.json {
+        let figures =
+            json!({ "accuracy": accuracy, "completeness": completeness, "chamfer": chamfer, "points": points });
+        return console.print(&serde_json::to_string_pretty(&figures)?);
+    }
+    let [own, others] = points;
+    console.print(&format!(
+        "accuracy {accuracy:.3}, completeness {completeness:.3}, Chamfer {chamfer:.3} in the unit of the files; {own} points, {others} of the \
+         reference"
+    ))
 }

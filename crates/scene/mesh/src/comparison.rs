@@ -33,11 +33,6 @@ pub fn compare(points: &[[f32; 3]], reference: &[[f32; 3]], near: f64) -> MeshEr
     if points.is_empty() || reference.is_empty() {
         return MeshErrors { completeness: FAR, ..MeshErrors::default() };
     }
-    let distances = |of: &[[f32; 3]], to: &[[f32; 3]]| -> Vec<f64> {
-        let mut squares = vec![0.0_f32; of.len()];
-        nearest_among(to.as_flattened(), of.as_flattened(), &mut squares);
-        squares.into_iter().map(|square| f64::from(square).sqrt()).collect()
-    };
     let share = |d: &[f64]| d.iter().filter(|d| **d < near).count() as f64 / d.len() as f64;
     let (own, others) = (distances(points, reference), distances(reference, points));
     let within: Vec<f64> = own.iter().copied().filter(|d| *d < FAR).collect();
@@ -46,6 +41,16 @@ pub fn compare(points: &[[f32; 3]], reference: &[[f32; 3]], near: f64) -> MeshEr
     let (precision, recall) = (share(&own), share(&others));
     let f_score = if precision + recall > 0.0 { 2.0 * precision * recall / (precision + recall) } else { 0.0 };
     MeshErrors { accuracy, completeness, chamfer: (accuracy + completeness) / 2.0, precision, recall, f_score }
+}
+
+/// Distances of points to the nearest of others; none where there are no others.
+pub(crate) fn distances(of: &[[f32; 3]], to: &[[f32; 3]]) -> Vec<f64> {
+    if to.is_empty() {
+        return Vec::new();
+    }
+    let mut squares = vec![0.0_f32; of.len()];
+    nearest_among(to.as_flattened(), of.as_flattened(), &mut squares);
+    squares.into_iter().map(|square| f64::from(square).sqrt()).collect()
 }
 
 /// One point of each cube of a side, the first.

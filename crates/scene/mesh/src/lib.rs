@@ -4,7 +4,9 @@
 //! - A [`DistanceField`] averages truncated signed distances of range images in blocks of 8 x 8 x 8 cells near surfaces.
 //! - [`DistanceField::mesh`] is its zero level by surface nets: one vertex in each cell that the surface crosses.
 //! - [`compare`] has accuracy, completeness, Chamfer distance and F-score of a mesh and a cloud.
+//! - [`mesh_chamfer`] and [`point_chamfer`] are the distances of benchmarks such as DTU.
 
+mod benchmark;
 mod blocks;
 mod comparison;
 mod field;
@@ -13,6 +15,7 @@ mod nets;
 mod pieces;
 mod scene;
 
+pub use benchmark::{Benchmark, Chamfer, mesh_chamfer, point_chamfer, spread};
 pub use comparison::{MeshErrors, compare, thinned};
 pub use field::{DistanceField, MeshError, RangeView};
 pub use mesh::Mesh;

@@ -5,7 +5,7 @@ mod scenes;
 use proptest::prelude::*;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_mesh::{DistanceField, Mesh, MeshError, RangeView, compare, thinned};
+use weaver_mesh::{Benchmark, DistanceField, Mesh, MeshError, RangeView, compare, point_chamfer, spread, thinned};
 use weaver_surfel::SurfelCamera;
 
 /// The range to the sides of a cube around the origin, and their normals.
@@ -112,5 +112,29 @@ proptest! {
         };
         let expected = b.iter().map(|p| f64::from(nearest(p, &a)).min(0.5)).sum::<f64>() / b.len() as f64;
         prop_assert!((compare(&a, &b, 0.2).completeness - expected).abs() < 1e-6);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
+
+    /// No two points that stay are nearer than the spacing, each that goes has one that near, and the same seed keeps the same.
+    #[test]
+    fn points_are_spread(points in proptest::collection::vec([-3.0_f32..3.0, -3.0..3.0, -3.0..3.0], 1..300), spacing in 0.2_f64..2.0) {
+        let kept = spread(&points, spacing, 3);
+        let apart = |a: &[f32; 3], b: &[f32; 3]| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
+        for (i, a) in kept.iter().enumerate() {
+            prop_assert!(kept[..i].iter().all(|b| apart(a, b) >= spacing));
+        }
+        prop_assert!(points.iter().all(|p| kept.iter().any(|k| apart(p, k) < spacing)));
+        prop_assert_eq!(&kept, &spread(&points, spacing, 3));
+    }
+
+    /// A cloud that moved by a millimeter is a millimeter off, both ways, wherever it lies.
+    #[test]
+    fn a_moved_cloud_is_as_far_off(shift in -40.0_f32..40.0) {
+        let plane = |z: f32| (0..400).map(|i| [(i % 20) as f32 + shift, (i / 20) as f32, z]).collect::<Vec<_>>();
+        let found = point_chamfer(&plane(1.0), &plane(0.0), &Benchmark::DTU).unwrap();
+        prop_assert!((found.accuracy - 1.0).abs() < 1e-5 && (found.completeness - 1.0).abs() < 1e-5, "{found:?}");
     }
 }
