@@ -4,18 +4,16 @@ use crate::RunError;
 use std::error::Error;
 use std::path::Path;
 use weaver_codec::lite::{self, Quality};
-use weaver_fit::{Fit, FitSettings, Rounding};
+use weaver_fit::{Fit, Rounding};
 use weaver_io::atomic_write;
 use weaver_scene::Gaussians;
 
 /// The file.
 pub(crate) const FILE: &str = "scene.wsz";
 
-/// Part of the run from which on the scene is drawn as the file will hold it: behind the last new Gaussians.
+/// Part of the run from which on the scene is drawn as the file will hold it: behind the last new Gaussians, and while rates fall. With those of
+/// the middle of a run, numbers move by more than the steps of the file.
 const FROM: f64 = 0.8;
-
-/// Factor on rates at the end: with those of the middle of a run, numbers move by more than the steps of the file.
-const RATES_END: f64 = 0.1;
 
 /// Least cost of removing a Gaussian that stays, over the mean error that rounding gives one. Chosen on fern, banana and workshop.
 const WORTH: f64 = 4.0;
@@ -32,11 +30,6 @@ impl Rounding for Lite {
     fn worth(&self) -> f64 {
         WORTH
     }
-}
-
-/// Settings of a fit that ends with rounding.
-pub(crate) fn settle_rates(settings: &mut FitSettings) {
-    settings.rates.end = settings.rates.end.min(RATES_END);
 }
 
 /// Draws the last fifth of a fit with the rounding of a level of [`Quality::level`], without Gaussians that are not worth their bits.

@@ -90,9 +90,6 @@ pub(crate) fn load(
     if undecided.dropout {
         settings.fit.dropout = FitSettings::dropout_for(training.len());
     }
-    if settings.compress.is_some() {
-        compressed::settle_rates(&mut settings.fit);
-    }
     // The file of a fisheye's photo with another focal length would have no distortion that can be written.
     let refocusable = |origin: &Origin| origin.frame.distortion.is_none_or(|d| d.refocused(1.0).is_some());
     let refocus = settings.focal && origins.iter().all(refocusable);

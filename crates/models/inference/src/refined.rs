@@ -71,6 +71,8 @@ impl Refined {
         settings.rates.means_end = 0.1;
         settings.rates.quats *= 4.0;
         settings.rates.scales *= 3.0;
+        // In so few steps a fall at the end takes more than it brings.
+        settings.rates.end = 1.0;
         settings
     }
 

@@ -92,6 +92,7 @@ impl<'a> Recovery<'a> {
             opacities: 0.025,
             sh: 2.5e-3,
             power: 0.0,
+            end: 1.0,
             ..Rates::default()
         };
         let settings = FitSettings {

@@ -146,7 +146,7 @@ impl Default for Rates {
             exposure: 2e-3,
             exposure_rest: exposure_rest(),
             power: 0.5,
-            end: constant(),
+            end: 0.1,
         }
     }
 }
