@@ -2,7 +2,7 @@
 
 use crate::commands::{SMALL, command, scans, text};
 use clap::Parser;
-use weaver_command::Console;
+use weaver_command::{Console, Failure};
 use weaver_data::lidar::LidarWorld;
 use weaver_io::ply::write_triangles;
 use weaver_lidar_run::{EvalMesh, eval_mesh, map_mesh};
@@ -60,7 +60,10 @@ fn meshes_are_measured_as_benchmarks_do() {
         let words = ["eval-mesh", &at("mesh.ply"), &at("scan.ply"), "--measure", measure, "--json"];
         let (mut out, mut notes) = (Vec::new(), Vec::new());
         let done = eval_mesh(&EvalLine::parse_from(words).line, &mut Console::new(&mut out, &mut notes, false));
-        done.map(|()| serde_json::from_slice::<serde_json::Value>(&out).unwrap()).map_err(|error| error.to_string())
+        done.map(|()| serde_json::from_slice::<serde_json::Value>(&out).unwrap()).map_err(|failure| match failure {
+            Failure::Error(error) => error.to_string(),
+            other => format!("{other:?}"),
+        })
     };
     let mut mesh = square(20.0, 1.0);
     let near = |figures: &serde_json::Value, key: &str| (figures[key].as_f64().unwrap() - 1.0).abs();
