@@ -19,13 +19,10 @@ const PER_AREA: f64 = 5000.0;
 /// Side of the cubes that keep one point each, meters.
 const THINNED: f64 = 0.02;
 
-/// Ways to measure how far a surface is from a reference.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Measure {
-    /// Meters, points 2 cm apart, errors up to half a meter, and an F-score
-    #[default]
-    Lidar,
-    /// As the benchmark DTU: millimeters, points 0.2 apart, mean of the distances below 20 within its box; no masks
+/// Benchmarks whose way to measure how far a surface is from a reference is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SurfaceBenchmark {
+    /// As DTU: millimeters, points 0.2 apart, mean of the distances below 20 within its box; no masks
     Dtu,
     /// One point for each cube of 0.2, mean of the distances, each at most 20; of a mesh its vertices count
     Points,
@@ -35,7 +32,7 @@ pub enum Measure {
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver eval-mesh street.ply truth.ply
-  splatweaver eval-mesh scan24.ply stl024_total.ply --measure dtu
+  splatweaver eval-mesh scan24.ply stl024_total.ply --benchmark dtu
   splatweaver eval-mesh street.ply truth.pcd --threshold 0.1 --json")]
 pub struct EvalMesh {
     /// The mesh, PLY
@@ -47,9 +44,9 @@ pub struct EvalMesh {
     /// Distance within which points belong together in the F-score, meters
     #[arg(long, value_name = "METERS", default_value_t = 0.2)]
     threshold: f64,
-    /// How distances are measured
-    #[arg(long, value_enum, value_name = "MEASURE", default_value_t = Measure::Lidar, conflicts_with = "threshold")]
-    measure: Measure,
+    /// Measures as a benchmark does [default: in meters, points 2 cm apart, errors up to half a meter, and an F-score]
+    #[arg(long, value_enum, value_name = "BENCHMARK", conflicts_with = "threshold")]
+    benchmark: Option<SurfaceBenchmark>,
     /// Prints figures as JSON
     #[arg(long)]
     json: bool,
@@ -103,8 +100,8 @@ pub fn eval_mesh(arguments: &EvalMesh, console: &mut Console) -> Result<(), Fail
         let (vertices, triangles) = read_triangles(&arguments.mesh)?;
         let mesh = Mesh { vertices, triangles };
         let cloud = read_lidar_scan(&arguments.cloud)?.points;
-        if arguments.measure != Measure::Lidar {
-            return by_benchmark(arguments, &mesh, &cloud, console);
+        if let Some(benchmark) = arguments.benchmark {
+            return by_benchmark(benchmark, arguments, (&mesh, &cloud), console);
         }
         let (points, cloud) = (thinned(&mesh.sample(PER_AREA, 0), THINNED), thinned(&cloud, THINNED));
         let errors = compare(&points, &cloud, arguments.threshold);
@@ -131,10 +128,15 @@ pub fn eval_mesh(arguments: &EvalMesh, console: &mut Console) -> Result<(), Fail
 }
 
 /// Prints the distances as a benchmark has them.
-fn by_benchmark(arguments: &EvalMesh, mesh: &Mesh, cloud: &[[f32; 3]], console: &mut Console) -> Result<(), Failure> {
-    let found = match arguments.measure {
-        Measure::Points => point_chamfer(&mesh.vertices, cloud, &Benchmark::DTU),
-        _ => mesh_chamfer(mesh, cloud, &Benchmark::DTU, 0),
+fn by_benchmark(
+    benchmark: SurfaceBenchmark,
+    arguments: &EvalMesh,
+    (mesh, cloud): (&Mesh, &[[f32; 3]]),
+    console: &mut Console,
+) -> Result<(), Failure> {
+    let found = match benchmark {
+        SurfaceBenchmark::Dtu => mesh_chamfer(mesh, cloud, &Benchmark::DTU, 0),
+        SurfaceBenchmark::Points => point_chamfer(&mesh.vertices, cloud, &Benchmark::DTU),
     };
     let Some(Chamfer { accuracy, completeness, chamfer, points }) = found else {
         let expected = format!("a surface in the frame and the unit of {}", arguments.cloud.display());

@@ -3,7 +3,7 @@
 //! `cargo run --release -p weaver-recipes --example refinement -- STEPS WIDTH CHANGE,CHANGE,.. DIR..`
 //!
 //! WIDTH is that of the photos while they are refined, 64 for the network's own. A change is `usual`, or factors on settings joined by `+`, such
-//! as `means=0.5+quats=2`; `dropout=0.2` and `ssim=0.5` set a value, `seed=1` another order of the
+//! as `means=0.5+quats=2`; `dropout=0.2`, `ssim=0.5` and `last=0` (of the last gradient) set a value, `seed=1` another order of the
 //! photos, `keep=1` moves no density. The weights that come with the program,
 //! given cameras, 0.3 Gaussians per pixel, one thread; DIR are captures.
 
@@ -70,6 +70,7 @@ fn changed(change: &str) -> Result<weaver_fit::FitSettings, Error> {
             "sh" => rates.sh *= value,
             "fading" => settings.density.opacity_weight *= value as f32,
             "shrinking" => settings.density.scale_weight *= value as f32,
+            "last" => rates.last = value,
             "ssim" => settings.ssim_weight = value,
             "dropout" => settings.dropout = value,
             "seed" => settings.seed = value as u64,

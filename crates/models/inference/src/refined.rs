@@ -60,7 +60,8 @@ impl Refined {
     /// error is. How strongly opacities are pulled down is the same for each Gaussian, whatever their number: where they are scarce, all
     /// are needed.
     ///
-    /// Means and rotations go in longer steps than in a fit: photos that are not fitted are met better so, after few steps and many.
+    /// Means and rotations go in longer steps than in a fit, and the last gradient counts beside Adam's mean of them: photos that are not
+    /// fitted are met better so, after few steps and many.
     pub fn usual_settings() -> FitSettings {
         let mut settings = FitSettings { sh_interval: 0.0, coarse_until: 0.0, halvings: 0, ..FitSettings::default() };
         settings.density.strategy = StrategyKind::Split;
@@ -73,6 +74,8 @@ impl Refined {
         settings.rates.scales *= 3.0;
         // In so few steps a fall at the end takes more than it brings.
         settings.rates.end = 1.0;
+        // A running mean over ten steps is too slow for so few.
+        settings.rates.last = 0.5;
         settings
     }
 

@@ -135,7 +135,8 @@ impl Fit {
         };
         Ok(Self {
             session: rasterizer.session(),
-            resident: rasterizer.device_fit().map(Resident::new),
+            // Adam on a device knows running means alone.
+            resident: rasterizer.device_fit().filter(|_| settings.rates.last == 0.0).map(Resident::new),
             poses: photos.iter().map(|photo| photo.camera.pose).collect(),
             exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },
             transients: vec![None; photos.len()],

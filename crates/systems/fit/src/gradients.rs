@@ -1,6 +1,6 @@
 //! The activated form of a population, gradients with respect to it, and the step that they lead to.
 
-use crate::population::Population;
+use crate::population::{Field, Population};
 use crate::settings::Rates;
 use weaver_geometry::sh::{MAX_DEGREE, coefficients};
 use weaver_kernels::optim::AdamW;
@@ -138,9 +138,30 @@ impl Gradients {
         let [means, scales, quats, logits, sh] = population.fields_mut();
         for ((field, gradient), adam) in [means, scales, quats, logits].into_iter().zip(gradients).zip(settings) {
             adam.step(step, &mut field.values, gradient, &mut field.first, &mut field.second);
+            follow_last(step, field, gradient, &[adam.rate], rates.last as f32);
         }
         adam(1.0).step_columns(step, &mut sh.values, &self.sh, &mut sh.first, &mut sh.second, columns);
+        follow_last(step, sh, &self.sh, columns, rates.last as f32);
     }
+}
+
+/// Goes on from a step of Adam by the last gradient alone, over the root of the running mean square: `weight rate g / sqrt(v)`, each column with a rate of
+/// its own.
+fn follow_last(step: u64, field: &mut Field, gradient: &[f32], columns: &[f32], weight: f32) {
+    if weight == 0.0 {
+        return;
+    }
+    let AdamW { beta2, eps, .. } = adam(weight);
+    let over = 1.0 / (1.0 - f64::from(beta2).powf(step as f64)) as f32;
+    let second = &field.second;
+    for_chunks(&mut field.values, GRAIN, |chunk, values| {
+        let from = chunk * GRAIN;
+        let slopes = second[from..].iter().zip(&gradient[from..]);
+        let rates = columns.iter().cycle().skip(from % columns.len());
+        values.iter_mut().zip(slopes).zip(rates).for_each(|((x, (v, g)), rate)| {
+            *x -= weight * rate * g / ((v * over).sqrt() + eps);
+        });
+    });
 }
 
 /// Adam as 3DGS uses it: an eps far below any gradient, so that steps do not depend on the size of gradients.
@@ -152,6 +173,34 @@ pub(crate) fn adam(rate: f32) -> AdamW<f32> {
 mod tests {
     use super::*;
     use weaver_scene::Gaussians;
+
+    /// promise: the last gradient counts with its weight beside Adam's mean, in every column with its own rate; at 0 steps are Adam's.
+    #[test]
+    fn the_last_gradient_counts() {
+        const COUNT: usize = 5000;
+        let gradient = |step: u64, i: usize| ((step as usize * 31 + i * 17) % 13) as f32 - 6.0;
+        let columns = [0.5, 0.25, 0.125];
+        for weight in [0.0, 0.5] {
+            let mut field = Field::new(vec![1.0; 3 * COUNT], 3);
+            let mut twin = vec![[1.0_f64, 0.0, 0.0]; 3 * COUNT];
+            for step in 1..=5 {
+                let gradients: Vec<f32> = (0..3 * COUNT).map(|i| gradient(step, i)).collect();
+                let Field { values, first, second, .. } = &mut field;
+                adam(1.0).step_columns(step, values, &gradients, first, second, &columns);
+                follow_last(step, &mut field, &gradients, &columns, weight);
+                for (i, [x, m, v]) in twin.iter_mut().enumerate() {
+                    let g = f64::from(gradient(step, i));
+                    (*m, *v) = (0.9 * *m + 0.1 * g, 0.999 * *v + 0.001 * g * g);
+                    let mean = *m / (1.0 - 0.9_f64.powi(step as i32));
+                    let root = (*v / (1.0 - 0.999_f64.powi(step as i32))).sqrt();
+                    *x -= f64::from(columns[i % 3]) * (mean + f64::from(weight) * g) / (root + 1e-15);
+                }
+            }
+            let off =
+                field.values.iter().zip(&twin).map(|(x, [twin, ..])| (f64::from(*x) - twin).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-4, "weight {weight}: {off}");
+        }
+    }
 
     /// promise: as many Gaussians are dropped as said, the mean opacity stays, and gradients of logits are those of what is drawn.
     #[test]

@@ -121,6 +121,10 @@ pub struct Rates {
     /// Factor on the rates of shapes, opacities and colors at the end; over the last fifth of the run their logarithm is linear.
     #[serde(default = "constant")]
     pub end: f64,
+    /// Weight of the last gradient beside Adam's running mean of the gradients, 0 to 1 (quasi-hyperbolic momentum, Ma and Yarats, 2019): steps are
+    /// `rate (m + last g) / sqrt(v)`. It pays in short runs on few photos; in long ones on many it costs.
+    #[serde(default)]
+    pub last: f64,
 }
 
 /// Value in settings that are older than the key.
@@ -147,6 +151,7 @@ impl Default for Rates {
             exposure_rest: exposure_rest(),
             power: 0.5,
             end: 0.1,
+            last: 0.0,
         }
     }
 }
@@ -304,6 +309,7 @@ impl FitSettings {
             ("poses.rate_end", self.poses.rate_end),
             ("rates.means_end", self.rates.means_end),
             ("rates.end", self.rates.end),
+            ("rates.last", self.rates.last),
             ("background", f64::from(self.background[0])),
             ("background", f64::from(self.background[1])),
             ("background", f64::from(self.background[2])),

@@ -55,9 +55,9 @@ fn meshes_are_measured_as_benchmarks_do() {
     let positions = square(20.0, 0.0).sample(100.0, 1);
     let cloud = PointCloud { colors: vec![[0; 3]; positions.len()], positions };
     weaver_io::ply::write_points(folder.path().join("scan.ply"), &cloud).unwrap();
-    let run = |mesh: &weaver_mesh::Mesh, measure: &str| {
+    let run = |mesh: &weaver_mesh::Mesh, benchmark: &str| {
         write_triangles(at("mesh.ply"), &mesh.vertices, &[], &mesh.triangles).unwrap();
-        let words = ["eval-mesh", &at("mesh.ply"), &at("scan.ply"), "--measure", measure, "--json"];
+        let words = ["eval-mesh", &at("mesh.ply"), &at("scan.ply"), "--benchmark", benchmark, "--json"];
         let (mut out, mut notes) = (Vec::new(), Vec::new());
         let done = eval_mesh(&EvalLine::parse_from(words).line, &mut Console::new(&mut out, &mut notes, false));
         done.map(|()| serde_json::from_slice::<serde_json::Value>(&out).unwrap()).map_err(|failure| match failure {
