@@ -145,8 +145,11 @@ impl Gradients {
     }
 }
 
-/// Goes on from a step of Adam by the last gradient alone, over the root of the running mean square: `weight rate g / sqrt(v)`, each column with a rate of
-/// its own.
+/// The last gradient over the root of the running mean square, at most: of a Gaussian that is new or seldom seen it can be ten and more, and
+/// would throw it away.
+const LARGEST: f32 = 1.5;
+
+/// Goes on from a step of Adam by the last gradient alone: `weight rate clamp(g / sqrt(v))`, each column with a rate of its own.
 fn follow_last(step: u64, field: &mut Field, gradient: &[f32], columns: &[f32], weight: f32) {
     if weight == 0.0 {
         return;
@@ -159,7 +162,7 @@ fn follow_last(step: u64, field: &mut Field, gradient: &[f32], columns: &[f32], 
         let slopes = second[from..].iter().zip(&gradient[from..]);
         let rates = columns.iter().cycle().skip(from % columns.len());
         values.iter_mut().zip(slopes).zip(rates).for_each(|((x, (v, g)), rate)| {
-            *x -= weight * rate * g / ((v * over).sqrt() + eps);
+            *x -= weight * rate * (g / ((v * over).sqrt() + eps)).clamp(-LARGEST, LARGEST);
         });
     });
 }
@@ -193,7 +196,8 @@ mod tests {
                     (*m, *v) = (0.9 * *m + 0.1 * g, 0.999 * *v + 0.001 * g * g);
                     let mean = *m / (1.0 - 0.9_f64.powi(step as i32));
                     let root = (*v / (1.0 - 0.999_f64.powi(step as i32))).sqrt();
-                    *x -= f64::from(columns[i % 3]) * (mean + f64::from(weight) * g) / (root + 1e-15);
+                    let last = (g / (root + 1e-15)).clamp(-1.5, 1.5);
+                    *x -= f64::from(columns[i % 3]) * (mean / (root + 1e-15) + f64::from(weight) * last);
                 }
             }
             let off =

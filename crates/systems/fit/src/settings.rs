@@ -122,7 +122,8 @@ pub struct Rates {
     #[serde(default = "constant")]
     pub end: f64,
     /// Weight of the last gradient beside Adam's running mean of the gradients, 0 to 1 (quasi-hyperbolic momentum, Ma and Yarats, 2019): steps are
-    /// `rate (m + last g) / sqrt(v)`. It pays in short runs on few photos; in long ones on many it costs.
+    /// `rate (m / sqrt(v) + last g / sqrt(v))`, the latter quotient at most 1.5. It pays in short runs on few photos; in long ones on many it
+    /// costs.
     #[serde(default)]
     pub last: f64,
 }
