@@ -282,8 +282,8 @@ impl Place {
         let weights = [regularizer.opacity, regularizer.scale];
         let loss = Loss::Fit(self.settings.ssim_weight);
         self.mse = drawer.gradients(&self.population, shot, loss, weights, wanted, &mut self.gradients);
-        for kind in 0..6 {
-            let (gradients, width) = (&self.gradients[kind], WIDTHS[kind]);
+        for (kind, width) in WIDTHS.into_iter().enumerate() {
+            let gradients = &self.gradients[kind];
             let (field, from) = field(&mut self.population, kind);
             let all = field.width();
             for (n, row) in gradients.chunks_exact(width).enumerate() {
