@@ -11,7 +11,7 @@ pub struct Benchmark {
     pub spacing: f64,
     /// Distance from which on points are no errors of a surface, but something else.
     pub far: f64,
-    /// How far the box that is judged reaches beyond the reference, toward smaller and toward larger coordinates.
+    /// Reach of the box that is judged beyond the reference, toward smaller and toward larger coordinates.
     pub beyond: [f64; 2],
 }
 

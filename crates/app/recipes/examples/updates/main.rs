@@ -28,7 +28,7 @@ const BUDGET: f64 = 0.3;
 /// Steps that are judged.
 const JUDGED: [usize; 5] = [16, 32, 60, 150, 300];
 
-/// What is left out.
+/// Parts that are left out.
 #[derive(Clone, Copy, Debug, Default)]
 struct Variant {
     without: Without,

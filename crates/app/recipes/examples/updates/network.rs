@@ -70,7 +70,7 @@ impl Network {
     }
 }
 
-/// What a step sees of its Gaussians.
+/// Numbers that a step sees of its Gaussians.
 #[derive(Debug, Default)]
 pub struct Seen {
     /// `[N, FEATURES]`.
@@ -81,7 +81,7 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// What there is to see after a look.
+    /// Numbers that there are to see after a look.
     pub fn of(place: &mut Place, without: &Without) -> Self {
         if !without.neighbors {
             place.search();

@@ -43,7 +43,7 @@ pub fn shots(photos: Photos<'_>, cameras: &[Camera]) -> Vec<Shot> {
         .collect()
 }
 
-/// What a drawn view is compared with its photo by.
+/// Loss between a drawn view and its photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Loss {
     /// L1 and SSIM, as in a fit.
