@@ -362,6 +362,20 @@ mod tests {
     use super::*;
 
     /// Short runs go in longer steps and long ones in the same.
+    /// promise: rates of shapes, opacities and colors stay for four fifths of a run and end at their part; those of means have a fall of their own.
+    #[test]
+    fn rates_fall_at_the_end() {
+        let rates = Rates { end: 0.1, ..Rates::default() };
+        for (fraction, factor) in [(0.0, 1.0), (0.8, 1.0), (0.9, 0.1_f64.sqrt()), (1.0, 0.1)] {
+            let now = rates.at(fraction);
+            for (now, before) in [(now.scales, rates.scales), (now.opacities, rates.opacities), (now.sh, rates.sh)] {
+                assert!((now / before - factor).abs() < 1e-9, "{fraction}: {now}");
+            }
+            assert_eq!(now.means, rates.means);
+        }
+        assert_eq!(Rates { end: 1.0, ..rates.clone() }.at(1.0).sh, rates.sh);
+    }
+
     #[test]
     fn short_runs_go_in_longer_steps() {
         let rates = Rates::default();
