@@ -2,6 +2,7 @@
 
 use crate::forms::opacity;
 use crate::{Color, GaussianSlices, Gaussians};
+use weaver_geometry::{glam::DVec3, sh};
 
 /// Gaussians in activated form: standard deviations instead of their logarithms, opacities instead of logits. `N` is the
 /// number of Gaussians.
@@ -34,6 +35,29 @@ impl ActivatedGaussians {
     /// True if there are no Gaussians.
     pub fn is_empty(&self) -> bool {
         self.opacities.is_empty()
+    }
+
+    /// The color of each Gaussian as it is seen from a place, `[N, 3]`: `max(0, 1/2 + Σ h Y)`, sRGB.
+    ///
+    /// ```
+    /// use weaver_geometry::glam::DVec3;
+    /// use weaver_scene::{ActivatedGaussians, forms::harmonic};
+    /// let gaussians = ActivatedGaussians { means: vec![0.0, 0.0, 2.0], sh: [0.2, 0.4, 0.6].map(harmonic).to_vec(), ..Default::default() };
+    /// let [r, g, b] = gaussians.colors_from(DVec3::ZERO)[0];
+    /// assert!((r - 0.2).abs() < 1e-6 && (g - 0.4).abs() < 1e-6 && (b - 0.6).abs() < 1e-6);
+    /// ```
+    pub fn colors_from(&self, eye: DVec3) -> Vec<[f64; 3]> {
+        let rows = self.means.chunks_exact(3).zip(self.sh.chunks_exact(3 * sh::coefficients(self.degree)));
+        let of = |(mean, row): (&[f32], &[f32])| {
+            let [x, y, z] = [0, 1, 2].map(|axis| f64::from(mean[axis]) - eye[axis]);
+            let length = (x * x + y * y + z * z).sqrt().max(f64::MIN_POSITIVE);
+            let basis = sh::basis(self.degree, [x / length, y / length, z / length], |c| c);
+            [0, 1, 2].map(|channel| {
+                let sum: f64 = row.iter().skip(channel).step_by(3).zip(basis).map(|(h, b)| f64::from(*h) * b).sum();
+                (0.5 + sum).max(0.0)
+            })
+        };
+        rows.map(of).collect()
     }
 
     /// The Gaussians in the form that a rasterizer takes, without features.

@@ -1,7 +1,7 @@
 //! What Gaussians do to pictures: weights, squared gradients, sensitivities.
 
 use crate::{CompressError, Pictures};
-use weaver_geometry::{Camera, sh};
+use weaver_geometry::Camera;
 use weaver_scene::{ActivatedGaussians, CameraRows, Gaussians};
 use weaver_splat::{
     BlendWeights, Cotangents, CpuRasterizer, Gradients, Images, Rasterizer, Target, Workspace, rasterize,
@@ -110,20 +110,7 @@ fn each_view(
 
 /// The sum of the channels of each Gaussian's color as a camera sees it, `[N]`.
 fn brightness(gaussians: &ActivatedGaussians, camera: &Camera) -> Vec<f64> {
-    let eye = camera.pose.center();
-    let width = 3 * sh::coefficients(gaussians.degree);
-    let rows = gaussians.means.chunks_exact(3).zip(gaussians.sh.chunks_exact(width));
-    let of = |(mean, row): (&[f32], &[f32])| {
-        let [x, y, z] = [0, 1, 2].map(|axis| f64::from(mean[axis]) - eye[axis]);
-        let length = (x * x + y * y + z * z).sqrt().max(f64::MIN_POSITIVE);
-        let basis = sh::basis(gaussians.degree, [x / length, y / length, z / length], |c| c);
-        let channel = |c: usize| {
-            let sum: f64 = row.iter().skip(c).step_by(3).zip(basis).map(|(h, b)| f64::from(*h) * b).sum();
-            (0.5 + sum).max(0.0)
-        };
-        channel(0) + channel(1) + channel(2)
-    };
-    rows.map(of).collect()
+    gaussians.colors_from(camera.pose.center()).into_iter().map(|[r, g, b]| r + g + b).collect()
 }
 
 #[cfg(test)]

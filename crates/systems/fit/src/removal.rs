@@ -3,7 +3,7 @@
 use crate::FitError;
 use crate::fit::Fit;
 use crate::strategy::Moment;
-use weaver_geometry::{Camera, sh};
+use weaver_geometry::Camera;
 use weaver_scene::{ActivatedGaussians, CameraRows};
 use weaver_splat::{BlendWeights, Images, RasterError, Workspace, rasterize};
 
@@ -55,7 +55,7 @@ impl Fit {
         for camera in cameras {
             drawing.draw(&scene, camera)?;
             let weights = BlendWeights::of(&drawing.workspace)?;
-            let colors = colors(&scene, &camera);
+            let colors = scene.colors_from(camera.pose.center());
             for pixel in 0..weights.pixels() {
                 hits.clear();
                 let mut transmittance = 1.0_f32;
@@ -67,7 +67,7 @@ impl Fit {
                 let mut behind = self.settings.background;
                 for &(gaussian, weight, transmittance) in hits.iter().rev() {
                     let alpha = if transmittance > 0.0 { weight / transmittance } else { 0.0 };
-                    for (behind, own) in behind.iter_mut().zip(colors[gaussian]) {
+                    for (behind, own) in behind.iter_mut().zip(colors[gaussian].map(|x| x as f32)) {
                         costs[gaussian] += f64::from(weight * (own - *behind)).powi(2);
                         *behind += alpha * (own - *behind);
                     }
@@ -114,21 +114,4 @@ fn is_due(from: f64, step: usize, steps: usize) -> bool {
     let begin = (from * steps as f64).ceil() as usize;
     let every = (steps.saturating_sub(begin) / 2 / ROUNDS).max(1);
     step.checked_sub(begin).is_some_and(|at| at.is_multiple_of(every) && at / every < ROUNDS)
-}
-
-/// The color of each Gaussian as a camera sees it, `[N]`.
-fn colors(gaussians: &ActivatedGaussians, camera: &Camera) -> Vec<[f32; 3]> {
-    let eye = camera.pose.center();
-    let width = 3 * sh::coefficients(gaussians.degree);
-    let rows = gaussians.means.chunks_exact(3).zip(gaussians.sh.chunks_exact(width));
-    let of = |(mean, row): (&[f32], &[f32])| {
-        let [x, y, z] = [0, 1, 2].map(|axis| f64::from(mean[axis]) - eye[axis]);
-        let length = (x * x + y * y + z * z).sqrt().max(f64::MIN_POSITIVE);
-        let basis = sh::basis(gaussians.degree, [x / length, y / length, z / length], |c| c);
-        [0, 1, 2].map(|channel| {
-            let sum: f64 = row.iter().skip(channel).step_by(3).zip(basis).map(|(h, b)| f64::from(*h) * b).sum();
-            (0.5 + sum).max(0.0) as f32
-        })
-    };
-    rows.map(of).collect()
 }
