@@ -122,7 +122,9 @@ impl Features {
         }
         let mut ranked = vec![0; extrema.len()];
         extrema.iter().enumerate().for_each(|(i, e)| ranked[e.rank] = i);
-        let mut features = Self::default();
+        let count = found.iter().map(Vec::len).sum::<usize>().min(most);
+        let mut features =
+            Self { keypoints: Vec::with_capacity(count), descriptors: Vec::with_capacity(DESCRIPTOR * count) };
         for (keypoint, descriptor) in ranked.into_iter().flat_map(|i| &found[i]).take(most) {
             features.keypoints.push(*keypoint);
             features.descriptors.extend(descriptor);

@@ -80,8 +80,12 @@ impl Pixels {
         let at = |photo: usize, keypoint: usize| {
             cameras[photo].intrinsics.unproject(features[photo].keypoints[keypoint].pixel, 1.0).truncate()
         };
-        let matches: Vec<[DVec2; 2]> =
-            found.iter().take(CLEAREST).map(|m| [at(*a, m.first), at(*b, m.second)]).collect();
+        let matches: Vec<[DVec2; 2]> = found
+            .iter()
+            .take(CLEAREST)
+            .map(Match::numbers)
+            .map(|[first, second]| [at(*a, first), at(*b, second)])
+            .collect();
         let middle = |mut of: Vec<f64>| {
             of.sort_by(f64::total_cmp);
             of.get(of.len() / 2).copied().unwrap_or(0.0)

@@ -33,6 +33,7 @@ mod refine;
 mod retrieval;
 mod scale_space;
 mod search;
+mod ties;
 mod tracks;
 mod triangulation;
 mod two_view;

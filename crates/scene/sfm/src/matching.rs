@@ -18,11 +18,18 @@ const STRANGERS: f32 = 0.3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Match {
     /// Number of the keypoint in the first photo.
-    pub first: usize,
+    pub first: u32,
     /// Number of the keypoint in the second photo.
-    pub second: usize,
+    pub second: u32,
     /// Distance over that to the second best keypoint; the smaller, the less is it to be mistaken.
     pub ratio: f32,
+}
+
+impl Match {
+    /// The numbers of the keypoints in the first photo and in the second.
+    pub fn numbers(&self) -> [usize; 2] {
+        [self.first as usize, self.second as usize]
+    }
 }
 
 /// The pairs of keypoints that are each other's best, and in the second photo clearly better than all others (distance
@@ -79,9 +86,11 @@ fn mutual(best: &[TopTwo], mut of_second: Vec<u32>) -> Vec<Match> {
         *most = u32::MAX;
         let ratio = distance(similarity(top.first)) / distance(similarity(top.second).max(STRANGERS));
         if ratio < RATIO {
-            matches.push(Match { first, second: top.column as usize, ratio });
+            matches.push(Match { first: first as u32, second: top.column, ratio });
         }
     }
     matches.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
+    // Of a thousand photos, room that is not used is some of all that there is.
+    matches.shrink_to_fit();
     matches
 }

@@ -14,8 +14,6 @@ const CLEAREST: usize = 200;
 const TURNED: f64 = 0.95;
 /// Matches of a pair that is certain.
 const CERTAIN: usize = 20;
-/// The share of the matches of a pair that must agree for it not to be chance.
-const TIED: f64 = 0.35;
 /// Fewer matches than this may be chance.
 const FEWEST: usize = 12;
 
@@ -52,24 +50,6 @@ impl Pairs {
         self.matched.iter_mut().for_each(|(photos, _)| *photos = photos.map(|p| numbers[p]));
         self.posed.iter_mut().for_each(|pair| pair.photos = pair.photos.map(|p| numbers[p]));
         self
-    }
-}
-
-impl Pairs {
-    /// The photos with a place that no chain of pairs ties to most of the others, but for those that may be chance.
-    pub fn untied(&self, placed: &[bool]) -> Vec<usize> {
-        let mut group: Vec<usize> = (0..placed.len()).collect();
-        for [a, b] in self.posed.iter().filter(|pair| pair.certain(TIED)).map(|pair| pair.photos) {
-            let [from, to] = [group[a], group[b]];
-            if placed[a] && placed[b] {
-                group.iter_mut().filter(|group| **group == from).for_each(|group| *group = to);
-            }
-        }
-        let photos = || (0..placed.len()).filter(|photo| placed[*photo]);
-        let size = |of: usize| photos().filter(|photo| group[*photo] == of).count();
-        // The first of the largest groups.
-        let largest = photos().map(|photo| group[photo]).rev().max_by_key(|of| size(*of));
-        photos().filter(|photo| Some(group[*photo]) != largest).collect()
     }
 }
 
@@ -128,7 +108,8 @@ fn pose(
     let ray = |photo: usize, keypoint: usize| -> DVec2 {
         cameras[photo].intrinsics.unproject(features[photo].keypoints[keypoint].pixel, 1.0).truncate()
     };
-    let rays: Vec<[DVec2; 2]> = found.iter().map(|m| [ray(a, m.first), ray(b, m.second)]).collect();
+    let rays: Vec<[DVec2; 2]> =
+        (found.iter().map(Match::numbers)).map(|[first, second]| [ray(a, first), ray(b, second)]).collect();
     let tau = tau * 2.0 / (cameras[a].intrinsics.fx + cameras[b].intrinsics.fx);
     let apart = two_view(&rays[..rays.len().min(CLEAREST)], tau).and_then(|TwoView { pose, rival, .. }| {
         let TwoView { pose, inliers, depths, score, parallax, .. } = judge(pose, &rays, tau)?;
@@ -193,36 +174,6 @@ mod tests {
         });
         let found = (0..80).map(|i| Match { first: i, second: i, ratio: 0.5 }).collect();
         posed(&[first, second], &[camera; 2], &[([0, 1], found)], 0.5).pop()
-    }
-
-    /// Photos that only chance ties to the others are told.
-    #[test]
-    fn photos_tied_by_chance_are_named() {
-        let tie = |photos: [usize; 2], count: usize, share: f64| Pair {
-            photos,
-            pose: Pose::IDENTITY,
-            rival: None,
-            inverse_depths: vec![1.0; count],
-            parallax: 0.1,
-            score: 1.0,
-            turned: 0.0,
-            share,
-            matches: (0..count).map(|i| Match { first: i, second: i, ratio: 0.5 }).collect(),
-        };
-        let posed = vec![
-            tie([0, 1], 100, 0.9),
-            tie([1, 2], 100, 0.9),
-            tie([3, 4], 100, 0.9),
-            tie([2, 3], CERTAIN - 1, 0.9),
-            tie([1, 4], 100, 0.9 * TIED),
-            tie([2, 5], 100, 0.9),
-            tie([4, 5], 100, 0.9),
-        ];
-        let untied = |placed: [bool; 6]| Pairs { matched: Vec::new(), posed: posed.clone() }.untied(&placed);
-        assert_eq!(untied([true, true, true, true, true, false]), [3, 4], "5 has no place and ties nothing");
-        assert_eq!(untied([true; 6]), [0; 0]);
-        assert_eq!(untied([false, false, true, true, false, false]), [3], "of two the second");
-        assert_eq!(untied([false; 6]), [0; 0]);
     }
 
     #[test]

@@ -141,7 +141,10 @@ fn paired(bundle: &Bundle, features: &[Features], near: &[[usize; 2]], pass: &Pa
             let epipolar = Epipolar::new(&from, &to, pass.farthest * sharpest(&to));
             let (first, second) = (&features[*a], &features[*b]);
             *found = (pass.find)(first, second, &epipolar);
-            found.retain(|m| epipolar.allows(first.keypoints[m.first].pixel, second.keypoints[m.second].pixel));
+            found.retain(|m| {
+                let [a, b] = m.numbers();
+                epipolar.allows(first.keypoints[a].pixel, second.keypoints[b].pixel)
+            });
         }
     });
     pairs

@@ -5,6 +5,8 @@ mod resection;
 use crate::bundle::{Bundle, Lens, Observation};
 use crate::epipolar::Epipolar;
 use crate::evidence::{Evidence, FITS, STEPS, Trust};
+use crate::features::Features;
+use crate::matching::Match;
 use crate::pairs::Pair;
 use crate::passes::sharpest;
 use resection::{Sight, resected};
@@ -126,7 +128,7 @@ pub(crate) fn tally(
     let camera = |i: usize| if i == photo { here } else { bundle.camera(i) };
     let with = |pair: &&Pair| pair.photos.contains(&photo) && pair.photos.iter().any(|p| *p != photo && placed[*p]);
     evidence.pairs.iter().filter(with).fold([0, 0], |[agree, all], pair| {
-        [agree + agreeing(evidence, pair, &pair.photos.map(camera)), all + pair.matches.len()]
+        [agree + agreeing(evidence.features, pair, &pair.photos.map(camera)), all + pair.matches.len()]
     })
 }
 
@@ -148,7 +150,8 @@ fn suggested(
     let camera: &Camera = &bundle.cameras[other];
     let mut ratios = Vec::new();
     for (m, inverse_depth) in pair.matches.iter().zip(&pair.inverse_depths) {
-        let keypoint = if second { m.first } else { m.second };
+        let [of_first, of_second] = m.numbers();
+        let keypoint = if second { of_first } else { of_second };
         let pixel = evidence.features[other].keypoints[keypoint].pixel;
         let first = seen_by_other.partition_point(|o| by_pixel(o.pixel, pixel).is_lt());
         let Some(o) = seen_by_other.get(first).filter(|o| o.pixel == pixel) else { continue };
@@ -158,7 +161,7 @@ fn suggested(
         } else {
             let first = bundle.cameras[photo]
                 .intrinsics
-                .unproject(evidence.features[photo].keypoints[m.first].pixel, 1.0 / inverse_depth);
+                .unproject(evidence.features[photo].keypoints[of_first].pixel, 1.0 / inverse_depth);
             pair.pose.apply(first).z
         };
         ratios.push(depth / here);
@@ -171,8 +174,9 @@ fn suggested(
 }
 
 /// Number of matches of a pair that lie on the epipolar lines of two cameras.
-pub(crate) fn agreeing(evidence: &Evidence<'_>, pair: &Pair, [first, second]: &[Camera; 2]) -> usize {
-    let [a, b] = pair.photos.map(|photo| &evidence.features[photo].keypoints);
+pub(crate) fn agreeing(features: &[Features], pair: &Pair, [first, second]: &[Camera; 2]) -> usize {
+    let [a, b] = pair.photos.map(|photo| &features[photo].keypoints);
     let epipolar = Epipolar::new(first, second, FITS * sharpest(second));
-    pair.matches.iter().filter(|m| epipolar.allows(a[m.first].pixel, b[m.second].pixel)).count()
+    let numbers = pair.matches.iter().map(Match::numbers);
+    numbers.filter(|[first, second]| epipolar.allows(a[*first].pixel, b[*second].pixel)).count()
 }

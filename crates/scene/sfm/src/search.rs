@@ -11,7 +11,9 @@ use crate::grow::{Grown, MANY, beginnings};
 use crate::lenses::{Taken, USUAL, tau};
 use crate::pairs::{self, Pair, Pairs, linked};
 use crate::photo::{EstimateOptions, Photo};
+use crate::place::agreeing;
 use crate::retrieval::candidates;
+use crate::ties::untied;
 
 /// Points that a photo with a camera must see at least.
 const LEAST_SEEN: usize = 25;
@@ -43,7 +45,7 @@ pub(crate) struct Scene {
     pub pairs: Pairs,
     /// Explained part of the best explanation that is different, over that of the one that was taken.
     pub rival: f64,
-    /// Photos that only what may be chance ties to the rest.
+    /// Photos that only what may be chance ties to the rest, or whose place matches with the rest contradict.
     pub untied: Vec<usize>,
 }
 
@@ -87,7 +89,8 @@ impl<'a> Search<'a> {
         placed.iter_mut().zip(bundle.seen()).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
         bundle.observations.retain(|o| placed[o.camera]);
         bundle.finish();
-        let untied = self.pairs.untied(&placed);
+        let agreeing = |pair: &Pair| agreeing(self.features, pair, &pair.photos.map(|photo| bundle.camera(photo)));
+        let untied = untied(&self.pairs.posed, &placed, agreeing);
         Scene { found: Some((bundle, placed)), pairs: self.pairs, rival, untied }
     }
 

@@ -24,7 +24,7 @@ pub(crate) fn joined<'a>(counts: &[usize], pairs: impl Iterator<Item = ([usize; 
     counts.iter().for_each(|n| first.push(first[first.len() - 1] + n));
     let mut links: Vec<(f32, u32, u32)> = Vec::new();
     for ([a, b], matches) in pairs {
-        let link = |m: &Match| (m.ratio, (first[a] + m.first) as u32, (first[b] + m.second) as u32);
+        let link = |m: &Match| (m.ratio, first[a] as u32 + m.first, first[b] as u32 + m.second);
         links.extend(matches.iter().map(link));
     }
     links.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));

@@ -6,6 +6,7 @@ mod tests;
 use super::{BEGINNINGS, CERTAIN, GROWN_APART, Search};
 use crate::bundle::Bundle;
 use crate::evidence::{Evidence, Trust};
+use crate::features::Features;
 use crate::grow::{Grown, beginnings};
 use crate::lenses::tau;
 use crate::pairs::{self, Pair, linked};
@@ -109,7 +110,7 @@ impl Search<'_> {
     fn explains(&self, grown: &Grown, certain: &[Pair]) -> bool {
         let [mut agree, mut all] = [0, 0];
         for pair in certain.iter().filter(|pair| pair.photos.iter().all(|photo| grown.placed[*photo])) {
-            agree += grown.agreeing(&self.evidence(certain, &[], &[]), pair);
+            agree += grown.agreeing(self.features, pair);
             all += pair.matches.len();
         }
         let part = |of: usize, all: usize| of as f64 >= NEARLY_ALL * all as f64;
@@ -128,7 +129,7 @@ impl Search<'_> {
             // What contradicts the scene is chance: it tells nothing of the rest.
             let fits = |pair: &&Pair| {
                 pair.photos.iter().any(|photo| !grown.placed[*photo])
-                    || grown.agreeing(&evidence, pair) as f64 >= FITTING * pair.matches.len() as f64
+                    || grown.agreeing(features, pair) as f64 >= FITTING * pair.matches.len() as f64
             };
             let fitting: Vec<Pair> = posed.iter().filter(fits).cloned().collect();
             let tracks = linked(features, &fitting);
@@ -187,8 +188,8 @@ impl Ranked {
 
 impl Grown {
     /// Number of matches of a pair that agree with its cameras.
-    fn agreeing(&self, evidence: &Evidence<'_>, pair: &Pair) -> usize {
-        agreeing(evidence, pair, &pair.photos.map(|photo| self.bundle.camera(photo)))
+    fn agreeing(&self, features: &[Features], pair: &Pair) -> usize {
+        agreeing(features, pair, &pair.photos.map(|photo| self.bundle.camera(photo)))
     }
 
     /// Explained part of each photo, of as many points as there should be.

@@ -53,8 +53,9 @@ fn keypoints_are_found_again_in_a_turned_photo() {
     };
     let (first, second) = (photo(&texture), photo(&|p| 0.1 + 0.7 * texture(there(p))));
     let found = matches(&second, &first);
-    let right =
-        found.iter().filter(|m| there(second.keypoints[m.first].pixel).distance(first.keypoints[m.second].pixel) < 1.0);
+    let right = found.iter().filter(|m| {
+        there(second.keypoints[m.first as usize].pixel).distance(first.keypoints[m.second as usize].pixel) < 1.0
+    });
     let right = right.count();
     assert!(right > 40 && 20 * right > 19 * found.len(), "{right} of {} matches are right", found.len());
 }
@@ -149,7 +150,7 @@ fn places_do_not_move_with_magnification() {
     for (zoom, size) in [(1.0, [400, 300]), (1.5, [450, 600]), (2.0, [600, 800]), (3.0, [900, 1200]), (0.7, [210, 280])]
     {
         let second = photo(zoom, size);
-        let off = |m: Match| second.keypoints[m.second].pixel / zoom - first.keypoints[m.first].pixel;
+        let off = |m: Match| second.keypoints[m.second as usize].pixel / zoom - first.keypoints[m.first as usize].pixel;
         let found: Vec<DVec2> =
             matches(&first, &second).into_iter().map(off).filter(|off| off.length() < 0.7).collect();
         let mean = found.iter().sum::<DVec2>() / found.len() as f64;
@@ -202,7 +203,7 @@ fn slow(first: &Features, second: &Features, allows: impl Fn(DVec2, DVec2) -> bo
         // Of two that are as similar to the same, the first is taken.
         let mutual = best(&|i| similarity(i, j), n)?.1 == s && !std::mem::replace(&mut taken[j], true);
         let ratio = distance(s) / distance(next);
-        (mutual && ratio < 0.85).then_some(Match { first: i, second: j, ratio })
+        (mutual && ratio < 0.85).then_some(Match { first: i as u32, second: j as u32, ratio })
     });
     let mut found: Vec<Match> = found.collect();
     found.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));

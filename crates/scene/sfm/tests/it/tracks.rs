@@ -7,7 +7,7 @@ proptest! {
     /// Whatever is matched, a track holds a photo once, every keypoint is in one track at most, and the order in which pairs
     /// come does not count.
     #[test]
-    fn hold_a_photo_once(found in proptest::collection::vec((0..4usize, 0..4usize, 0..6usize, 0..6usize, 0.0..1.0f32), 0..60)) {
+    fn hold_a_photo_once(found in proptest::collection::vec((0..4usize, 0..4usize, 0..6u32, 0..6u32, 0.0..1.0f32), 0..60)) {
         let mut pairs: Vec<([usize; 2], Vec<Match>)> = (found.iter())
             .filter(|(a, b, ..)| a < b)
             .map(|(a, b, first, second, ratio)| ([*a, *b], vec![Match { first: *first, second: *second, ratio: *ratio }]))
