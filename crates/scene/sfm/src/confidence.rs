@@ -24,7 +24,7 @@ pub enum Confidence {
     Inexact,
     /// The focal length is not known, and two photos hardly tell it.
     Guessed,
-    /// Parts of the scene have too little in common to tell how they stand to each other.
+    /// Parts of the scene have too little in common to tell how they stand to each other, or matches contradict it.
     Untied,
     /// The focal length may be more than 5 % off.
     LooseFocal,

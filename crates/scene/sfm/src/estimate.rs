@@ -50,7 +50,8 @@ pub struct Estimate {
     pub uncertainty: Option<Uncertainty>,
     /// Explained part of the best explanation with other rotations, over that of the one that was taken: 0 if none was met.
     pub rival: f64,
-    /// Photos with a camera that only matches which may be chance tie to most of the others.
+    /// Photos with a camera that only matches which may be chance tie to most of the others; where there are none, the part of the scene
+    /// of whose place there is most doubt, if more than half as many matches contradict it as hold it.
     pub untied: Vec<usize>,
     /// Ratio of focal lengths to what they were told, by the lens of which that is farthest from 1; 1 where none was.
     pub focal_factor: f64,
