@@ -4,6 +4,10 @@
 //! it is therefore hidden in this photo by something else, and is left out of it; a place that all photos show badly is only fine or
 //! shiny, and stays. Sources of the idea that residuals tell transients: RobustNeRF (Sabour et al., 2023), SpotLessSplats (2024); the
 //! comparison with the other photos' residuals at the same place is our own, and needs no trained features.
+//!
+//! Residuals of a place that is seen are taken to be distributed exponentially, with the mean that the photos have there, and those of a
+//! thing before it with a mean of their own. The logarithm of the ratio of both is the evidence of a pixel. One pixel says little, since
+//! things resemble what they hide in places: regions are found in the mean of the evidence around each pixel.
 
 use std::borrow::Cow;
 use weaver_geometry::Camera;
@@ -14,16 +18,24 @@ use weaver_scene::Photo;
 pub(crate) const MOMENTS: [f64; 6] = [0.15, 0.25, 0.35, 0.45, 0.55, 0.65];
 /// Photos that a photo is compared with: the nearest.
 const NEIGHBORS: usize = 12;
-/// Fewer photos that see a place say nothing about it.
+/// Fewer other photos say nothing about a photo.
 pub(crate) const LEAST_OTHERS: usize = 3;
 /// Largest difference of depths, relative, at which two photos are taken to show the same place.
 const SAME_DEPTH: f64 = 0.1;
-/// A hidden region begins where a residual is so large, and so many times that of the other photos ...
-const STRONG: [f32; 2] = [0.12, 4.0];
-/// ... and goes on to neighbors where it is at least this.
-const WEAK: [f32; 2] = [0.06, 2.0];
-/// Residuals of others below this count as this: what is met better than noise says nothing.
-const NOISE: f32 = 0.02;
+/// Mean residual of a thing and what it hides: colors that have nothing to do with each other.
+const THING: f32 = 0.3;
+/// Mean residuals of a place below this count as this: what is met better than noise says nothing.
+const NOISE: f32 = 0.03;
+/// Bounds of the evidence of a pixel, so that none speaks for its whole surroundings.
+const BOUNDS: [f32; 2] = [-3.0, 4.0];
+/// Radius of the window that evidence is averaged over, as a part of the longest side.
+const RADIUS: f64 = 0.05;
+/// Pixels against a thing that each window is given beside its own, as a part of it: where little is known, nothing is hidden.
+const PRIOR: f32 = 0.2;
+/// Mean evidence above which a hidden region begins ...
+const STRONG: f32 = 0.5;
+/// ... and above which it goes on to neighbors.
+const WEAK: f32 = 0.0;
 /// Part of a photo below which a region is no thing.
 const LEAST_PART: f64 = 0.004;
 /// Part of a photo above which it is the whole photo that does not fit: that is not for a mask to say.
@@ -91,43 +103,71 @@ pub(crate) fn residuals(image: &[f32], photo: &Photo) -> Vec<f32> {
     (0..height).flat_map(|y| (0..width).map(move |x| (y, x))).map(mean).collect()
 }
 
-/// The cells of a photo that are hidden in it alone.
-pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64) -> Option<Transients> {
+/// The median residual of all photos where they show the scene.
+pub(crate) fn usual_residual(seen: &[Seen]) -> f32 {
+    median(seen.iter().flat_map(Seen::known).map(|(_, residual, _)| residual).collect(), 0.0)
+}
+
+/// The cells of a photo that are hidden in it alone; `usual` is the [`usual_residual`].
+pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64, usual: f32) -> Option<Transients> {
     let own = &seen[photo];
     let (width, height) = (own.camera.width, own.camera.height);
-    let distance = |other: &Seen| {
-        let (a, b) = (own.camera.pose, other.camera.pose);
-        a.center().distance(b.center()) / extent.max(f64::MIN_POSITIVE) + a.angle_to(&b)
-    };
-    let mut others: Vec<usize> = (0..seen.len()).filter(|other| *other != photo).collect();
-    others.sort_by(|a, b| distance(&seen[*a]).total_cmp(&distance(&seen[*b])).then(a.cmp(b)));
-    others.truncate(NEIGHBORS);
-
-    // How many times as large a residual is as elsewhere: 0 where that cannot be said.
-    let ratio = |at: usize| {
-        let (residual, depth) = (own.residuals[at], f64::from(own.depths[at]));
-        if residual.is_nan() || depth <= 0.0 {
-            return 0.0;
-        }
+    let others = nearest(photo, seen, extent);
+    // The mean residual of the photos that see a place, with that of all places as one more: some places nobody else sees.
+    let expected = |(at, residual, depth): (usize, f32, f64)| {
         let pixel = DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
         let point = own.camera.pose.inverse().apply(own.camera.intrinsics.unproject(pixel, depth));
-        let mut elsewhere: Vec<f32> = others.iter().filter_map(|other| seen[*other].residual_of(point)).collect();
-        if elsewhere.len() < LEAST_OTHERS {
-            return 0.0;
-        }
-        elsewhere.sort_unstable_by(f32::total_cmp);
-        residual / elsewhere[elsewhere.len() * 3 / 4].max(NOISE)
+        let elsewhere = others.iter().filter_map(|other| seen[*other].residual_of(point));
+        let (sum, count) = elsewhere.fold((usual, 1.0), |(sum, count), residual| (sum + residual, count + 1.0));
+        (at, residual, (sum / count).max(NOISE))
     };
-    let ratios: Vec<f32> = (0..width * height).map(ratio).collect();
+    let expected: Vec<(usize, f32, f32)> = own.known().map(expected).collect();
     // A photo that is met worse than its neighbors all over is judged by its own measure.
-    let mut known: Vec<f32> = ratios.iter().copied().filter(|ratio| *ratio > 0.0).collect();
-    known.sort_unstable_by(f32::total_cmp);
-    let usual = known.get(known.len() / 2).copied().unwrap_or(1.0).max(1.0);
-    let over = |at: usize, [least, times]: [f32; 2]| own.residuals[at] > least && ratios[at] > times * usual;
-    let mut hidden = vec![false; width * height];
-    let mut visited = vec![false; width * height];
-    for start in 0..width * height {
-        if visited[start] || !over(start, STRONG) {
+    let worse = median(expected.iter().map(|(_, residual, mean)| residual / mean).collect(), 1.0).max(1.0);
+    let mut evidence = vec![None; width * height];
+    for (at, residual, mean) in expected {
+        let mean = mean * worse;
+        let ratio = (mean / THING).ln() + residual * (1.0 / mean - 1.0 / THING);
+        evidence[at] = Some(ratio.clamp(BOUNDS[0], BOUNDS[1]));
+    }
+    let found = Transients { size: [width, height], hidden: regions(&averaged(&evidence, width), width) };
+    (found.part() > 0.0 && found.part() <= MOST_PART).then_some(found)
+}
+
+/// The photos that a photo is compared with.
+fn nearest(photo: usize, seen: &[Seen], extent: f64) -> Vec<usize> {
+    let pose = seen[photo].camera.pose;
+    let distance = |other: usize| {
+        let other = seen[other].camera.pose;
+        pose.center().distance(other.center()) / extent.max(f64::MIN_POSITIVE) + pose.angle_to(&other)
+    };
+    let mut others: Vec<usize> = (0..seen.len()).filter(|other| *other != photo).collect();
+    others.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b)));
+    others.truncate(NEIGHBORS);
+    others
+}
+
+/// The mean evidence around each pixel.
+fn averaged(evidence: &[Option<f32>], width: usize) -> Vec<f32> {
+    let height = evidence.len() / width;
+    let radius = (RADIUS * width.max(height) as f64).round() as usize;
+    let prior = PRIOR * ((2 * radius + 1) * (2 * radius + 1)) as f32;
+    let around = |i: usize, n: usize| i.saturating_sub(radius)..(i + radius + 1).min(n);
+    let mean = |at: usize| {
+        let window = around(at / width, height).flat_map(|y| around(at % width, width).map(move |x| y * width + x));
+        let known = window.filter_map(|at| evidence[at]);
+        let (sum, count) = known.fold((-prior, prior), |(sum, count), evidence| (sum + evidence, count + 1.0));
+        sum / count
+    };
+    (0..evidence.len()).map(mean).collect()
+}
+
+/// True where a region of evidence for a thing is large enough.
+fn regions(evidence: &[f32], width: usize) -> Vec<bool> {
+    let (pixels, height) = (evidence.len(), evidence.len() / width);
+    let (mut hidden, mut visited) = (vec![false; pixels], vec![false; pixels]);
+    for start in 0..pixels {
+        if visited[start] || evidence[start] <= STRONG {
             continue;
         }
         visited[start] = true;
@@ -135,21 +175,23 @@ pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64) -> Option<Transie
         while let Some(at) = region.get(next).copied() {
             next += 1;
             for neighbor in neighbors(at, width, height) {
-                if !visited[neighbor] && over(neighbor, WEAK) {
+                if !visited[neighbor] && evidence[neighbor] > WEAK {
                     visited[neighbor] = true;
                     region.push(neighbor);
                 }
             }
         }
-        if region.len() as f64 >= LEAST_PART * (width * height) as f64 {
+        if region.len() as f64 >= LEAST_PART * pixels as f64 {
             region.iter().for_each(|at| hidden[*at] = true);
         }
     }
-    // The rim of a thing is half of it.
-    let wide: Vec<bool> =
-        (0..width * height).map(|at| hidden[at] || neighbors(at, width, height).any(|n| hidden[n])).collect();
-    let found = Transients { size: [width, height], hidden: wide };
-    (found.part() > 0.0 && found.part() <= MOST_PART).then_some(found)
+    hidden
+}
+
+/// The median, or this of nothing.
+fn median(mut values: Vec<f32>, of_nothing: f32) -> f32 {
+    values.sort_unstable_by(f32::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(of_nothing)
 }
 
 /// The pixels beside a pixel, corners included.
@@ -160,6 +202,13 @@ fn neighbors(at: usize, width: usize, height: usize) -> impl Iterator<Item = usi
 }
 
 impl Seen {
+    /// The pixels that show the scene and count: place, residual and depth.
+    fn known(&self) -> impl Iterator<Item = (usize, f32, f64)> {
+        let all = self.residuals.iter().zip(&self.depths).enumerate();
+        let known = all.filter(|(_, (residual, depth))| !residual.is_nan() && **depth > 0.0);
+        known.map(|(at, (residual, depth))| (at, *residual, f64::from(*depth)))
+    }
+
     /// The residual where a point is seen, if it is.
     fn residual_of(&self, point: weaver_geometry::glam::DVec3) -> Option<f32> {
         let seen = self.camera.pose.apply(point);

@@ -4,19 +4,22 @@
 //! `study 3000 5000,15000 0,1,2 DATA/fox,DATA/bonsai 'split={}' 'even={"even":true}'`
 //!
 //! Beside the keys of [`FitSettings`], settings may hold `views` (so many of the training photos, evenly spread), `by_photos` (background
-//! and dropout follow from the photos, as in the command), `planted` (a thing of its own before every so many photos), `dense` (Gaussians begin on surfaces that
+//! and dropout follow from the photos, as in the command), `planted` (a thing of its own before every so many photos), `kinds` (things of several kinds), `from` (the folder of
+//! the capture that things are cut from, where that is not its own), `known` (things are masked, as somebody who knows them would), `found` (1: what is found of the things is printed, 2: of each), `dense` (Gaussians begin on surfaces that
 //! photos agree about), `side` (the longest side of the photos that are fitted to, where that is not the size they are judged at), `looks` (so many times in a run the
 //! held-out photos are met, which is printed), and `even` (no density control, but
 //! all of the budget from the beginning: points that are too few are split evenly). A capture may end with `@SIDE`, the longest side of its photos.
+
+mod things;
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
+use things::Things;
 use weaver_data::posed::{self, PosedOptions, PosedPhoto, PosedPhotos};
 use weaver_fit::{ColorAgreement, Fit, FitSettings, Judge, Photo, Quality, init, mean_color};
-use weaver_kernels::random::Stream;
 use weaver_scene::Gaussians;
 use weaver_stereo::{Stereo, StereoSettings};
 
@@ -30,6 +33,10 @@ struct Variant {
     views: Option<usize>,
     even: bool,
     planted: Option<usize>,
+    kinds: bool,
+    from: Option<String>,
+    known: bool,
+    found: usize,
     side: Option<usize>,
     looks: usize,
     by_photos: bool,
@@ -92,11 +99,12 @@ fn variant(argument: &str) -> Result<Variant, Failure> {
     let mut settings: Value = serde_json::from_str(json)?;
     let own = settings.as_object_mut().ok_or("settings: expected an object")?;
     let mut count = |key: &str| own.remove(key).and_then(|v| v.as_u64()).map(|v| v as usize);
-    let [views, planted, side, looks] = ["views", "planted", "side", "looks"].map(&mut count);
-    let even = own.remove("even").is_some_and(|v| v == true);
-    let by_photos = own.remove("by_photos").is_some_and(|v| v == true);
-    let dense = own.remove("dense").is_some_and(|v| v == true);
-    Ok(Variant { name: name.into(), views, even, planted, side, looks: looks.unwrap_or(0), by_photos, dense, settings })
+    let [views, planted, side, looks, found] = ["views", "planted", "side", "looks", "found"].map(&mut count);
+    let mut flag = |key: &str| own.remove(key).is_some_and(|v| v == true);
+    let [even, by_photos, dense, kinds, known] = ["even", "by_photos", "dense", "kinds", "known"].map(&mut flag);
+    let from = own.remove("from").and_then(|v| v.as_str().map(String::from));
+    let (name, looks, found) = (name.into(), looks.unwrap_or(0), found.unwrap_or(0));
+    Ok(Variant { name, views, even, planted, kinds, from, known, found, side, looks, by_photos, dense, settings })
 }
 
 /// Fits a capture, and returns the quality of the held-out photos of another, the same at its own size, and the pairs, in millions, of the last step.
@@ -120,8 +128,17 @@ fn fit([capture, judged]: [&PosedPhotos; 2], variant: &Variant, base: Value) -> 
         settings.background = mean_color(&training);
         settings.dropout = FitSettings::dropout_for(training.len());
     }
+    let mut things = None;
     if let Some(every) = variant.planted {
-        plant(&mut training, every);
+        let shown = match &variant.from {
+            Some(folder) => load(folder, variant.side)?.photos.iter().map(photo).collect(),
+            None => training.clone(),
+        };
+        let planted = Things::plant(&mut training, every, &shown, variant.kinds);
+        if variant.known {
+            planted.mask(&mut training);
+        }
+        things = Some(planted);
     }
     let mut initial = match capture.points.is_empty() {
         true => init::random(&training, &settings)?,
@@ -139,6 +156,12 @@ fn fit([capture, judged]: [&PosedPhotos; 2], variant: &Variant, base: Value) -> 
     let (mut pairs, steps) = (0, fit.settings().steps);
     while fit.steps_done() < steps {
         pairs = fit.step()?.pairs;
+        if let Some(things) =
+            things.as_ref().filter(|_| variant.found > 0 && fit.steps_done() % (steps / 20).max(1) == 0)
+        {
+            let found = things.found(&fit, variant.found > 1);
+            eprintln!("{}, {}, step {}: {found}", capture.name, variant.name, fit.steps_done());
+        }
         let [before, now] = [1, 0].map(|back| (fit.steps_done() - back) * variant.looks / steps);
         if now > before {
             let Quality { psnr, psnr_aligned, .. } = met(&mut fit, &test)?;
@@ -186,26 +209,6 @@ fn dense(
     let (seconds, name) = (start.elapsed().as_secs_f64(), &capture.name);
     eprintln!("{name}: {seconds:.1} s, coverage {coverage:.2}, {} and {} Gaussians", dense.len(), sparse.len());
     Ok(Gaussians::joined(&[dense, sparse]))
-}
-
-/// Puts a thing of its own before every so many photos: an ellipse of an eighth of the photo with a part of another one, upside down.
-fn plant(photos: &mut [Photo], every: usize) {
-    let all: Vec<Photo> = photos.to_vec();
-    for i in (0..photos.len()).step_by(every) {
-        let (width, height) = (photos[i].camera.width, photos[i].camera.height);
-        let other = &all[(i + all.len() / 2) % all.len()];
-        let stream = Stream::new(0, i as u64, "planted");
-        let [x0, y0] = [0, 1].map(|i| 0.25 + 0.5 * stream.uniform::<f64>(i));
-        for at in 0..width * height {
-            let (x, y) = ((at % width) as f64 / width as f64, (at / width) as f64 / height as f64);
-            if ((x - x0) / 0.2).powi(2) + ((y - y0) / 0.2).powi(2) < 1.0 {
-                let (ox, oy) =
-                    (at % width * other.camera.width / width, (height - 1 - at / width) * other.camera.height / height);
-                let from = oy * other.camera.width + ox;
-                photos[i].rgb[3 * at..3 * at + 3].copy_from_slice(&other.rgb[3 * from..3 * from + 3]);
-            }
-        }
-    }
 }
 
 fn photo(p: &PosedPhoto) -> Photo {
