@@ -126,7 +126,8 @@ pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64, usual: f32) -> Op
     let worse = median(expected.iter().map(|(_, residual, mean)| residual / mean).collect(), 1.0).max(1.0);
     let mut evidence = vec![None; width * height];
     for (at, residual, mean) in expected {
-        let mean = mean * worse;
+        // Where photos are met as badly as that, nothing tells a thing.
+        let mean = (mean * worse).min(THING);
         let ratio = (mean / THING).ln() + residual * (1.0 / mean - 1.0 / THING);
         evidence[at] = Some(ratio.clamp(BOUNDS[0], BOUNDS[1]));
     }
