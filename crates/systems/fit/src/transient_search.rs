@@ -2,7 +2,7 @@
 
 use crate::FitError;
 use crate::fit::Fit;
-use crate::transients::{LEAST_OTHERS, MOMENTS, Seen, Transients, counted, hidden, residuals, usual_residual};
+use crate::transients::{LEAST_OTHERS, MOMENTS, Seen, Transients, counted, hidden, residuals};
 use std::borrow::Cow;
 use weaver_kernels::parallel;
 
@@ -28,9 +28,9 @@ impl Fit {
 
     fn find_transients(&mut self) -> Result<Vec<Option<Transients>>, FitError> {
         let seen = (0..self.photos.len()).map(|photo| self.seen(photo)).collect::<Result<Vec<_>, _>>()?;
-        let (extent, usual) = (self.extent(), usual_residual(&seen));
+        let extent = self.extent();
         let mut found = vec![None; seen.len()];
-        parallel::for_chunks(&mut found, 1, |photo, found| found[0] = hidden(photo, &seen, extent, usual));
+        parallel::for_chunks(&mut found, 1, |photo, found| found[0] = hidden(photo, &seen, extent));
         Ok(found)
     }
 

@@ -103,25 +103,20 @@ pub(crate) fn residuals(image: &[f32], photo: &Photo) -> Vec<f32> {
     (0..height).flat_map(|y| (0..width).map(move |x| (y, x))).map(mean).collect()
 }
 
-/// The median residual of all photos where they show the scene.
-pub(crate) fn usual_residual(seen: &[Seen]) -> f32 {
-    median(seen.iter().flat_map(Seen::known).map(|(_, residual, _)| residual).collect(), 0.0)
-}
-
-/// The cells of a photo that are hidden in it alone; `usual` is the [`usual_residual`].
-pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64, usual: f32) -> Option<Transients> {
+/// The cells of a photo that are hidden in it alone.
+pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64) -> Option<Transients> {
     let own = &seen[photo];
     let (width, height) = (own.camera.width, own.camera.height);
     let others = nearest(photo, seen, extent);
-    // The mean residual of the photos that see a place, with that of all places as one more: some places nobody else sees.
+    // The mean residual of the photos that see a place; of what nobody else sees, nothing can be said.
     let expected = |(at, residual, depth): (usize, f32, f64)| {
         let pixel = DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
         let point = own.camera.pose.inverse().apply(own.camera.intrinsics.unproject(pixel, depth));
         let elsewhere = others.iter().filter_map(|other| seen[*other].residual_of(point));
-        let (sum, count) = elsewhere.fold((usual, 1.0), |(sum, count), residual| (sum + residual, count + 1.0));
-        (at, residual, (sum / count).max(NOISE))
+        let (sum, count) = elsewhere.fold((0.0, 0.0), |(sum, count), residual| (sum + residual, count + 1.0));
+        (count > 0.0).then(|| (at, residual, (sum / count).max(NOISE)))
     };
-    let expected: Vec<(usize, f32, f32)> = own.known().map(expected).collect();
+    let expected: Vec<(usize, f32, f32)> = own.known().filter_map(expected).collect();
     // A photo that is met worse than its neighbors all over is judged by its own measure.
     let worse = median(expected.iter().map(|(_, residual, mean)| residual / mean).collect(), 1.0).max(1.0);
     let mut evidence = vec![None; width * height];
