@@ -77,7 +77,13 @@ impl Stopped {
     }
 
     /// PSNR of a photo that takes no part.
-    fn left_out(&mut self, prediction: &Prediction, photos: Photos<'_>, photo: usize, steps: usize) -> Result<f64, InferenceError> {
+    fn left_out(
+        &mut self,
+        prediction: &Prediction,
+        photos: Photos<'_>,
+        photo: usize,
+        steps: usize,
+    ) -> Result<f64, InferenceError> {
         let used: Vec<usize> = (0..photos.views()).filter(|i| *i != photo).collect();
         let refined = self.refined(prediction, photos, &used, steps)?;
         // The first of those that take part is the origin.
@@ -107,7 +113,13 @@ impl Stopped {
 }
 
 impl Predictor for Stopped {
-    fn predict(&mut self, photos: Photos<'_>, cameras: CameraSource<'_>, density: Density, stream: Stream) -> Predicted {
+    fn predict(
+        &mut self,
+        photos: Photos<'_>,
+        cameras: CameraSource<'_>,
+        density: Density,
+        stream: Stream,
+    ) -> Predicted {
         let prediction = self.inner.predict(photos, cameras, density, stream)?;
         let steps = if let [steps] = self.steps[..] { steps } else { self.chosen(&prediction, photos)? };
         let all: Vec<usize> = (0..photos.views()).collect();

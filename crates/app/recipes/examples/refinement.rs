@@ -32,7 +32,11 @@ fn main() -> Result<(), Error> {
         "estimated" => Some(MatchingOverride { long_side: MATCHED, focal_known: true }),
         other => return Err(Error::Input(format!("CAMERAS: expected given or estimated, found {other}"))),
     };
-    let options = EvalOptions { density: Density { budget: Some(BUDGET), ..Density::default() }, matching, ..EvalOptions::default() };
+    let options = EvalOptions {
+        density: Density { budget: Some(BUDGET), ..Density::default() },
+        matching,
+        ..EvalOptions::default()
+    };
     let source = Source::Folders(folders.iter().map(PathBuf::from).collect());
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread can be had");
     println!("| change | PSNR | SSIM | seconds | of each capture |\n|---|---|---|---|---|");
