@@ -39,7 +39,7 @@ impl Predictor for Again {
     }
 
     fn raster_settings(&self) -> RasterSettings {
-        self.settings.clone()
+        self.settings
     }
 
     fn background(&self) -> [f32; 3] {
