@@ -19,7 +19,7 @@ type Predicted = Result<Prediction, InferenceError>;
 /// Gaussians per pixel.
 const BUDGET: f64 = 0.3;
 
-/// What was predicted, predicted again.
+/// A prediction that is predicted again.
 #[derive(Debug, Default)]
 struct Again {
     prediction: Prediction,

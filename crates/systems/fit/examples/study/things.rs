@@ -63,7 +63,7 @@ impl Things {
         }
     }
 
-    /// How much of the things is left out, how much of what is left out are things, and the part of photos without one that is left out; with
+    /// The part of the things that is left out, the part of what is left out that is things, and the part of photos without one that is left out; with
     /// `each`, also the first two of every thing.
     pub fn found(&self, fit: &Fit, each: bool) -> String {
         let [mut hits, mut things, mut hidden_there, mut wrong, mut elsewhere] = [0; 5];
