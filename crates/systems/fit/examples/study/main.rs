@@ -4,7 +4,7 @@
 //! `study 3000 5000,15000 0,1,2 DATA/fox,DATA/bonsai 'split={}' 'even={"even":true}'`
 //!
 //! Beside the keys of [`FitSettings`], settings may hold `views` (so many of the training photos, evenly spread), `by_photos` (background
-//! and dropout follow from the photos, as in the command), `planted` (a thing of its own before every so many photos), `kinds` (things of several kinds), `from` (the folder of
+//! and dropout, unless it is given, follow from the photos, as in the command), `planted` (a thing of its own before every so many photos), `kinds` (things of several kinds), `from` (the folder of
 //! the capture that things are cut from, where that is not its own), `known` (things are masked, as somebody who knows them would), `found` (1: what is found of the things is printed, 2: of each), `dense` (Gaussians begin on surfaces that
 //! photos agree about), `side` (the longest side of the photos that are fitted to, where that is not the size they are judged at), `looks` (so many times in a run the
 //! held-out photos are met, which is printed), and `even` (no density control, but
@@ -126,7 +126,9 @@ fn fit([capture, judged]: [&PosedPhotos; 2], variant: &Variant, base: Value) -> 
     let mut training: Vec<Photo> = training.into_iter().map(photo).collect();
     if variant.by_photos {
         settings.background = mean_color(&training);
-        settings.dropout = FitSettings::dropout_for(training.len());
+        if variant.settings.get("dropout").is_none() {
+            settings.dropout = FitSettings::dropout_for(training.len());
+        }
     }
     let mut things = None;
     if let Some(every) = variant.planted {
