@@ -2,9 +2,11 @@
 
 use crate::FitError;
 use crate::fit::Fit;
-use crate::transients::{LEAST_OTHERS, MOMENTS, Seen, Transients, counted, hidden, residuals};
+use crate::transients::{LEAST_OTHERS, MOMENTS, Seen, Transients, counted, hidden, residuals, thing_residual};
 use std::borrow::Cow;
+use weaver_geometry::Camera;
 use weaver_kernels::parallel;
+use weaver_scene::Photo;
 
 impl Fit {
     /// The pixels of a photo that were found to show what no other photo does; `None` where nothing was found.
@@ -27,17 +29,19 @@ impl Fit {
     }
 
     fn find_transients(&mut self) -> Result<Vec<Option<Transients>>, FitError> {
-        let seen = (0..self.photos.len()).map(|photo| self.seen(photo)).collect::<Result<Vec<_>, _>>()?;
-        let extent = self.extent();
+        let (photos, cameras): (Vec<_>, Vec<_>) = (0..self.photos.len()).map(|photo| self.small(photo)).unzip();
+        let small = photos.iter().zip(cameras).enumerate();
+        let seen = small.map(|(i, (photo, camera))| self.seen(i, photo, camera)).collect::<Result<Vec<_>, _>>()?;
+        let (extent, thing) = (self.extent(), thing_residual(&photos));
         let mut found = vec![None; seen.len()];
-        parallel::for_chunks(&mut found, 1, |photo, found| found[0] = hidden(photo, &seen, extent));
+        parallel::for_chunks(&mut found, 1, |photo, found| found[0] = hidden(photo, &seen, extent, thing));
         Ok(found)
     }
 
-    fn seen(&mut self, index: usize) -> Result<Seen, FitError> {
-        let (photo, camera) = self.small(index);
+    /// A small photo, taken by this camera, beside the scene.
+    fn seen(&mut self, index: usize, photo: &Photo, camera: Camera) -> Result<Seen, FitError> {
         let [mut image, alpha, mut depths] = self.draw(&camera)?;
-        let residuals_of = |image: &[f32]| residuals(image, &photo);
+        let residuals_of = |image: &[f32]| residuals(image, photo);
         let hidden = self.transients(index).map_or(Vec::new(), |t| t.at_size(camera.width, camera.height));
         if let Some(exposure) = self.exposure(index).copied() {
             let drawn = image.clone();

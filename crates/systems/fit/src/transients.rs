@@ -22,8 +22,8 @@ const NEIGHBORS: usize = 12;
 pub(crate) const LEAST_OTHERS: usize = 3;
 /// Largest difference of depths, relative, at which two photos are taken to show the same place.
 const SAME_DEPTH: f64 = 0.1;
-/// Mean residual of a thing and what it hides: colors that have nothing to do with each other.
-const THING: f32 = 0.3;
+/// Bounds of the mean residual of a thing and what it hides.
+const THING: [f32; 2] = [0.1, 0.3];
 /// Mean residuals of a place below this count as this: what is met better than noise says nothing.
 const NOISE: f32 = 0.03;
 /// Bounds of the evidence of a pixel, so that none speaks for its whole surroundings.
@@ -103,8 +103,23 @@ pub(crate) fn residuals(image: &[f32], photo: &Photo) -> Vec<f32> {
     (0..height).flat_map(|y| (0..width).map(move |x| (y, x))).map(mean).collect()
 }
 
-/// The cells of a photo that are hidden in it alone.
-pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64) -> Option<Transients> {
+/// Mean residual of a thing and what it hides: the difference of colors that have nothing to do with each other, which are those of another
+/// photo that is turned upside down.
+pub(crate) fn thing_residual(photos: &[Photo]) -> f32 {
+    let differences = |i: usize| {
+        let (own, other) = (&photos[i], &photos[(i + photos.len() / 2) % photos.len()]);
+        let [pixels, others] = [own, other].map(|photo| photo.rgb.len() / 3);
+        (0..3 * pixels).map(move |at| {
+            let opposite = (pixels - 1 - at / 3) * others / pixels;
+            u64::from(own.rgb[at].abs_diff(other.rgb[3 * opposite + at % 3]))
+        })
+    };
+    let (sum, count) = (0..photos.len()).flat_map(differences).fold((0, 0_u64), |(sum, n), d| (sum + d, n + 1));
+    (sum as f32 / (255.0 * count.max(1) as f32)).clamp(THING[0], THING[1])
+}
+
+/// The cells of a photo that are hidden in it alone, where a thing's residual is this in the mean.
+pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64, thing: f32) -> Option<Transients> {
     let own = &seen[photo];
     let (width, height) = (own.camera.width, own.camera.height);
     let others = nearest(photo, seen, extent);
@@ -122,8 +137,8 @@ pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64) -> Option<Transie
     let mut evidence = vec![None; width * height];
     for (at, residual, mean) in expected {
         // Where photos are met as badly as that, nothing tells a thing.
-        let mean = (mean * worse).min(THING);
-        let ratio = (mean / THING).ln() + residual * (1.0 / mean - 1.0 / THING);
+        let mean = (mean * worse).min(thing);
+        let ratio = (mean / thing).ln() + residual * (1.0 / mean - 1.0 / thing);
         evidence[at] = Some(ratio.clamp(BOUNDS[0], BOUNDS[1]));
     }
     let found = Transients { size: [width, height], hidden: regions(&averaged(&evidence, width), width) };
