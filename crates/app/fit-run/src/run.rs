@@ -61,7 +61,8 @@ impl Run {
     /// Begins a run in a folder that was [claimed](Self::claim). `given` are the Gaussians of [`Initial::Given`](crate::Initial::Given); `rasterizer` draws.
     ///
     /// With [`RunSettings::minutes`], the number of steps is chosen now, such that the run, results included, ends in time if
-    /// the machine goes on as fast, but for [`RunSettings::least_steps`]; it is written down, so that the run can be repeated to the same bits.
+    /// the machine goes on as fast, but for [`RunSettings::least_steps`] and [`RunSettings::most_rounds`]; it is written down, so that the run
+    /// can be repeated to the same bits.
     ///
     /// # Errors
     /// When the capture cannot be read or gives nothing to fit, a setting is out of range, or a file cannot be written; nothing is then
@@ -110,15 +111,25 @@ impl Run {
             let reserve = job.seconds_of_results()?;
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
             let enough = steps_in(&mut job.capture.fit, left.max(0.0))?;
-            let steps = job.ranks.agreed(enough.max(job.settings.least_steps) as u64) as usize;
-            let few = format!("{minutes:.2} minutes are enough for {enough} steps");
-            if steps > enough {
-                job.capture.remarks.push(format!("{few}; {steps} are made, which takes longer"));
+            let round = job.fit().photos().div_ceil(job.settings.fit.views_per_step);
+            let most = job.settings.most_rounds.map_or(usize::MAX, |rounds| rounds * round);
+            let steps = job.ranks.agreed(enough.min(most).max(job.settings.least_steps) as u64) as usize;
+            let time = format!("{minutes:.2} minutes are enough for {enough} steps");
+            let remark = if steps > enough {
+                Some(format!("{time}; {steps} are made, which takes longer"))
+            } else if steps < enough {
+                let rounds = steps.div_ceil(round);
+                Some(format!(
+                    "{time}; {steps} show each photo {rounds} times, and more would be met in the fitted photos alone"
+                ))
             } else if steps < job.fit().photos() {
-                job.capture.remarks.push(format!(
-                    "{few}, fewer than there are photos; judging them at the end is counted as {reserve:.1} s"
-                ));
-            }
+                Some(format!(
+                    "{time}, fewer than there are photos; judging them at the end is counted as {reserve:.1} s"
+                ))
+            } else {
+                None
+            };
+            job.capture.remarks.extend(remark);
             job.capture.fit.set_steps(steps);
             job.settings.fit.steps = steps;
         }

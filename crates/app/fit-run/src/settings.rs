@@ -36,6 +36,10 @@ pub struct RunSettings {
     /// With [`minutes`](Self::minutes), at least so many steps, however long they take.
     #[serde(default)]
     pub least_steps: usize,
+    /// With [`minutes`](Self::minutes), at most so many passes through the photos, though there be time for more: what they bring is met in the
+    /// fitted photos alone. `None` uses the time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub most_rounds: Option<usize>,
     /// Seconds between checkpoints, at least.
     pub save_every: f64,
     /// Further files of the scene, beside `scene.ply`.
@@ -109,6 +113,7 @@ impl RunSettings {
             init: Initial::Auto,
             minutes: None,
             least_steps: 1,
+            most_rounds: None,
             save_every: 20.0,
             formats: Vec::new(),
             compress: None,

@@ -101,6 +101,8 @@ const SHORTEST: f64 = 0.05;
 const SHARE: f64 = 0.5;
 /// The least steps of a fit, whatever the time: fewer make nothing worth seeing.
 const LEAST_STEPS: usize = 200;
+/// The most passes through the photos in the time of a quality: what more of them bring is met in the fitted photos alone.
+const MOST_ROUNDS: usize = 100;
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || reconstruct(arguments, console, interrupt))
@@ -137,6 +139,7 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
     let mut settings = RunSettings {
         minutes: Some(minutes),
         least_steps: LEAST_STEPS,
+        most_rounds: arguments.minutes.is_none().then_some(MOST_ROUNDS),
         long_side: Some(size as usize),
         hold_out,
         by_photos: ByPhotos::ALL,

@@ -184,6 +184,26 @@ fn a_time_that_is_too_short_is_spoken_of() {
     assert!(calm.settings().fit.steps > 8 && spoken(&calm).is_empty(), "{}", spoken(&calm));
 }
 
+/// promise: however much time there is, a run makes no more passes through its photos than it may, and says so.
+#[test]
+fn rounds_bound_the_steps_of_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    capture(&folder.path().join("data"), 10);
+    let create = |out: &str, minutes: f64, rounds: usize, views: usize| {
+        let mut settings = settings(&folder.path().join("data"));
+        settings.fit.views_per_step = views;
+        let settings = RunSettings { minutes: Some(minutes), most_rounds: Some(rounds), ..settings };
+        Run::create(&folder.path().join(out), settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap()
+    };
+    let run = create("alone", 5.0, 3, 1);
+    assert_eq!(run.settings().fit.steps, 3 * run.fit().photos());
+    assert!(run.remarks().iter().any(|remark| remark.contains("3 times")), "{:?}", run.remarks());
+    let pairs = create("pairs", 5.0, 3, 2);
+    assert_eq!(pairs.settings().fit.steps, 3 * pairs.fit().photos().div_ceil(2));
+    let short = create("short", 1e-6, 3, 1);
+    assert!(short.settings().fit.steps == 1 && !short.remarks().iter().any(|remark| remark.contains("times")));
+}
+
 /// Runs from before there was a least number of steps go on.
 #[test]
 fn runs_without_least_steps_go_on() {
