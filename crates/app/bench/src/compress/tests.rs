@@ -5,9 +5,9 @@ use super::settings::Settings;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use weaver_io::write_gaussians;
+use weaver_io::{Transforms, write_gaussians};
 use weaver_run::{Folder, Job, Run};
-use weaver_scene::Gaussians;
+use weaver_scene::{Frame, Gaussians, orbit};
 
 /// Twenty-four Gaussians of all sizes on a spiral.
 fn scene() -> Gaussians {
@@ -22,9 +22,14 @@ fn scene() -> Gaussians {
     }
 }
 
+/// Settings of quick methods, with few and small pictures.
 fn settings(scene: &Path) -> Settings {
     let methods = ["mesongs", "speedysplat", "spz4", "c3dgs"].map(String::from).into();
-    Settings { scenes: vec![scene.into()], methods, steps: 12, ..Settings::default() }
+    let cameras = scene.with_file_name("cameras.json");
+    let frame = |(i, camera)| Frame::new(format!("{i}.png"), camera);
+    let frames = orbit(&self::scene(), 9, [48; 2]).unwrap().into_iter().enumerate().map(frame).collect();
+    Transforms { frames, ..Transforms::default() }.write(&cameras).unwrap();
+    Settings { scenes: vec![scene.into()], methods, cameras: Some(cameras), steps: 12, ..Settings::default() }
 }
 
 /// Runs to the end or to a step, from the beginning or from where the folder was left; what is in it then, but for logs.

@@ -45,11 +45,13 @@ fn files_in_blocks_have_the_bytes_of_whole_ones() {
     let folder = tempfile::tempdir().unwrap();
     let [whole, blocks] = ["whole", "blocks"].map(|name| folder.path().join(name));
     [&whole, &blocks].iter().for_each(|path| std::fs::create_dir(path).unwrap());
+    let scene = sample(MANY, 1);
     for from in BLOCKWISE {
         let source = folder.path().join(from);
-        write_gaussians(&source, &sample(MANY, 1)).unwrap();
+        write_gaussians(&source, &scene).unwrap();
+        let read = read_gaussians(&source).unwrap();
         for to in BLOCKWISE {
-            write_gaussians(whole.join(to), &read_gaussians(&source).unwrap()).unwrap();
+            write_gaussians(whole.join(to), &read).unwrap();
             write_blocks(blocks.join(to), &*open_scene(&source).unwrap().gaussians, Drawing::default()).unwrap();
             assert!(bytes(&whole.join(to)) == bytes(&blocks.join(to)), "{from} to {to}");
         }
