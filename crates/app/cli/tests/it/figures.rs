@@ -81,7 +81,7 @@ fn photos_that_a_network_saw_are_not_called_held_out() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     capture(folder);
-    printed(folder, "train --preset micro --steps 2 --out run");
+    printed(folder, "train --preset micro --data capture --set data.scene_scale=1 --steps 2 --out run");
     let done = splatweaver(folder, "infer --run run capture/images/00.png capture/images/01.png -o result");
     let stdout = text(&done.stdout);
     assert!(done.status.success(), "{}", text(&done.stderr));

@@ -49,7 +49,9 @@ fn the_plan_is_what_is_then_measured() {
 #[test]
 fn a_trace_holds_a_step_of_each_stage() {
     let folder = tempfile::tempdir().unwrap();
-    splatweaver(folder.path(), &[&TRAIN[..], &["--steps", "10", "--out", "run", "--trace", "step.json"]].concat());
+    crate::command::capture(folder.path());
+    let few = ["--steps", "10", "--out", "run", "--data", "capture", "--set", "data.scene_scale=1"];
+    splatweaver(folder.path(), &[&TRAIN[..], &few, &["--trace", "step.json"]].concat());
     let text = std::fs::read_to_string(folder.path().join("step.json")).unwrap();
     let trace: Value = serde_json::from_str(&text).unwrap();
     let events = trace["traceEvents"].as_array().unwrap();

@@ -100,12 +100,16 @@ mod unix {
         assert_eq!((done.status.code(), text(&done.stderr)), (Some(0), String::new()));
     }
 
+    /// A small network, trained on a small capture.
+    const MICRO: [&str; 6] = ["--preset", "micro", "--data", "capture", "--set", "data.scene_scale=1"];
+
     #[test]
     fn a_full_disk_leaves_the_old_checkpoint() {
         let folder = tempfile::tempdir().unwrap();
         let checkpoint = folder.path().join("run/checkpoint.safetensors");
-        let out = ["train", "--preset", "micro", "--out", "run", "--set", "output.checkpoint_every=1"];
-        let done = interrupted(folder.path(), &out);
+        crate::command::capture(folder.path());
+        let out = ["train", "--out", "run", "--set", "output.checkpoint_every=1"];
+        let done = interrupted(folder.path(), &[&out, &MICRO[..]].concat());
         assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
         let before = std::fs::read(&checkpoint).unwrap();
         // Files of at most 8 blocks.
@@ -136,7 +140,8 @@ mod unix {
     #[test]
     fn an_interrupted_run_goes_on_to_the_same_weights() {
         let folder = tempfile::tempdir().unwrap();
-        let steps = ["--preset", "micro", "--steps", "40", "--set", "output.sample_every=1000"];
+        crate::command::capture(folder.path());
+        let steps = [&["--steps", "20", "--set", "output.sample_every=1000"], &MICRO[..]].concat();
         let whole = [&["train", "--out", "whole"][..], &steps].concat();
         let parts = [&["train", "--out", "parts"][..], &steps].concat();
         assert!(splatweaver(folder.path(), &whole).status.success());
@@ -151,7 +156,7 @@ mod unix {
         let checksum = |run: &str| {
             let summary = std::fs::read_to_string(folder.path().join(run).join("summary.json")).unwrap();
             let line = summary.lines().find(|l| l.contains("\"checksum\"")).unwrap().to_string();
-            (line, summary.contains("\"steps\": 40"))
+            (line, summary.contains("\"steps\": 20"))
         };
         assert_eq!(checksum("parts"), checksum("whole"));
         assert!(checksum("parts").1);

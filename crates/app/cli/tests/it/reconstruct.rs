@@ -104,7 +104,7 @@ fn a_scene_from_photos_alone() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     photos(folder, 12);
-    let output = run(folder, "reconstruct photos -o scene --minutes 0.1 --gaussians 1000 --hold-out listed");
+    let output = run(folder, "reconstruct photos -o scene --minutes 0.05 --gaussians 1000 --hold-out listed");
     let text = said(&output);
     assert!(output.status.success() && text.contains("held out"), "{text}");
     for name in ["scene.ply", "report.html", "summary.json", "cameras/transforms.json", "cameras/points.png"] {
@@ -124,8 +124,6 @@ fn a_scene_from_photos_alone() {
     assert_eq!(again.status.code(), Some(2));
     assert!(said(&again).contains("a finished scene is there already"), "{}", said(&again));
     assert!(std::fs::read(folder.join("scene/scene.ply")).unwrap() == before);
-    let capture = run(folder, "reconstruct truth -o posed --minutes 0.1 --gaussians 1000");
-    assert!(capture.status.success() && said(&capture).contains("cameras: those of truth"), "{}", said(&capture));
     let fitted = run(folder, "fit photos --cameras estimated --steps 20 --gaussians 1000 -o fitted");
     assert!(fitted.status.success() && folder.join("fitted/cameras/sparse").exists(), "{}", said(&fitted));
 }

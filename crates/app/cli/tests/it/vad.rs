@@ -79,7 +79,8 @@ fn a_training_that_is_interrupted_goes_on() {
     let folder = folder.path();
     printed(folder, &format!("{TRAIN} --out whole"));
     let line = format!("{TRAIN} --out parts");
-    let done = interrupted(folder, &line, "parts");
+    // After that many, the second stage is under way.
+    let done = interrupted(folder, &line, "parts", 35);
     let said = text(&done.stderr);
     assert!(done.status.success() && said.contains("to go on: splatweaver vad train --resume parts"), "{said}");
     let error = refused(folder, &line, 2);
@@ -96,9 +97,9 @@ fn losses(log: &Path) -> Vec<(usize, Option<f64>)> {
     weaver_run::read_records(log).unwrap().iter().map(|record| (record.step, record.value("loss"))).collect()
 }
 
-/// Starts a training, and presses Ctrl-C after some steps.
+/// Starts a training, and presses Ctrl-C after so many steps.
 #[cfg(unix)]
-fn interrupted(folder: &Path, line: &str, run: &str) -> std::process::Output {
+fn interrupted(folder: &Path, line: &str, run: &str, after: usize) -> std::process::Output {
     let mut child = Command::new(BINARY)
         .current_dir(folder)
         .args(line.split_whitespace())
@@ -109,7 +110,7 @@ fn interrupted(folder: &Path, line: &str, run: &str) -> std::process::Output {
     let log = folder.join(run).join("metrics.jsonl");
     let steps = || fs::read_to_string(&log).map_or(0, |text| text.lines().count());
     let before = steps();
-    while steps() < before + 35 {
+    while steps() < before + after {
         assert!(child.try_wait().unwrap().is_none(), "ended early");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
@@ -134,7 +135,7 @@ fn a_training_on_other_features_does_not_go_on() {
     }
     fs::write(folder.join("list.txt"), list).unwrap();
     let line = "vad train --features features --list list.txt --encoder deepmil --no-experts --steps 1000000 --out run";
-    let done = interrupted(folder, line, "run");
+    let done = interrupted(folder, line, "run", 1);
     assert!(done.status.success(), "{}", text(&done.stderr));
     // As many videos of the same names and lengths.
     let [a, b] = ["Abuse000_x264.npy", "Abuse001_x264.npy"].map(|name| folder.join("features").join(name));
@@ -143,6 +144,6 @@ fn a_training_on_other_features_does_not_go_on() {
     let error = refused(folder, "vad train --resume run", 1);
     assert!(error.contains("expected those that the run began with, found others"), "{error}");
     fs::write(&a, first).unwrap();
-    let resumed = interrupted(folder, "vad train --resume run", "run");
+    let resumed = interrupted(folder, "vad train --resume run", "run", 1);
     assert!(resumed.status.success(), "{}", text(&resumed.stderr));
 }
