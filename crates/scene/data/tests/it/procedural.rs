@@ -1,28 +1,31 @@
 //! Procedural scenes: exact geometry, the same bits everywhere, and views spaced so that there is something to learn.
 
 use crate::quality::{mean_color, nearest_copied, psnr};
+use std::sync::LazyLock;
 use weaver_data::Scene;
 use weaver_data::procedural::{ProceduralOptions, default_training_set, default_unseen_set, scene, varied_scene};
 use weaver_geometry::glam::DVec2;
 
 const SMALL: ProceduralOptions = ProceduralOptions { width: 40, height: 30, views: 6 };
 
+/// The training set and the unseen one, as published figures are of.
+static SETS: LazyLock<[Vec<Scene>; 2]> = LazyLock::new(|| [default_training_set(64, 48), default_unseen_set(64, 48)]);
+
 #[test]
 fn the_default_sets_are_neither_trivial_nor_hopeless() {
-    let training = default_training_set(64, 48);
+    let [training, unseen] = &*SETS;
     assert_eq!(training.len(), 16);
-    for scene in &training {
+    for scene in training {
         assert_eq!((scene.training_views().len(), scene.held_out_views().len()), (18, 6));
         assert!((200..400).contains(&scene.points.len()), "{}: {} points", scene.name, scene.points.len());
     }
     assert_eq!((training[0].name.as_str(), training[15].name.as_str()), ("procedural-00", "procedural-15"));
-    let (copied, color) = (nearest_copied(&training), mean_color(&training));
+    let (copied, color) = (nearest_copied(training), mean_color(training));
     println!("training set: nearest view {copied:.2} dB, mean color {color:.2} dB");
     assert!((15.0..18.0).contains(&copied) && color < copied - 1.0);
 
-    let unseen = default_unseen_set(64, 48);
     assert_eq!(unseen.len(), 4);
-    let copied = nearest_copied(&unseen);
+    let copied = nearest_copied(unseen);
     println!("unseen set: nearest view {copied:.2} dB");
     assert!((15.0..18.0).contains(&copied));
     assert!(training.iter().all(|a| unseen.iter().all(|b| a.views[0].image != b.views[0].image)));
@@ -32,7 +35,7 @@ fn the_default_sets_are_neither_trivial_nor_hopeless() {
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 #[test]
 fn the_default_sets_keep_their_bits() {
-    let mut scenes = [default_training_set(64, 48), default_unseen_set(64, 48), vec![scene(5, &SMALL)]].concat();
+    let mut scenes = [SETS.concat(), vec![scene(5, &SMALL)]].concat();
     // They came after the bits were written down.
     scenes.iter_mut().flat_map(|scene| &mut scene.views).for_each(|view| view.instances = None);
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;

@@ -1,15 +1,14 @@
 //! Varied scenes: what varies is there, every view shows something, and nothing is exact in name only.
 
 use crate::quality::{mean_color, nearest_copied};
+use std::sync::LazyLock;
 use weaver_data::procedural::{ProceduralOptions, varied_scene, varied_unseen_set};
 use weaver_data::{Scene, View};
 use weaver_geometry::glam::{DVec2, DVec3};
 
 const OPTIONS: ProceduralOptions = ProceduralOptions { width: 32, height: 24, views: 8 };
 
-fn scenes() -> impl Iterator<Item = Scene> {
-    (0..200).map(|seed| varied_scene(seed, &OPTIONS))
-}
+static SCENES: LazyLock<Vec<Scene>> = LazyLock::new(|| (0..200).map(|seed| varied_scene(seed, &OPTIONS)).collect());
 
 /// The values at a tenth, a half and nine tenths of a sorted list.
 fn tenths(mut values: Vec<f64>) -> [f64; 3] {
@@ -20,7 +19,7 @@ fn tenths(mut values: Vec<f64>) -> [f64; 3] {
 #[test]
 fn lenses_paths_and_places_vary() {
     let (mut fov, mut spread, mut roll, mut parallel, mut rooms) = (vec![], vec![], vec![], 0, 0);
-    for scene in scenes() {
+    for scene in &*SCENES {
         let [first, last] = [&scene.views[0].camera, &scene.views[7].camera];
         fov.push(2.0 * (first.width as f64 / 2.0 / first.intrinsics.fx).atan().to_degrees());
         // As seen from where the middle camera looks, at the depth in the middle of its photo.
@@ -58,7 +57,7 @@ fn sky(view: &View) -> f64 {
 #[test]
 fn every_view_shows_something() {
     let (mut contrast, mut brightness, mut depths) = (vec![], vec![], vec![]);
-    for scene in scenes() {
+    for scene in &*SCENES {
         for view in &scene.views {
             let what = || format!("{}, view {}", scene.name, view.name);
             assert!(sky(view) < 0.75, "{}: {:.2} sky", what(), sky(view));
@@ -84,8 +83,7 @@ fn every_view_shows_something() {
 /// A point lies at the depth that its view has there.
 #[test]
 fn points_lie_on_depth() {
-    for seed in 0..40 {
-        let scene = varied_scene(seed, &OPTIONS);
+    for (seed, scene) in SCENES.iter().enumerate().take(40) {
         for (view, visible) in scene.views.iter().zip(&scene.visible) {
             let mut own = 0;
             for &point in visible {

@@ -33,14 +33,13 @@ fn spots_are_found_where_they_are() {
 /// A turned, shrunk and darker photo: most of its keypoints are found again, at the right places.
 #[test]
 fn keypoints_are_found_again_in_a_turned_photo() {
-    let texture = |p: DVec2| {
-        let wave = |k: u64| {
-            let stream = Stream::new(9, k, "test.waves");
-            let frequency = DVec2::new(stream.normal(0), stream.normal(1)) * 0.18;
-            (frequency.dot(p) + 6.0 * stream.uniform::<f64>(2)).sin()
-        };
-        0.5 + 0.05 * (0..14).map(wave).sum::<f64>()
+    let wave = |k: u64| {
+        let stream = Stream::new(9, k, "test.waves");
+        let frequency = DVec2::new(stream.normal(0), stream.normal(1)) * 0.18;
+        (frequency, 6.0 * stream.uniform::<f64>(2))
     };
+    let waves: Vec<(DVec2, f64)> = (0..14).map(wave).collect();
+    let texture = |p: DVec2| 0.5 + 0.05 * waves.iter().map(|(f, phase)| (f.dot(p) + phase).sin()).sum::<f64>();
     let (width, height) = (240, 200);
     let center = DVec2::new(120.0, 100.0);
     let turn = DVec2::from_angle(0.6);
@@ -132,15 +131,14 @@ fn places_are_unbiased_in_every_octave() {
 /// A place seen twice as near, or half as much again, is found where it then is.
 #[test]
 fn places_do_not_move_with_magnification() {
-    let texture = |p: DVec2| {
-        let wave = |k: u64| {
-            let stream = Stream::new(4, k, "test.waves");
-            let length = 5.0 * 2.0_f64.powf(4.0 * stream.uniform::<f64>(3));
-            let direction = DVec2::from_angle(std::f64::consts::TAU * stream.uniform::<f64>(0));
-            (direction.dot(p) / length * std::f64::consts::TAU + 6.0 * stream.uniform::<f64>(2)).sin()
-        };
-        0.5 + 0.03 * (0..40).map(wave).sum::<f64>()
+    let wave = |k: u64| {
+        let stream = Stream::new(4, k, "test.waves");
+        let length = 5.0 * 2.0_f64.powf(4.0 * stream.uniform::<f64>(3));
+        let direction = DVec2::from_angle(std::f64::consts::TAU * stream.uniform::<f64>(0));
+        (direction * std::f64::consts::TAU / length, 6.0 * stream.uniform::<f64>(2))
     };
+    let waves: Vec<(DVec2, f64)> = (0..40).map(wave).collect();
+    let texture = |p: DVec2| 0.5 + 0.03 * waves.iter().map(|(f, phase)| (f.dot(p) + phase).sin()).sum::<f64>();
     let photo = |zoom: f64, [height, width]: [usize; 2]| -> Features {
         let pixel = |i: usize| DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5) / zoom;
         let gray: Vec<f32> = (0..width * height).map(|i| texture(pixel(i)) as f32).collect();
