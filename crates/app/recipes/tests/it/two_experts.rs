@@ -1,5 +1,6 @@
 //! 2Xplat through the trainer, on its micro preset: what each stage trains, what flows from where to where, bits and refusals.
 
+use crate::determinism::same_bits;
 use std::sync::Arc;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Layout, Scene};
@@ -92,22 +93,7 @@ fn pictures_teach_cameras() {
 
 #[test]
 fn bits_do_not_depend_on_threads_or_interruptions() {
-    let on = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| reports(config(15, &[])).1)
-    };
-    let whole = on(1);
-    assert_eq!(whole, on(3));
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("checkpoint.safetensors");
-    for stop in [2, 7, 12] {
-        let mut first = Session::new(config(15, &[])).unwrap();
-        (0..stop).for_each(|_| drop(first.advance().unwrap()));
-        first.save(&path).unwrap();
-        let mut second = Session::resume(config(15, &[]), &path).unwrap();
-        while second.advance().unwrap().is_some() {}
-        assert_eq!(second.checksum(), whole, "stopped after {stop}");
-    }
+    same_bits(|| config(15, &[]), [2, 7, 12]);
 }
 
 /// Predicts with the context alone and with a further photo: Gaussians and cameras of the context stay as many, and the

@@ -1,5 +1,6 @@
 //! WildSplatter through the trainer, on its micro preset: what each stage trains, looks and masks, bits, evaluation and refusals.
 
+use crate::determinism::same_bits;
 use std::sync::Arc;
 use weaver_autograd::Params;
 use weaver_data::procedural::{ProceduralOptions, scene};
@@ -88,22 +89,7 @@ fn without_embedding_the_encoder_stays() {
 
 #[test]
 fn bits_do_not_depend_on_threads_or_interruptions() {
-    let on = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| trained(config(15, &[])).checksum())
-    };
-    let whole = on(1);
-    assert_eq!(whole, on(3));
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("checkpoint.safetensors");
-    for stop in [2, 5, 12] {
-        let mut first = Session::new(config(15, &[])).unwrap();
-        (0..stop).for_each(|_| drop(first.advance().unwrap()));
-        first.save(&path).unwrap();
-        let mut second = Session::resume(config(15, &[]), &path).unwrap();
-        while second.advance().unwrap().is_some() {}
-        assert_eq!(second.checksum(), whole, "stopped after {stop}");
-    }
+    same_bits(|| config(15, &[]), [2, 5, 12]);
 }
 
 /// Light and rectangles change what is learned, and so do masks; without looks, photos are as they were taken.
