@@ -188,8 +188,8 @@ fn fits_of_pictures_are_followed() {
         ("image fit photo.png -o small.wgi --bytes 500 --steps 200000 --live", ": small.wgi"),
         ("image fit capture/images -o run --gaussians 20 --steps 200000 --live", "saved; `splatweaver image fit"),
     ];
-    for (line, end) in lines {
-        let mut child = start(folder, line);
+    // Each waits for its first checkpoint: all at once.
+    for (line, end, mut child) in lines.map(|(line, end)| (line, end, start(folder, line))) {
         let (address, _rest) = address(child.stderr.take().unwrap());
         let png = (0..600).find_map(|_| {
             std::thread::sleep(std::time::Duration::from_millis(50));
