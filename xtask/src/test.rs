@@ -6,9 +6,10 @@ use std::process::{Command, Stdio};
 /// Prefix of what a test prints that lacks something; why follows.
 const SKIPPED: &str = "skipped: ";
 
-/// All there is. Examples are left out: no test runs them, and `check` compiles them.
+/// All there is: unit tests, too, except of targets that have none and say so. Examples are left out: no test runs them, and
+/// `check` compiles them.
 const ALL: [&[&str]; 2] = [
-    &["--workspace", "--features", "weaver-cli/gpu", "--lib", "--bins", "--tests"],
+    &["--workspace", "--features", "weaver-cli/gpu", "--tests"],
     &["--workspace", "--features", "weaver-cli/gpu", "--doc"],
 ];
 

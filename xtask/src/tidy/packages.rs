@@ -1,9 +1,12 @@
 //! A crate can be published: it says what it is, its license is beside it, and its README begins with an example that is compiled.
+//! A target that is not tested has no unit tests.
 
+use super::sources::Source;
 use super::{Package, text};
 use std::path::Path;
 
 pub fn check(package: &Package, faults: &mut Vec<String>) {
+    check_unit_tests(package, faults);
     if package.exempt() {
         return;
     }
@@ -35,6 +38,23 @@ pub fn check(package: &Package, faults: &mut Vec<String>) {
     let tests = targets().filter(|t| t["kind"].as_array().is_some_and(|k| k.iter().any(|k| k == "test"))).count();
     if tests > 1 {
         faults.push(format!("{name}: {tests} binaries of integration tests; one, tests/it, compiles faster"));
+    }
+}
+
+/// Unit tests of targets that Cargo.toml leaves out with `test = false`: they would never run.
+fn check_unit_tests(package: &Package, faults: &mut Vec<String>) {
+    for target in package.metadata["targets"].as_array().into_iter().flatten().filter(|t| t["test"] == false) {
+        let root = Path::new(text(target, "src_path"));
+        // A library is all of src but the roots of binaries.
+        let library = root.ends_with("src/lib.rs");
+        let within = |inside: &str| {
+            let of_binary = inside == "main.rs" || inside.starts_with("bin/");
+            if library { !of_binary } else { root.ends_with(Path::new("src").join(inside)) }
+        };
+        let tested = |source: &&Source| within(&source.inside) && source.text.contains("#[cfg(test)]");
+        faults.extend(package.sources.iter().filter(tested).map(|source| {
+            format!("{}: unit tests in {}, which `test = false` in Cargo.toml leaves out", package.name, source.place)
+        }));
     }
 }
 
@@ -84,5 +104,42 @@ mod tests {
         package.readme += "```rust\nassert!(true);\n```\n";
         check_readme(&package, &mut faults);
         assert_eq!(faults.len(), 6, "{faults:?}");
+    }
+
+    #[test]
+    fn no_unit_test_is_left_out() {
+        let source = |inside: &str, text: &str| Source {
+            place: format!("crates/x/src/{inside}"),
+            inside: inside.into(),
+            text: text.into(),
+        };
+        let faults = |lib: bool, bin: bool, sources: Vec<Source>| {
+            let targets = json!([
+                {"kind": ["lib"], "src_path": "/w/crates/x/src/lib.rs", "test": lib},
+                {"kind": ["bin"], "src_path": "/w/crates/x/src/main.rs", "test": bin},
+                {"kind": ["example"], "src_path": "/w/crates/x/examples/lib.rs", "test": false},
+            ]);
+            let package = Package {
+                name: "weaver-x".into(),
+                metadata: json!({ "targets": targets }),
+                sources,
+                tests: Vec::new(),
+                borrowed: Vec::new(),
+                readme: String::new(),
+            };
+            let mut faults = Vec::new();
+            check_unit_tests(&package, &mut faults);
+            faults
+        };
+        let tested = "#[cfg(test)]\nmod tests {}";
+        let of = |inside: &str| vec![source("lib.rs", ""), source("main.rs", ""), source(inside, tested)];
+        assert_eq!(faults(true, true, of("deep/part.rs")), Vec::<String>::new());
+        assert_eq!(faults(true, false, of("deep/part.rs")), Vec::<String>::new());
+        assert_eq!(
+            faults(false, true, of("deep/part.rs")),
+            ["weaver-x: unit tests in crates/x/src/deep/part.rs, which `test = false` in Cargo.toml leaves out"]
+        );
+        assert_eq!(faults(false, true, vec![source("main.rs", tested)]), Vec::<String>::new());
+        assert_eq!(faults(true, false, vec![source("main.rs", tested)]).len(), 1);
     }
 }
