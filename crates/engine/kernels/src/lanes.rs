@@ -285,7 +285,8 @@ impl Laned for f64 {
     #[inline(always)]
     #[allow(unsafe_code)]
     unsafe fn in_lanes<K: LaneKernel<f64>>(level: Level, kernel: K) -> K::Output {
-        simd::dispatch_at(
+        // For checks of gradients and for Python: a third instance of each kernel would cost builds more than it saves.
+        simd::dispatch_up_to_avx2(
             level,
             #[inline(always)]
             || kernel.run::<portable::Array<f64>>(),

@@ -107,6 +107,18 @@ pub(crate) fn dispatch_at<R>(level: Level, body: impl FnOnce() -> R) -> R {
     body()
 }
 
+/// [`dispatch_at`] without an instance for AVX-512, in whose place the one for AVX2 runs.
+#[inline(always)]
+pub(crate) fn dispatch_up_to_avx2<R>(level: Level, body: impl FnOnce() -> R) -> R {
+    #[cfg(target_arch = "x86_64")]
+    #[allow(unsafe_code)]
+    if level >= Level::Avx2 {
+        // SAFETY: as above; AVX-512 comes with AVX2.
+        return unsafe { x86::avx2(body) };
+    }
+    body()
+}
+
 /// Prefetches the cache line at `x`: a hint for access patterns that the processor cannot predict.
 #[inline(always)]
 pub fn prefetch<T>(x: *const T) {
