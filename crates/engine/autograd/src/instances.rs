@@ -1,8 +1,10 @@
 //! The engine for `f32` and `f64`, compiled here once.
 //!
-//! All of it is generic, so that every crate, test and example above would compile the ops it uses once more. Where
-//! crates are optimized one by one (the dev profile), the compiler links what a crate below has compiled already;
-//! naming the instances is enough. Release builds, which specialize each use, leave this file out.
+//! All of it is generic, so that every crate, test and example above would compile the ops it uses once more. Naming an
+//! instance has it compiled here. The dev profile, where crates are optimized one by one, links all of them. Release builds
+//! specialize each use, except of functions that are `#[inline(never)]`: those are linked, too. They are the ones that
+//! have much code below them, as kernels and [`Tape::try_apply`], which knows an op by its type. Nobody trains in `f64`,
+//! so that release builds have no use for its instances.
 
 use crate::{Params, Tape, Var, ops};
 use std::hint::black_box;
@@ -10,7 +12,11 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A static is compiled although nothing reads it.
 #[expect(dead_code)]
-static INSTANCES: [fn(); 2] = [for_f32, for_f64];
+static INSTANCES: &[fn()] = &[
+    for_f32,
+    #[cfg(debug_assertions)]
+    for_f64,
+];
 
 macro_rules! instances {
     ($name:ident, $t:ty) => {
@@ -80,4 +86,5 @@ macro_rules! instances {
     };
 }
 instances!(for_f32, f32);
+#[cfg(debug_assertions)]
 instances!(for_f64, f64);

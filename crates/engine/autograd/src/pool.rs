@@ -92,6 +92,7 @@ impl Pool {
     }
 
     /// Takes a buffer of `len` elements with unspecified contents: default values, or those of an earlier use.
+    #[inline(never)]
     pub fn buffer<U: Copy + Default + Send + 'static>(&self, len: usize) -> Buffer<U> {
         let class = class_of(len);
         let mut shelves = self.shelves.lock().unwrap_or_else(PoisonError::into_inner);
@@ -117,6 +118,7 @@ impl Pool {
     }
 
     /// Takes a buffer and copies `source` to it.
+    #[inline(never)]
     pub fn copy_of<U: Copy + Default + Send + Sync + 'static>(&self, source: &[U]) -> Buffer<U> {
         let mut buffer = self.buffer(source.len());
         parallel::copy(source, &mut buffer);
@@ -190,6 +192,7 @@ impl<U: Copy + Send + 'static> Buffer<U> {
 }
 
 impl<U: Copy + Send + 'static> Drop for Buffer<U> {
+    #[inline(never)]
     fn drop(&mut self) {
         let data = std::mem::take(&mut self.data);
         let class = class_of(data.len() - margin::<U>());

@@ -41,6 +41,7 @@ impl<T: Real> Default for OpBoxes<T> {
 
 impl<T: Real> OpBoxes<T> {
     /// Boxes an op, reusing an empty box of its type if there is one.
+    #[inline(never)]
     pub(crate) fn store<O: Op<T>>(&mut self, op: O) -> Box<dyn Slot<T>> {
         let id = TypeId::of::<Typed<O>>();
         match self.empty.iter_mut().find(|(t, _)| *t == id).and_then(|(_, boxes)| boxes.pop()) {

@@ -1,15 +1,16 @@
 //! The tape: records ops as they run, owns all values and gradients, and computes the backward pass.
 
-use crate::op::{Op, View, ViewMut};
+use crate::op::View;
 use crate::params::{HalfValues, Param, ParamValues};
-use crate::profile::{Phase, Profile, Tracer};
+use crate::profile::{Profile, Tracer};
 use crate::recycle::{OpBoxes, Slot};
-use crate::{Buffer, Pool, Shape, ShapeError, Var};
+use crate::{Buffer, Pool, Shape, Var};
 use smallvec::SmallVec;
 use std::cell::{Cell, Ref, RefCell};
 use std::sync::Arc;
 use weaver_kernels::Real;
 
+mod apply;
 mod backward;
 mod measure;
 mod nested;
@@ -160,6 +161,7 @@ impl<T: Real> Tape<T> {
     }
 
     /// Creates an empty tape that shares a pool.
+    #[inline(never)]
     pub fn with_pool(pool: Pool) -> Self {
         let record = Record {
             values: Vec::new(),
@@ -190,6 +192,7 @@ impl<T: Real> Tape<T> {
 
     /// Removes all values and ops and returns their memory to the pool. The exclusive borrow ensures that no [`Var`]
     /// survives.
+    #[inline(never)]
     pub fn reset(&mut self) {
         let record = self.record.get_mut();
         for node in record.nodes.drain(..) {
@@ -241,87 +244,6 @@ impl<T: Real> Tape<T> {
         self.push_source(value, shape, true)
     }
 
-    /// Applies an op.
-    ///
-    /// # Panics
-    ///
-    /// If the shapes of the inputs do not fit, with the name of the op, the model path and the shapes.
-    #[track_caller]
-    pub fn apply<'t, O: Op<T>, const N: usize>(&'t self, op: O, inputs: &[Var<'t, T>]) -> [Var<'t, T>; N] {
-        let outputs = self.try_apply(op, inputs).unwrap_or_else(|error| panic!("{error}"));
-        let count = outputs.len();
-        outputs
-            .into_iter()
-            .collect::<List<_>>()
-            .as_slice()
-            .try_into()
-            .unwrap_or_else(|_| panic!("the op has {count} outputs, not {N}"))
-    }
-
-    /// Applies an op, or returns an error if the shapes of the inputs do not fit.
-    pub fn try_apply<'t, O: Op<T>>(&'t self, mut op: O, inputs: &[Var<'t, T>]) -> Result<List<Var<'t, T>>, ShapeError> {
-        let name = op.name();
-        for var in inputs {
-            assert!(std::ptr::eq(var.tape(), self), "{name}: an input belongs to another tape");
-        }
-        let in_shapes: List<Shape> = inputs.iter().map(Var::shape).collect();
-        let shapes = op.shapes(&in_shapes).map_err(|error| self.located(error, name, &in_shapes))?;
-        let used = self.pool.used_bytes();
-        let mut outputs: List<Buffer<T>> = shapes.iter().map(|s| self.pool.buffer(s.len())).collect();
-        {
-            let record = self.record.borrow();
-            let ins: List<View<'_, T>> =
-                inputs.iter().map(|v| record.values[v.id() as usize].storage.view(v.shape())).collect();
-            for (i, view) in ins.iter().enumerate().filter(|(_, view)| view.half().is_some()) {
-                let (path, shape) = (record.path(), view.shape());
-                assert!(op.reads_half(i), "{path}: `{name}` cannot read input {i}, {shape} in half precision");
-            }
-            let mut outs: List<ViewMut<'_, T>> =
-                outputs.iter_mut().zip(shapes.iter()).map(|(b, s)| ViewMut::new(b, *s)).collect();
-            if outs.iter().any(|out| !out.is_empty()) {
-                let began = self.began();
-                op.forward(&ins, &mut outs, &self.pool);
-                self.ended(began, name, Phase::Forward, record.path());
-            }
-        }
-        let tracked = self.recording.get() && inputs.iter().any(Var::is_tracked);
-        let differentiable = shapes.len() - op.auxiliary_outputs();
-        let record = &mut *self.record.borrow_mut();
-        let first = record.values.len() as u32;
-        for (i, buffer) in outputs.into_iter().enumerate() {
-            record.values.push(Value {
-                storage: Storage::Pooled(buffer),
-                tracked,
-                leaf: false,
-                retained: false,
-                auxiliary: i >= differentiable,
-                grad: None,
-                kept: None,
-            });
-            record.output_shapes.push(shapes[i]);
-        }
-        if tracked {
-            let inputs_start = record.inputs.len() as u32;
-            record.inputs.extend(inputs.iter().map(|v| Input {
-                id: v.id(),
-                shape: v.shape(),
-                tracked: v.is_tracked(),
-            }));
-            let path_start = record.paths.len() as u32;
-            record.paths.push_str(&record.path[record.path_start..]);
-            let op = record.boxes.store(op);
-            record.nodes.push(Node {
-                op,
-                inputs: inputs_start..record.inputs.len() as u32,
-                outputs: first..record.values.len() as u32,
-                path: path_start..record.paths.len() as u32,
-                // An op may also have returned memory that it came with.
-                held: self.pool.used_bytes().saturating_sub(used),
-            });
-        }
-        Ok(shapes.iter().enumerate().map(|(i, s)| Var::new(self, first + i as u32, *s, tracked)).collect())
-    }
-
     /// Runs `f` without recording: nothing it computes can be differentiated, and no op is kept.
     pub fn without_gradient<R>(&self, f: impl FnOnce() -> R) -> R {
         let before = self.recording.replace(false);
@@ -341,6 +263,7 @@ impl<T: Real> Tape<T> {
         shape
     }
 
+    #[inline(never)]
     fn push_source(&self, storage: Storage<T>, shape: Shape, tracked: bool) -> Var<'_, T> {
         let record = &mut *self.record.borrow_mut();
         let id = record.values.len() as ValueId;

@@ -129,6 +129,7 @@ impl<T: Real> AttentionInputs<'_, T> {
 /// attention_forward(&inputs, (&mut out, at), &mut lse);
 /// assert_eq!((out, lse), ([2.0], [1.0])); // the mean of both values; 2^1 exponentials of 0
 /// ```
+#[inline(never)]
 pub fn attention_forward<T: Real>(inputs: &AttentionInputs<T>, out: (&mut [T], Strides), lse: &mut [T]) {
     let AttentionInputs { shape, scale, q, k, v } = *inputs;
     let AttentionShape { batch, heads, queries, keys, dim } = shape;

@@ -105,6 +105,7 @@ impl Conv2dShape {
 /// conv2d_forward(&shape, &[1.0, 2.0, 3.0], &[1.0, 10.0, 100.0], Some(&[0.5]), &mut y);
 /// assert_eq!(y, [321.5]);
 /// ```
+#[inline(never)]
 pub fn conv2d_forward<T: Real>(shape: &Conv2dShape, x: &[T], w: &[T], b: Option<&[T]>, y: &mut [T]) {
     let beta = match b {
         Some(b) => {
@@ -144,6 +145,7 @@ pub fn conv2d_dx_scratch_len(shape: &Conv2dShape) -> usize {
 /// # Panics
 ///
 /// If a length does not fit the shape.
+#[inline(never)]
 pub fn conv2d_dx<T: Real>(shape: &Conv2dShape, w: &[T], dy: &[T], dx: Target<T>, scratch: &mut [T]) {
     let (dx, beta) = dx;
     shape.check(dx.len(), w.len(), dy.len());
@@ -226,6 +228,7 @@ pub fn conv2d_dw_scratch_len<T: Real>(shape: &Conv2dShape) -> usize {
 /// # Panics
 ///
 /// If a length does not fit the shape.
+#[inline(never)]
 pub fn conv2d_dw<T: Real>(shape: &Conv2dShape, x: &[T], dy: &[T], dw: Target<T>, scratch: &mut [T]) {
     let (dw, mut beta) = dw;
     shape.check(x.len(), dw.len(), dy.len());
@@ -248,6 +251,7 @@ pub fn conv2d_dw<T: Real>(shape: &Conv2dShape, x: &[T], dy: &[T], dw: Target<T>,
 
 /// Gradient of [`conv2d_forward`] with respect to the bias: `db[o]` is the sum of `dy[n, o, ..]`, with `dy` `[n, o,
 /// pixels]`.
+#[inline(never)]
 pub fn conv2d_db<T: Real>(o: usize, pixels: usize, dy: &[T], db: Target<T>) {
     let (db, beta) = db;
     assert_eq!(db.len(), o, "conv2d: bias length");

@@ -52,6 +52,7 @@ pub(crate) fn normal<V: Lanes<Scalar = f32>>(x: V) -> (V, V) {
 /// gelu_forward(&[0.0, 1.0], &mut y);
 /// assert!(y[0] == 0.0 && (y[1] - 0.841_344_746_068_542_9).abs() < 1e-14);
 /// ```
+#[inline(never)]
 pub fn gelu_forward<T: Real>(x: &[T], y: &mut [T]) {
     assert_eq!(x.len(), y.len(), "gelu: lengths");
     for_chunks(y, GRAIN, |chunk, y| {
@@ -60,6 +61,7 @@ pub fn gelu_forward<T: Real>(x: &[T], y: &mut [T]) {
 }
 
 /// Gradient of [`gelu_forward`] with respect to its input: dx = dy (P(x) + x P'(x)).
+#[inline(never)]
 pub fn gelu_backward<T: Real>(x: &[T], dy: &[T], dx: Target<T>) {
     let (dx, beta) = dx;
     assert_eq!((x.len(), x.len()), (dy.len(), dx.len()), "gelu: lengths");

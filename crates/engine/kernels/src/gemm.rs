@@ -81,6 +81,7 @@ pub fn gemm_batched<T: Real>(batch: usize, alpha: T, a: Batch<Mat<T>>, b: Batch<
     multiply(batch, alpha, a, b, beta, c, true);
 }
 
+#[inline(never)]
 fn multiply<T: Real>(
     batch: usize,
     alpha: T,

@@ -34,6 +34,7 @@ fn check<T>(cols: usize, x: &[T], stats: &[T], y: &[T]) {
 /// layer_norm_forward(2, 0.0, &[1.0, 3.0], None, &mut y, &mut stats);
 /// assert_eq!((y, stats), ([-1.0, 1.0], [2.0, 1.0]));
 /// ```
+#[inline(never)]
 pub fn layer_norm_forward<T: Real>(
     cols: usize,
     eps: T,
@@ -166,6 +167,7 @@ pub fn layer_norm_scratch_len(rows: usize, cols: usize) -> usize {
 /// layer_norm_backward(2, &[1.0, 3.0], None, &stats, &[5.0, 7.0], [None, None, Some((&mut db, 0.0))], &mut scratch);
 /// assert_eq!(db, [5.0, 7.0]);
 /// ```
+#[inline(never)]
 pub fn layer_norm_backward<T: Real>(
     cols: usize,
     x: &[T],

@@ -32,6 +32,7 @@ pub const MAX_NEIGHBORS: usize = 63;
 /// nearest_neighbors(&points, 1, &mut neighbors);
 /// assert_eq!(neighbors, [0, 1, 1, 2, 2, 1]);
 /// ```
+#[inline(never)]
 pub fn nearest_neighbors<T: Real>(points: &[T], k: usize, neighbors: &mut [u32]) {
     assert!(k <= MAX_NEIGHBORS, "nearest_neighbors: expected k of at most {MAX_NEIGHBORS}, found {k}");
     let per_point = k + 1;
@@ -62,6 +63,7 @@ pub fn nearest_neighbors<T: Real>(points: &[T], k: usize, neighbors: &mut [u32])
 /// nearest_among(&[0.0, 0.0, 0.0, 3.0, 0.0, 0.0], &[1.0, 0.0, 0.0, 5.0, 0.0, 0.0], &mut squares);
 /// assert_eq!(squares, [1.0, 4.0]);
 /// ```
+#[inline(never)]
 pub fn nearest_among<T: Real>(points: &[T], queries: &[T], squares: &mut [T]) {
     assert_eq!(points.len() % 3, 0, "nearest_among: points are not [N, 3]");
     assert_eq!(queries.len(), 3 * squares.len(), "nearest_among: one distance for each query");

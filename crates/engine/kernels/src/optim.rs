@@ -43,6 +43,7 @@ impl<T: Real> AdamW<T> {
     /// settings.step(1, &mut p, &[-2.0], &mut m, &mut v);
     /// assert_eq!((p, m, v), ([4.5], [-1.0], [1.0])); // half of 8, plus the rate against the sign of the gradient
     /// ```
+    #[inline(never)]
     pub fn step(&self, step: u64, p: &mut [T], g: &[T], m: &mut [T], v: &mut [T]) {
         assert!(p.len() == g.len() && p.len() == m.len() && p.len() == v.len(), "AdamW: lengths");
         let update = Update::new(self, step);
@@ -71,6 +72,7 @@ impl<T: Real> AdamW<T> {
     /// settings.step_columns(1, &mut p, &[-2.0; 4], &mut m, &mut v, &[0.5, 2.0]);
     /// assert_eq!(p, [0.5, 2.0, 0.5, 2.0]);
     /// ```
+    #[inline(never)]
     pub fn step_columns(&self, step: u64, p: &mut [T], g: &[T], m: &mut [T], v: &mut [T], columns: &[T]) {
         assert!(p.len() == g.len() && p.len() == m.len() && p.len() == v.len(), "AdamW: lengths");
         assert!(
@@ -115,6 +117,7 @@ impl<T: Real> AdamW<T> {
     /// settings.step_rows(4, &mut p, &[0.0, 0.0], &mut m, &mut v, rows);
     /// assert_eq!((p[0], m, row_steps), (0.0, [0.0, 1.0], [3, 4])); // 8 halved three times.
     /// ```
+    #[inline(never)]
     pub fn step_rows(&self, step: u64, p: &mut [T], g: &[T], m: &mut [T], v: &mut [T], rows: SparseRows<'_>) {
         let SparseRows { rows, row_steps } = rows;
         assert!(p.len() == g.len() && p.len() == m.len() && p.len() == v.len(), "AdamW: lengths");

@@ -24,6 +24,7 @@ const TILE: usize = 16;
 /// permute([2, 2], [1, 0], &[1.0, 2.0, 3.0, 4.0], (&mut y, 0.0));
 /// assert_eq!(y, [1.0, 3.0, 2.0, 4.0]);
 /// ```
+#[inline(never)]
 pub fn permute<T: Real, const N: usize>(shape: [usize; N], axes: [usize; N], x: &[T], y: Target<T>) {
     let (y, beta) = y;
     let len: usize = shape.iter().product();

@@ -148,6 +148,7 @@ pub fn squared_norm<T: Real>(x: &[T]) -> T {
 /// row_sums(2, 2, &[1.0, 2.0, 3.0, 4.0], (&mut out, 0.0));
 /// assert_eq!(out, [3.0, 7.0]);
 /// ```
+#[inline(never)]
 pub fn row_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
     let (out, beta) = out;
     assert_eq!((x.len(), out.len()), (rows * cols, rows), "row_sums: lengths");
@@ -169,6 +170,7 @@ pub fn row_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
 /// column_sums(2, 2, &[1.0, 2.0, 3.0, 4.0], (&mut out, 0.0));
 /// assert_eq!(out, [4.0, 6.0]);
 /// ```
+#[inline(never)]
 pub fn column_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
     assert_eq!((x.len(), out.0.len()), (rows * cols, cols), "column_sums: lengths");
     column_totals(

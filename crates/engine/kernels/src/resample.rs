@@ -180,6 +180,7 @@ impl<T: Real> Resample<T> {
     /// # Panics
     ///
     /// If a length does not fit, or a map is empty.
+    #[inline(never)]
     pub fn forward(&self, x: &[T], y: &mut [T]) {
         self.check(x.len(), y.len());
         let ([h, w], [out_h, out_w]) = (self.input_size(), self.output_size());
@@ -202,6 +203,7 @@ impl<T: Real> Resample<T> {
     /// # Panics
     ///
     /// If a length does not fit, or a map is empty.
+    #[inline(never)]
     pub fn backward(&self, dy: &[T], dx: Target<T>) {
         let (dx, beta) = dx;
         self.check(dx.len(), dy.len());

@@ -44,6 +44,7 @@ fn scale<T: Real>(x: &[T], eps: T) -> T {
 /// weaver_kernels::rms_norm::rms_norm_forward(0.0, &[2.0, -2.0], &[1.0, 3.0], &mut y);
 /// assert_eq!(y, [1.0, -3.0]);
 /// ```
+#[inline(never)]
 pub fn rms_norm_forward<T: Real>(eps: T, x: &[T], w: &[T], y: &mut [T]) {
     let cols = w.len();
     assert!(x.len() == y.len() && x.len().is_multiple_of(cols.max(1)), "rms_norm: lengths");
@@ -74,6 +75,7 @@ pub fn rms_norm_scratch_len(rows: usize, cols: usize) -> usize {
 /// # Panics
 ///
 /// If a length does not fit.
+#[inline(never)]
 pub fn rms_norm_backward<T: Real>(
     eps: T,
     x: &[T],

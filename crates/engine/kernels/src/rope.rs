@@ -63,6 +63,7 @@ impl<T: Real> Rope2d<T> {
     /// # Panics
     ///
     /// If a length does not fit.
+    #[inline(never)]
     pub fn forward(&self, heads: usize, x: &[T], y: &mut [T]) {
         self.turn(heads, x, (y, T::ZERO), T::ONE);
     }
@@ -72,6 +73,7 @@ impl<T: Real> Rope2d<T> {
     /// # Panics
     ///
     /// If a length does not fit.
+    #[inline(never)]
     pub fn backward(&self, heads: usize, dy: &[T], dx: Target<T>) {
         self.turn(heads, dy, dx, -T::ONE);
     }

@@ -23,6 +23,7 @@ const RANGES: usize = 16;
 /// gather_rows(1, &[5.0, 7.0], &[1, 1, 0], (&mut y, 0.0));
 /// assert_eq!(y, [7.0, 7.0, 5.0]);
 /// ```
+#[inline(never)]
 pub fn gather_rows<T: Real>(cols: usize, x: &[T], index: &[u32], y: Target<T>) {
     let (y, beta) = y;
     assert_eq!(y.len(), index.len() * cols, "gather_rows: output length");
@@ -51,6 +52,7 @@ pub fn gather_rows<T: Real>(cols: usize, x: &[T], index: &[u32], y: Target<T>) {
 /// scatter_add_rows(1, &[1.0, 2.0, 4.0], &[1, 0, 1], (&mut y, 0.0));
 /// assert_eq!(y, [2.0, 5.0]);
 /// ```
+#[inline(never)]
 pub fn scatter_add_rows<T: Real>(cols: usize, x: &[T], index: &[u32], y: Target<T>) {
     let (y, beta) = y;
     assert_eq!(x.len(), index.len() * cols, "scatter_add_rows: input length");
@@ -91,6 +93,7 @@ pub fn scatter_add_rows<T: Real>(cols: usize, x: &[T], index: &[u32], y: Target<
 /// copy_blocks(2, 2, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0][1..], 3, (&mut y, 0.0), 2);
 /// assert_eq!(y, [2.0, 3.0, 5.0, 6.0]);
 /// ```
+#[inline(never)]
 pub fn copy_blocks<T: Real>(rows: usize, cols: usize, x: &[T], x_stride: usize, y: Target<T>, y_stride: usize) {
     let (y, beta) = y;
     if rows == 0 || cols == 0 {

@@ -25,6 +25,7 @@ const WIDTH: usize = 16;
 /// softmax_forward(2, 1, &[0.0, 3.0_f64.ln()], &mut y);
 /// assert!((y[0] - 0.25).abs() < 1e-15 && (y[1] - 0.75).abs() < 1e-15);
 /// ```
+#[inline(never)]
 pub fn softmax_forward<T: Real>(len: usize, inner: usize, x: &[T], y: &mut [T]) {
     assert_eq!(x.len(), y.len(), "softmax: lengths");
     let block = len * inner;
@@ -150,6 +151,7 @@ fn columns<T: Real>(inner: usize, x: &[T], y: &mut [T]) {
 /// # Panics
 ///
 /// If a length does not fit.
+#[inline(never)]
 pub fn softmax_backward<T: Real>(len: usize, inner: usize, y: &[T], dy: &[T], dx: Target<T>) {
     let (dx, beta) = dx;
     assert_eq!((y.len(), y.len()), (dy.len(), dx.len()), "softmax: lengths");

@@ -68,6 +68,7 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 /// assert_eq!((alpha[4], depth[4]), (0.8, 1.6));
 /// # Ok::<(), weaver_splat::RasterError>(())
 /// ```
+#[inline(never)]
 pub fn rasterize<T: Real>(
     gaussians: &GaussianSlices<'_, T>,
     cameras: &CameraSlices<'_, T>,

@@ -32,6 +32,7 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 /// # Errors
 ///
 /// Lengths that do not fit, or a workspace whose last forward had other sizes or settings.
+#[inline(never)]
 pub fn rasterize_backward<T: Real>(
     gaussians: &GaussianSlices<'_, T>,
     cameras: &CameraSlices<'_, T>,

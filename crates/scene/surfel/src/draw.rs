@@ -86,6 +86,7 @@ impl<T: Real> SurfelWorkspace<T> {
     /// assert!((images.mean_range()[ahead] - 2.0).abs() < 0.01 && images.opacity[ahead] > 0.9);
     /// # Ok::<(), weaver_surfel::RasterError>(())
     /// ```
+    #[inline(never)]
     pub fn draw(&mut self, sight: &Sight<'_, T>, images: &mut RangeImages<T>) -> Result<TileStats, RasterError> {
         let camera = sight.camera;
         let grid = Grid::new(Region::whole(camera.width, camera.height), TileSide::Sixteen);
@@ -126,6 +127,7 @@ impl<T: Real> SurfelWorkspace<T> {
     /// # Panics
     ///
     /// If a length is not that of the images.
+    #[inline(never)]
     pub fn ranges(&mut self, sight: &Sight<'_, T>, median: &mut [T], distortion: &mut [T]) {
         self.tiles.ranges(sight, sight.limits.alpha_max, median, distortion);
     }
@@ -137,6 +139,7 @@ impl<T: Real> SurfelWorkspace<T> {
     /// # Panics
     ///
     /// If `poses` does not have one row for each pose.
+    #[inline(never)]
     pub fn backward(
         &mut self,
         sight: &Sight<'_, T>,

@@ -26,6 +26,7 @@ impl<T: Real> Deref for Cotangent<'_, T> {
 
 impl<T: Real> Tape<T> {
     /// Walks back from `root`, whose own gradient is `seed`.
+    #[inline(never)]
     pub(crate) fn backward_from(&self, root: ValueId, seed: &[T]) {
         let Record { values, output_shapes, nodes, inputs, paths, .. } = &mut *self.record.borrow_mut();
         let start = &mut values[root as usize];

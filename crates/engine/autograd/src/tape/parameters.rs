@@ -12,6 +12,7 @@ impl<T: Real> Tape<T> {
     ///
     /// All parameters on a tape must belong to one [`Params`], since they are told apart by their ids. Use
     /// [`shared_constant`](Tape::shared_constant) for those of another model, which is not trained.
+    #[inline(never)]
     pub fn param(&self, params: &Params<T>, id: ParamId) -> Var<'_, T> {
         let param = params.get(id);
         let at = id.index();
@@ -59,6 +60,7 @@ impl<T: Real> Tape<T> {
     /// Forgets the ops and releases the parameters' values, so that [`Params::value_mut`] changes them in place. Their
     /// gradients stay until [`reset`](Tape::reset). Needs the tape exclusively, so that no [`Var`] can ask for what was
     /// released.
+    #[inline(never)]
     pub fn release_params(&mut self) {
         let record = self.record.get_mut();
         for node in record.nodes.drain(..) {

@@ -54,6 +54,7 @@ pub struct AttentionOutput<'a, T> {
 /// # Panics
 ///
 /// If a slice is too short, or vectors of a gradient overlap.
+#[inline(never)]
 pub fn attention_backward<T: Real>(
     inputs: &AttentionInputs<T>,
     output: &AttentionOutput<T>,

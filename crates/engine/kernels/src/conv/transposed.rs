@@ -22,6 +22,7 @@ pub fn conv_transpose2d_scratch_len(shape: &Conv2dShape) -> usize {
 /// # Panics
 ///
 /// If a length does not fit the shape.
+#[inline(never)]
 pub fn conv_transpose2d_forward<T: Real>(
     shape: &Conv2dShape,
     x: &[T],
@@ -42,6 +43,7 @@ pub fn conv_transpose2d_forward<T: Real>(
 }
 
 /// Gradient of [`conv_transpose2d_forward`] with respect to the input: `dy` is `[n, c, h, w]`, `dx` `[n, o, out_h, out_w]`.
+#[inline(never)]
 pub fn conv_transpose2d_dx<T: Real>(shape: &Conv2dShape, w: &[T], dy: &[T], dx: Target<T>) {
     correlate(shape, dy, w, dx);
 }
@@ -50,6 +52,7 @@ pub fn conv_transpose2d_dx<T: Real>(shape: &Conv2dShape, w: &[T], dy: &[T], dx: 
 /// w]`, `dw` `[o, c, kh, kw]`.
 ///
 /// `scratch` has [`conv2d_dw_scratch_len`](super::conv2d_dw_scratch_len) elements with any content.
+#[inline(never)]
 pub fn conv_transpose2d_dw<T: Real>(shape: &Conv2dShape, x: &[T], dy: &[T], dw: Target<T>, scratch: &mut [T]) {
     conv2d_dw(shape, dy, x, dw, scratch);
 }

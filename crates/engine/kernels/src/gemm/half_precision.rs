@@ -41,6 +41,7 @@ impl Half<'_> {
     /// # Panics
     ///
     /// If the lengths differ.
+    #[inline(never)]
     pub fn widen<T: Real>(&self, wide: &mut [T]) {
         self.widen_part(0..self.len(), wide);
     }
@@ -183,6 +184,7 @@ pub fn gemm_half_scratch_len(m: usize, k: usize, w: Half) -> usize {
 /// gemm_half(Mat::new(&[3.0, 4.0], 1, 2), Half::Bf16(&w), 0.0, MatMut::new(&mut c, 1, 1), &mut []);
 /// assert_eq!(c, [11.0]);
 /// ```
+#[inline(never)]
 pub fn gemm_half<T: Real>(a: Mat<T>, w: Half, beta: T, c: MatMut<T>, scratch: &mut [T]) {
     let (n, k) = (c.cols, a.cols);
     let fits = product([n, k]).is_some_and(|len| len <= w.len());

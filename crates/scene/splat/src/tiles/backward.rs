@@ -43,19 +43,20 @@ impl<T: Real> Tiles<T> {
         let tiles = self.tiles();
         grown(&mut self.background_sums, tiles);
         match (pass.blending.depth, channels > 0 || pass.statistics) {
-            (false, false) => self.backward_tiles::<P, 3, false>(primitive, pass, background),
-            (false, true) => self.backward_tiles::<P, 3, true>(primitive, pass, background),
-            (true, false) => self.backward_tiles::<P, 4, false>(primitive, pass, background),
-            (true, true) => self.backward_tiles::<P, 4, true>(primitive, pass, background),
+            (false, false) => self.backward_tiles::<P, 3, false>(primitive, pass, &background),
+            (false, true) => self.backward_tiles::<P, 3, true>(primitive, pass, &background),
+            (true, false) => self.backward_tiles::<P, 4, false>(primitive, pass, &background),
+            (true, true) => self.backward_tiles::<P, 4, true>(primitive, pass, &background),
         }
     }
 
     /// Runs [`BackwardTile`] on each tile; a tile owns the sums of its entries.
+    #[inline(never)]
     fn backward_tiles<P: Footprint + Response, const C: usize, const MORE: bool>(
         &mut self,
         primitive: &P,
         pass: &BackwardPass<'_, T>,
-        background: impl Fn(usize) -> [T; 3] + Sync,
+        background: &(dyn Fn(usize) -> [T; 3] + Sync),
     ) {
         let tiles = self.tiles();
         let groups = self.groups;

@@ -55,6 +55,7 @@ impl<T: Real> Tiles<T> {
     /// # Errors
     ///
     /// More than 2^32 list entries.
+    #[inline(never)]
     pub fn project<P: Projection<T>, F: Footprint>(
         &mut self,
         grid: Grid,
@@ -92,6 +93,7 @@ impl<T: Real> Tiles<T> {
 
     /// Sorts the projected primitives of each picture by depth, ties by index, and puts them into the lists of its tiles. A view has one
     /// picture, or one for each of `groups` of primitives.
+    #[inline(never)]
     pub fn bin(&mut self, groups: Option<Groups<'_>>) {
         self.groups = groups.map_or(1, |groups| groups.count);
         let (per_view, chunks) = (self.per_view, self.chunks_per_view());
@@ -127,6 +129,7 @@ impl<T: Real> Tiles<T> {
     /// Blends the lists front to back; [`images`](Self::images) puts the result together.
     ///
     /// Returns how many pairs of a primitive and a pixel that it adds to there were, and how many pairs were evaluated.
+    #[inline(never)]
     pub fn blend<P: Footprint + Response>(&mut self, primitive: &P, blending: &Blending<'_, T>) -> [u64; 2] {
         let work = match (blending.depth, blending.channels() > 0) {
             (false, false) => self.blend_tiles::<P, 3, false>(primitive, blending),

@@ -20,6 +20,7 @@ impl<T: Real> Tiles<T> {
     /// # Panics
     ///
     /// If a length does not fit.
+    #[inline(never)]
     pub fn feature_gradients<P: Footprint + Response>(
         &mut self,
         primitive: &P,
@@ -37,6 +38,7 @@ impl<T: Real> Tiles<T> {
     /// # Panics
     ///
     /// If a length does not fit.
+    #[inline(never)]
     pub fn squared_contributions<P: Footprint + Response>(
         &mut self,
         primitive: &P,

@@ -42,6 +42,7 @@ impl<T: Real> Tiles<T> {
     /// # Panics
     ///
     /// If the lengths are not V N.
+    #[inline(never)]
     pub fn contributions<P: Footprint + Response>(
         &mut self,
         primitive: &P,

@@ -22,6 +22,7 @@ impl<T: Real> Tiles<T> {
     /// # Panics
     ///
     /// If a length is not V h w.
+    #[inline(never)]
     pub fn ranges<P: Footprint + Response>(
         &mut self,
         primitive: &P,
