@@ -2,7 +2,8 @@
 
 use crate::fitting::Fitting;
 use crate::loaded::load;
-use crate::{RunError, RunSettings};
+use crate::{ByPhotos, RunError, RunSettings, plan};
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Instant;
 use weaver_fit::{FitRasterizer, Judge, step_seconds};
@@ -10,6 +11,12 @@ use weaver_scene::Gaussians;
 
 /// Seconds that the rehearsed steps take, about.
 const REHEARSAL: f64 = 3.0;
+/// Photos that are loaded to time steps alone.
+const FEW: usize = 12;
+/// Part of the time that is not the steps': loading, where Gaussians begin, results.
+const BESIDE: f64 = 0.2;
+/// Sides are multiples of this, pixels.
+const GRAIN: f64 = 16.0;
 
 /// Seconds of the parts of a run on this machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +46,40 @@ impl Pace {
         let results = job.seconds_of_results()?;
         let step = step_seconds(&mut job.capture.fit, REHEARSAL)?;
         Ok(Self { loading, step, results })
+    }
+
+    /// The longest side of photos, of those that may be, at which so many minutes are enough for so many passes through them.
+    ///
+    /// A step is timed with a few photos of the least side, and takes as much longer as larger photos have more pixels. Nothing is timed where
+    /// photos are no larger than that. `settings` are those of the run. Writes nothing.
+    ///
+    /// # Errors
+    /// As [`Run::begin`](crate::Run::begin).
+    pub fn long_side(
+        settings: &RunSettings,
+        sides: RangeInclusive<usize>,
+        (minutes, rounds): (f64, usize),
+        rasterizer: Arc<dyn FitRasterizer>,
+    ) -> Result<usize, RunError> {
+        let (least, most) = sides.into_inner();
+        let at = |side: usize| plan(&RunSettings { long_side: Some(side), ..settings.clone() });
+        let [small, large] = [at(least)?, at(most)?];
+        if small.size == large.size {
+            return Ok(least);
+        }
+        let few = RunSettings {
+            long_side: Some(least),
+            views: Some(settings.views.map_or(FEW, |views| views.min(FEW))),
+            by_photos: ByPhotos { start: false, ..settings.by_photos },
+            fit: small.usual(),
+            ..settings.clone()
+        };
+        let mut job = load(&mut few.clone(), None, rasterizer)?;
+        let step = step_seconds(&mut job.fit, REHEARSAL)?;
+        let steps = (rounds * small.training) as f64;
+        let larger = (60.0 * minutes * (1.0 - BESIDE) / (steps * step)).sqrt();
+        let side = (least as f64 * larger / GRAIN).floor() * GRAIN;
+        Ok((side as usize).clamp(least, most))
     }
 
     /// Seconds of a run of so many steps.

@@ -275,9 +275,9 @@ impl Default for Poses {
 
 impl FitSettings {
     /// [`dropout`](Self::dropout) that pays for so many photos: the fewer there are, the more Gaussians fit each photo from its own side
-    /// alone. From 25 photos on it is nothing.
+    /// alone. From 12 photos on it is nothing.
     pub fn dropout_for(photos: usize) -> f64 {
-        if photos < 25 { (1.2 / photos.max(1) as f64).min(0.2) } else { 0.0 }
+        if photos < 12 { (1.2 / photos.max(1) as f64).min(0.2) } else { 0.0 }
     }
 
     /// Number of halvings of photos at this part of the run.

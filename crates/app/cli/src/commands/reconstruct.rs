@@ -5,12 +5,13 @@ use crate::clip;
 use crate::estimate::estimated_capture;
 use crate::flags::{ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
 use clap::{Args, ValueEnum};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_command::{Console, Failure, Interrupt, Threads, in_pool};
 use weaver_data::capture::HoldOut;
 use weaver_fit::FitSettings;
-use weaver_fit_run::{ByPhotos, Outcome, Run, RunError, RunSettings, plan};
+use weaver_fit_run::{ByPhotos, Outcome, Pace, Run, RunError, RunSettings, plan};
 
 /// Heading of the flags of a fit.
 const FIT: &str = "Fit";
@@ -35,10 +36,10 @@ pub struct Reconstruct {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Time of all of it and size of the photos
+    /// Most time of all of it, and size of the photos; a fit ends early once it has used each photo 100 times, which is when more only overfits
     #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
     pub quality: Quality,
-    /// Time for all of it, matching included; the fit gets at least half of it, whatever matching took [default: the quality's]
+    /// Time for all of it, matching included, which is used up; the fit gets at least half of it, whatever matching took [default: at most the quality's]
     #[arg(long, value_name = "M", value_parser = minutes, help_heading = FIT)]
     pub minutes: Option<f64>,
     /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
@@ -76,21 +77,21 @@ pub struct Reconstruct {
 /// The purpose of a reconstruction.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
 pub enum Quality {
-    /// A look: half a minute, at most 384 pixels
+    /// A look: at most half a minute, at most 384 pixels
     Draft,
-    /// Five minutes, at most 800 pixels
+    /// At most five minutes, 800 to 1600 pixels, as time allows
     Normal,
-    /// Twenty minutes, at most 1600 pixels
+    /// At most twenty minutes, at most 1600 pixels
     Fine,
 }
 
 impl Quality {
-    /// Minutes, and the longest side of a photo.
-    pub fn effort(self) -> (f64, u32) {
+    /// Minutes, and the longest side that photos have at least and at most, if they are as large.
+    pub fn effort(self) -> (f64, RangeInclusive<usize>) {
         match self {
-            Self::Draft => (0.5, 384),
-            Self::Normal => (5.0, 800),
-            Self::Fine => (20.0, 1600),
+            Self::Draft => (0.5, 384..=384),
+            Self::Normal => (5.0, 800..=1600),
+            Self::Fine => (20.0, 1600..=1600),
         }
     }
 }
@@ -101,8 +102,10 @@ const SHORTEST: f64 = 0.05;
 const SHARE: f64 = 0.5;
 /// The least steps of a fit, whatever the time: fewer make nothing worth seeing.
 const LEAST_STEPS: usize = 200;
-/// The most passes through the photos in the time of a quality: what more of them bring is met in the fitted photos alone.
+/// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain nothing from more.
 const MOST_ROUNDS: usize = 100;
+/// Passes through the photos that photos are not made larger for: where there is time for more of them, larger photos bring more.
+const ROUNDS: usize = 50;
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || reconstruct(arguments, console, interrupt))
@@ -127,7 +130,7 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
             (capture, fit::listed(arguments.hold_out))
         }
     };
-    let (minutes, size) = arguments.quality.effort();
+    let (minutes, sides) = arguments.quality.effort();
     let spent = start.elapsed().as_secs_f64() / 60.0;
     let minutes = arguments.minutes.unwrap_or(minutes);
     let (left, least) = (minutes - spent, (SHARE * minutes).max(SHORTEST));
@@ -140,20 +143,22 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
         minutes: Some(minutes),
         least_steps: LEAST_STEPS,
         most_rounds: arguments.minutes.is_none().then_some(MOST_ROUNDS),
-        long_side: Some(size as usize),
         hold_out,
         by_photos: ByPhotos::ALL,
         compress: arguments.compress,
         html: !arguments.no_html,
         ..RunSettings::new(capture, FitSettings::default())
     };
+    let means = fit::Means::usual(arguments.live)?;
+    let size = Pace::long_side(&settings, sides, (minutes, ROUNDS), means.rasterizer.clone())?;
+    settings.long_side = Some(size);
     let usual = plan(&settings)?.usual();
     let gaussians = arguments.gaussians.map_or(usual.gaussians, |gaussians| gaussians as usize);
     settings.fit = FitSettings { gaussians, seed: arguments.seed, ..usual };
     settings.fit.check()?;
     let capture = settings.capture.display();
     console.note(&format!("fit: {capture}, {minutes:.2} minutes, photos of at most {size} pixels"));
-    let outcome = fit::begin(settings, fit::Means::usual(arguments.live)?, out, console, interrupt)?;
+    let outcome = fit::begin(settings, means, out, console, interrupt)?;
     fit::print(&outcome, &arguments.out, arguments.json, console)
 }
 
