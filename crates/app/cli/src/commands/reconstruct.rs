@@ -36,7 +36,7 @@ pub struct Reconstruct {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Most time of all of it, and size of the photos; a fit ends early once it has used each photo 100 times, which is when more only overfits
+    /// Most time of all of it, and size of the photos; a fit ends early once it has used each photo 200 times, which is when more only overfits
     #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
     pub quality: Quality,
     /// Time for all of it, matching included, which is used up; the fit gets at least half of it, whatever matching took [default: at most the quality's]
@@ -103,7 +103,7 @@ const SHARE: f64 = 0.5;
 /// The least steps of a fit, whatever the time: fewer make nothing worth seeing.
 const LEAST_STEPS: usize = 200;
 /// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain nothing from more.
-const MOST_ROUNDS: usize = 100;
+const MOST_ROUNDS: usize = 200;
 /// Passes through the photos that photos are not made larger for: where there is time for more of them, larger photos bring more.
 const ROUNDS: usize = 50;
 
