@@ -11,7 +11,7 @@ use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{CameraSummary, CamerasSummary};
 use weaver_fit::{FitSettings, Judge};
-use weaver_fit_run::{Initial, Run, RunError, RunSettings, plan};
+use weaver_fit_run::{Initial, Pace, Run, RunError, RunSettings, plan};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Distortion, Pose, Similarity, so3};
 use weaver_io::Transforms;
@@ -202,6 +202,19 @@ fn rounds_bound_the_steps_of_a_time() {
     assert_eq!(pairs.settings().fit.steps, 3 * pairs.fit().photos().div_ceil(2));
     let short = create("short", 1e-6, 3, 1);
     assert!(short.settings().fit.steps == 1 && !short.remarks().iter().any(|remark| remark.contains("times")));
+}
+
+/// promise: photos are the larger the more time there is, between two bounds; where they are no larger, by the lower one.
+#[test]
+fn photos_are_as_large_as_time_allows() {
+    let folder = tempfile::tempdir().unwrap();
+    capture(&folder.path().join("data"), 10);
+    let settings = settings(&folder.path().join("data"));
+    let side = |sides, minutes| Pace::long_side(&settings, sides, (minutes, 50), Arc::new(CpuRasterizer)).unwrap();
+    assert_eq!(side(16..=32, 1e-6), 16);
+    assert_eq!(side(16..=32, 1e6), 32);
+    // The photos have 40 pixels.
+    assert_eq!(side(40..=100, 1e6), 40);
 }
 
 /// Runs from before there was a least number of steps go on.
