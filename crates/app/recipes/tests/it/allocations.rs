@@ -1,5 +1,6 @@
 //! A whole training step of fixed shape allocates nothing once it has run.
 
+use crate::capture;
 use weaver_autograd::{Params, Pool, Tape};
 use weaver_data::{Layout, training_tuple};
 use weaver_experts::Neighbors;
@@ -22,7 +23,9 @@ const NO_SEARCH: &str = "model.gaussians.neighbor_attention=false";
 
 fn everything(settings: &[&str]) -> Config {
     let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
-    Config::resolve(Some("micro"), None, &settings).unwrap()
+    let mut config = Config::resolve(Some("micro"), None, &settings).unwrap();
+    config.data.folders = capture::folders();
+    config
 }
 
 /// Allocations of the first step of the stage `everything`, and of the one after the warm-up: loss, gradients, clipping,

@@ -1,8 +1,10 @@
 //! Same seed, same bits: at any number of threads, and across an interruption.
 
+use crate::capture;
 use weaver_recipes::SplatWeaverRecipe;
 use weaver_trainer::{Config, Recipe, Session};
 
+/// The preset as it is, on the built-in scenes: these are drawn by all threads, too.
 fn config(steps: usize) -> Config<SplatWeaverRecipe> {
     let mut config = Config::resolve(Some("micro"), None, &[]).unwrap();
     config.rescale(steps);
@@ -53,6 +55,10 @@ fn bits_do_not_depend_on_threads_or_interruptions() {
 
 #[test]
 fn another_seed_is_another_run() {
-    let run = |seed: u64| finished(1, || Session::new(Config { seed, ..config(4) }).unwrap());
+    let run = |seed: u64| {
+        let mut config = Config { seed, ..config(4) };
+        config.data.folders = capture::folders();
+        finished(1, || Session::new(config).unwrap())
+    };
     assert_ne!(run(0), run(1));
 }

@@ -1,11 +1,15 @@
 //! Experts that training never used are spoken of before they are.
 
+use crate::capture;
 use weaver_inference::{Checkpoint, Density, Predictor, SplatWeaverPredictor};
 use weaver_recipes::SplatWeaverRecipe;
 use weaver_trainer::{Config, Session};
 
 fn resolve(settings: &[&str]) -> Config<SplatWeaverRecipe> {
-    Config::resolve(Some("micro"), None, &settings.iter().map(|s| (*s).to_string()).collect::<Vec<_>>()).unwrap()
+    let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
+    let mut config = Config::resolve(Some("micro"), None, &settings).unwrap();
+    config.data.folders = capture::folders();
+    config
 }
 
 fn of(allocation: &str) -> Density {

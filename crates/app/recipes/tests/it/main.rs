@@ -1,6 +1,7 @@
 //! SplatWeaver through the trainer, on the micro preset, which takes seconds.
 
 mod allocations;
+mod capture;
 mod configuration;
 mod determinism;
 mod experts;

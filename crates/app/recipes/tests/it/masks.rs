@@ -1,17 +1,16 @@
 //! What masks leave out counts for nothing: not in training, not in allocation, not in evaluation.
 
+use crate::capture;
 use crate::switch_off::{everything, reports};
 use std::path::Path;
 use weaver_autograd::{Params, Tape};
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Layout, training_tuple};
 use weaver_inference::{Photos, Predictor, SplatWeaverPredictor};
-use weaver_io::Transforms;
 use weaver_kernels::random::Stream;
 use weaver_model::SplatWeaver;
 use weaver_recipes::SplatWeaverRecipe;
 use weaver_router::AllocationKind;
-use weaver_scene::{Frame, PointCloud};
 use weaver_trainer::evaluate::{Options, evaluate};
 use weaver_trainer::losses::{ImageLosses, ImageNetworks, Terms};
 use weaver_trainer::{Example, Recipe, Session, scenes};
@@ -20,29 +19,20 @@ type Config = weaver_trainer::Config<SplatWeaverRecipe>;
 
 /// A capture of which the right part of each photo is masked and shows garbage.
 fn captured(folder: &Path, garbage: f32) {
-    let truth = scene(3, &ProceduralOptions { width: 40, height: 32, views: 9 });
-    for name in ["images", "masks"] {
-        std::fs::create_dir_all(folder.join(name)).unwrap();
-    }
-    let mut frames = Vec::new();
-    for (view, photo) in truth.views.iter().enumerate() {
-        let (mut image, mut mask) = (photo.image.clone(), photo.image.clone());
-        for (i, (color, mask)) in image.pixels.chunks_mut(3).zip(mask.pixels.chunks_mut(3)).enumerate() {
+    let mut truth = scene(3, &ProceduralOptions { width: 40, height: 32, views: 9 });
+    std::fs::create_dir_all(folder.join("masks")).unwrap();
+    for (view, photo) in truth.views.iter_mut().enumerate() {
+        let mut mask = photo.image.clone();
+        for (i, (color, mask)) in photo.image.pixels.chunks_mut(3).zip(mask.pixels.chunks_mut(3)).enumerate() {
             let inside = i % 40 < 22 + view % 3;
             mask.fill(f32::from(inside));
             if !inside {
                 color.fill((garbage * i as f32).fract());
             }
         }
-        let name = format!("images/{view}.png");
-        image.write_png(folder.join(&name)).unwrap();
         mask.write_png(folder.join(format!("masks/{view}.png"))).unwrap();
-        frames.push(Frame::new(name, photo.camera));
     }
-    let positions: Vec<[f32; 3]> = truth.points.iter().map(|p| p.as_vec3().to_array()).collect();
-    let cloud = PointCloud { colors: vec![[9; 3]; positions.len()], positions };
-    weaver_io::ply::write_points(folder.join("points3D.ply"), &cloud).unwrap();
-    Transforms { frames, ..Transforms::default() }.write(folder.join("transforms.json")).unwrap();
+    capture::write(&truth, folder);
 }
 
 fn on(folder: &Path, masks: bool, steps: usize, settings: &[&str]) -> Config {

@@ -1,5 +1,6 @@
 //! The published perceptual loss through the trainer, with drawn weights of VGG-19 from a file.
 
+use crate::capture;
 use std::path::Path;
 use weaver_io::safetensors::Tensors;
 use weaver_recipes::TwoExpertsRecipe;
@@ -41,6 +42,7 @@ fn session(weights: &Path) -> Result<Session<TwoExpertsRecipe>, weaver_trainer::
     let file = format!("stages.1.losses.image.perceptual_weights={:?}", weights.display().to_string());
     let settings = ["stages.1.losses.image.perceptual=0.2".to_string(), file];
     let mut config = Config::resolve(Some("micro"), None, &settings).unwrap();
+    config.data.folders = capture::folders();
     config.rescale(3);
     Session::new(config)
 }

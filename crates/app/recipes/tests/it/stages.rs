@@ -1,5 +1,6 @@
 //! What stages may leave as it is, recompute, and draw.
 
+use crate::capture;
 use crate::switch_off::reports;
 use weaver_autograd::Params;
 use weaver_recipes::SplatWeaverRecipe;
@@ -10,6 +11,7 @@ type Config = weaver_trainer::Config<SplatWeaverRecipe>;
 fn config(steps: usize, settings: &[&str]) -> Config {
     let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
     let mut config = Config::resolve(Some("micro"), None, &settings).unwrap();
+    config.data.folders = capture::folders();
     config.rescale(steps);
     config
 }

@@ -1,5 +1,6 @@
 //! The ranking loss that ends at half time.
 
+use crate::capture;
 use weaver_autograd::{Params, Tape};
 use weaver_data::{Layout, training_tuple};
 use weaver_kernels::random::Stream;
@@ -14,8 +15,15 @@ use weaver_trainer::{Example, Recipe, Session, StepReport, scenes};
 
 type Config = weaver_trainer::Config<SplatWeaverRecipe>;
 
-/// The stage `everything` alone, a number of steps long.
+/// The stage `everything` alone, a number of steps long, on captures.
 pub fn everything(steps: usize, settings: &[&str]) -> Config {
+    let mut config = everything_built_in(steps, settings);
+    config.data.folders = capture::folders();
+    config
+}
+
+/// The stage `everything` alone, a number of steps long, on the built-in scenes or those that the settings name.
+pub fn everything_built_in(steps: usize, settings: &[&str]) -> Config {
     let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
     let mut config = Config::resolve(Some("micro"), None, &settings).unwrap();
     config.stages.remove(0);

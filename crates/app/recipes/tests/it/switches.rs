@@ -1,5 +1,6 @@
 //! Every switch of the model and of its training changes what it names, and trains.
 
+use crate::capture;
 use crate::switch_off::{everything, reports};
 use std::sync::LazyLock;
 use weaver_autograd::{Params, Tape};
@@ -132,6 +133,7 @@ fn comparing_views_starts_without_effect() {
     // A stage of poses alone, which leaves it untrained, comes first.
     let mut config =
         weaver_trainer::Config::<SplatWeaverRecipe>::resolve(Some("micro"), None, &[stereo.into()]).unwrap();
+    config.data.folders = capture::folders();
     config.stages.iter_mut().for_each(|stage| stage.steps = 2);
     assert_eq!(reports(config).len(), 4);
 }

@@ -1,5 +1,6 @@
 //! 2Xplat through the trainer, on its micro preset: what each stage trains, what flows from where to where, bits and refusals.
 
+use crate::capture;
 use crate::determinism::same_bits;
 use std::sync::Arc;
 use weaver_data::procedural::{ProceduralOptions, scene};
@@ -19,6 +20,7 @@ type Config = weaver_trainer::Config<TwoExpertsRecipe>;
 fn config(steps: usize, settings: &[&str]) -> Config {
     let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
     let mut config = Config::resolve(Some("micro"), None, &settings).unwrap();
+    config.data.folders = capture::folders();
     config.rescale(steps);
     config
 }
