@@ -79,6 +79,12 @@ impl Fitting {
         &self.capture.fit
     }
 
+    /// Steps of the most passes through the photos that the run may make.
+    pub fn most_steps(&self) -> Option<usize> {
+        let round = self.fit().photos().div_ceil(self.settings.fit.views_per_step);
+        self.settings.most_rounds.map(|rounds| rounds * round)
+    }
+
     /// Seconds since the run began, those of earlier sessions included.
     pub fn seconds(&self) -> f64 {
         self.before + self.started.elapsed().as_secs_f64()

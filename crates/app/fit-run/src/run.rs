@@ -111,30 +111,27 @@ impl Run {
             let reserve = job.seconds_of_results()?;
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
             let enough = steps_in(&mut job.capture.fit, left.max(0.0))?;
-            let round = job.fit().photos().div_ceil(job.settings.fit.views_per_step);
-            let most = job.settings.most_rounds.map_or(usize::MAX, |rounds| rounds * round);
+            let most = job.most_steps().unwrap_or(usize::MAX);
             let steps = job.ranks.agreed(enough.min(most).max(job.settings.least_steps) as u64) as usize;
-            let time = format!("{minutes:.2} minutes are enough for {enough} steps");
-            let remark = if steps > enough {
-                Some(format!("{time}; {steps} are made, which takes longer"))
-            } else if steps < enough {
-                let rounds = steps.div_ceil(round);
-                Some(format!(
-                    "{time}; {steps} show each photo {rounds} times, and more would be met in the fitted photos alone"
-                ))
-            } else if steps < job.fit().photos() {
-                Some(format!(
-                    "{time}, fewer than there are photos; judging them at the end is counted as {reserve:.1} s"
-                ))
-            } else {
-                None
-            };
-            job.capture.remarks.extend(remark);
+            let few = format!("{minutes:.2} minutes are enough for {enough} steps");
+            if steps > enough {
+                job.capture.remarks.push(format!("{few}; {steps} are made, which takes longer"));
+            } else if steps < job.fit().photos().min(most) {
+                job.capture.remarks.push(format!(
+                    "{few}, fewer than there are photos; judging them at the end is counted as {reserve:.1} s"
+                ));
+            }
             job.capture.fit.set_steps(steps);
             job.settings.fit.steps = steps;
         }
         store(&job)?;
         Ok(Self(weaver_run::Run::begin(folder, job)))
+    }
+
+    /// True if the run ends before its time is over, for [`RunSettings::most_rounds`].
+    pub fn ends_early(&self) -> bool {
+        let job = &self.0.job;
+        job.settings.minutes.is_some() && job.most_steps() == Some(job.settings.fit.steps)
     }
 
     /// Goes on with a run from its last checkpoint, or from the start if there is none.
