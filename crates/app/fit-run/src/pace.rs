@@ -15,6 +15,8 @@ const REHEARSAL: f64 = 3.0;
 const FEW: usize = 12;
 /// Part of the time that is not the steps': loading, where Gaussians begin, results.
 const BESIDE: f64 = 0.2;
+/// Part of the free memory that larger photos may be chosen for.
+const MEMORY: f64 = 0.7;
 /// Sides are multiples of this, pixels.
 const GRAIN: f64 = 16.0;
 
@@ -48,7 +50,8 @@ impl Pace {
         Ok(Self { loading, step, results })
     }
 
-    /// The longest side of photos, of those that may be, at which so many minutes are enough for so many passes through them.
+    /// The longest side of photos, of those that may be, at which so many minutes are enough for so many passes through them, and memory for
+    /// the run.
     ///
     /// A step is timed with a few photos of the least side, and takes as much longer as larger photos have more pixels. Nothing is timed where
     /// photos are no larger than that. `settings` are those of the run. Writes nothing.
@@ -77,8 +80,11 @@ impl Pace {
         let mut job = load(&mut few.clone(), None, rasterizer)?;
         let step = step_seconds(&mut job.fit, REHEARSAL)?;
         let steps = (rounds * small.training) as f64;
-        let larger = (60.0 * minutes * (1.0 - BESIDE) / (steps * step)).sqrt();
-        let side = (least as f64 * larger / GRAIN).floor() * GRAIN;
+        let in_time = least as f64 * (60.0 * minutes * (1.0 - BESIDE) / (steps * step)).sqrt();
+        let bytes = plan(&RunSettings { long_side: Some(most), fit: large.usual(), ..settings.clone() })?.total();
+        let free = weaver_io::available_memory().unwrap_or(bytes) as f64;
+        let in_memory = most as f64 * (MEMORY * free / bytes as f64).sqrt();
+        let side = (in_time.min(in_memory) / GRAIN).floor() * GRAIN;
         Ok((side as usize).clamp(least, most))
     }
 
