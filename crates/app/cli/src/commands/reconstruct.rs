@@ -36,7 +36,7 @@ pub struct Reconstruct {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Most time of all of it, and size of the photos; a fit ends early once it has used each photo 200 times, which is when more only overfits
+    /// Most time of all of it, and size of the photos; a fit ends early once it has used each photo 200 times
     #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
     pub quality: Quality,
     /// Time for all of it, matching included, which is used up; the fit gets at least half of it, whatever matching took [default: at most the quality's]
@@ -149,9 +149,10 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
         html: !arguments.no_html,
         ..RunSettings::new(capture, FitSettings::default())
     };
-    let means = fit::Means::usual(arguments.live)?;
+    let (means, start) = (fit::Means::usual(arguments.live)?, Instant::now());
     let size = Pace::long_side(&settings, sides, (minutes, ROUNDS), means.rasterizer.clone())?;
-    settings.long_side = Some(size);
+    let minutes = (minutes - start.elapsed().as_secs_f64() / 60.0).max(least);
+    (settings.long_side, settings.minutes) = (Some(size), Some(minutes));
     let usual = plan(&settings)?.usual();
     let gaussians = arguments.gaussians.map_or(usual.gaussians, |gaussians| gaussians as usize);
     settings.fit = FitSettings { gaussians, seed: arguments.seed, ..usual };
