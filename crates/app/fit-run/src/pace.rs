@@ -70,19 +70,19 @@ impl Pace {
         if small.size == large.size {
             return Ok(least);
         }
-        let few = RunSettings {
+        let mut few = RunSettings {
             long_side: Some(least),
             views: Some(settings.views.map_or(FEW, |views| views.min(FEW))),
             by_photos: ByPhotos { start: false, ..settings.by_photos },
             fit: small.usual(),
             ..settings.clone()
         };
-        let mut job = load(&mut few.clone(), None, rasterizer)?;
+        let mut job = load(&mut few, None, rasterizer)?;
         let step = step_seconds(&mut job.fit, REHEARSAL)?;
         let steps = (rounds * small.training) as f64;
         let in_time = least as f64 * (60.0 * minutes * (1.0 - BESIDE) / (steps * step)).sqrt();
         let bytes = plan(&RunSettings { long_side: Some(most), fit: large.usual(), ..settings.clone() })?.total();
-        let free = weaver_io::available_memory().unwrap_or(bytes) as f64;
+        let free = weaver_io::available_memory().map_or(f64::INFINITY, |free| free as f64);
         let in_memory = most as f64 * (MEMORY * free / bytes as f64).sqrt();
         let side = (in_time.min(in_memory) / GRAIN).floor() * GRAIN;
         Ok((side as usize).clamp(least, most))

@@ -104,8 +104,8 @@ const SHARE: f64 = 0.5;
 const LEAST_STEPS: usize = 200;
 /// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain nothing from more.
 const MOST_ROUNDS: usize = 200;
-/// Passes through the photos that photos are not made larger for: where there is time for more of them, larger photos bring more.
-const ROUNDS: usize = 50;
+/// Passes through the photos that are enough: time for more of them is better spent on larger photos, by the same page.
+const ENOUGH_ROUNDS: usize = 50;
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || reconstruct(arguments, console, interrupt))
@@ -150,7 +150,7 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
         ..RunSettings::new(capture, FitSettings::default())
     };
     let (means, start) = (fit::Means::usual(arguments.live)?, Instant::now());
-    let size = Pace::long_side(&settings, sides, (minutes, ROUNDS), means.rasterizer.clone())?;
+    let size = Pace::long_side(&settings, sides, (minutes, ENOUGH_ROUNDS), means.rasterizer.clone())?;
     let minutes = (minutes - start.elapsed().as_secs_f64() / 60.0).max(least);
     (settings.long_side, settings.minutes) = (Some(size), Some(minutes));
     let usual = plan(&settings)?.usual();

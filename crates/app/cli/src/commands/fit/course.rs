@@ -73,7 +73,7 @@ pub fn begin(
     let run = Run::begin_shared(out, settings, given.as_ref(), judge, rasterizer, ranks)?;
     run.remarks().iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     if let Some(rounds) = run.settings().most_rounds.filter(|_| run.ends_early()) {
-        console.note(&format!("each photo is used {rounds} times, which takes less time; more would only overfit"));
+        console.note(&format!("each photo is used {rounds} times; the time that is left would only overfit"));
     }
     if run.colors().differ() {
         let percent = 100.0 * run.colors().spread();
