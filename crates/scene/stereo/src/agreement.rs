@@ -2,6 +2,7 @@
 
 use crate::picture::Picture;
 use crate::search::Found;
+use crate::speckles;
 use crate::warp::Warp;
 use weaver_kernels::parallel;
 
@@ -20,9 +21,9 @@ const AWAY: f32 = 1.0;
 const DIFFERENT: f32 = 0.01;
 const OF_RANGE: f32 = 0.002;
 /// Photos that must agree, and with how little cost; from so many on whatever the cost.
-const TWO: usize = 2;
+const TWO: u8 = 2;
 const COST: f32 = 0.5;
-const MANY: usize = 3;
+const MANY: u8 = 3;
 /// Depths that differ by less go into the mean.
 const ALIKE: f32 = 0.015;
 
@@ -44,9 +45,10 @@ fn map(photo: usize, pictures: &[Picture], found: &[Found], near: &[usize]) -> M
         })
         .collect();
     let mut w = vec![f32::NAN; width * height];
+    let mut witnesses = vec![0; width * height];
     for (at, plane) in own.planes.iter().enumerate().filter(|(at, _)| picture.counts[*at]) {
         let pixel = [(at % width) as f32 + 0.5, (at / width) as f32 + 0.5];
-        let (mut agree, mut sum, mut summed) = (0, 0.0, 1.0);
+        let (mut sum, mut summed) = (0.0, 1.0);
         for ((other, theirs), there, back) in &ways {
             let Some(([x, y], w)) = there.place(pixel, plane.w) else { continue };
             let camera = &other.camera;
@@ -57,7 +59,7 @@ fn map(photo: usize, pictures: &[Picture], found: &[Found], near: &[usize]) -> M
             let Some(([u, v], returned)) = back.place([x, y], shown) else { continue };
             let away = ((u - pixel[0]).powi(2) + (v - pixel[1]).powi(2)).sqrt();
             if away < AWAY && (w - shown).abs() < (DIFFERENT * w).max(OF_RANGE * theirs.most) {
-                agree += 1;
+                witnesses[at] += 1;
             }
             let ratio = (returned / plane.w).ln();
             if ratio.abs() < ALIKE {
@@ -65,10 +67,11 @@ fn map(photo: usize, pictures: &[Picture], found: &[Found], near: &[usize]) -> M
                 summed += 1.0;
             }
         }
-        if agree >= MANY || agree >= TWO && own.costs[at] < COST {
+        if witnesses[at] >= MANY || witnesses[at] >= TWO && own.costs[at] < COST {
             w[at] = plane.w * (sum / summed).exp();
         }
     }
+    speckles::remove(&mut w, &witnesses, width);
     let mut slope: Vec<[f32; 2]> = own.planes.iter().map(|plane| plane.slope).collect();
     // A photo without neighbors has no planes.
     slope.resize(w.len(), [0.0; 2]);
