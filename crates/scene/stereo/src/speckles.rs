@@ -73,7 +73,8 @@ mod tests {
     #[test]
     fn patches_do_not_go_around_the_edge() {
         let width = 6;
-        let mut w: Vec<f32> = (0..5 * width).map(|at| if matches!(at % width, 0 | 5) { 1.0 } else { f32::NAN }).collect();
+        let mut w: Vec<f32> =
+            (0..5 * width).map(|at| if matches!(at % width, 0 | 5) { 1.0 } else { f32::NAN }).collect();
         remove(&mut w, &[2; 30], width);
         assert!(w.iter().all(|w| w.is_nan()), "two columns of 5 pixels are not one patch of 10");
     }
