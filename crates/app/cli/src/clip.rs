@@ -60,7 +60,7 @@ impl Photos {
 /// The photos that a command is given: files, those in folders, and frames of clips, which are written to the folder `frames` of a result.
 ///
 /// # Errors
-/// When a folder has no photos; when a clip cannot be decoded, or its camera stands still; when `flags` ask for frames and there is no clip.
+/// When a path is not there or a folder has no photos; when a clip cannot be decoded, or its camera stands still; when `flags` ask for frames and there is no clip.
 pub fn photos(
     paths: &[PathBuf],
     flags: ClipFlags,
@@ -91,6 +91,9 @@ pub fn photos(
 
 /// A photo, or those in a folder.
 fn in_folder(path: &Path) -> Result<Vec<PathBuf>, Failure> {
+    if !path.exists() {
+        return Err(Failure::message(format!("{}: no such file or folder", path.display())));
+    }
     if !path.is_dir() {
         return Ok(vec![path.into()]);
     }

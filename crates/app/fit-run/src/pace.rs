@@ -6,7 +6,7 @@ use crate::{ByPhotos, RunError, RunSettings, plan};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Instant;
-use weaver_fit::{FitRasterizer, Judge, step_seconds};
+use weaver_fit::{FitRasterizer, Judge, Rehearsal};
 use weaver_scene::Gaussians;
 
 /// Seconds that the rehearsed steps take, about.
@@ -25,8 +25,8 @@ const GRAIN: f64 = 16.0;
 pub struct Pace {
     /// Everything before the first step.
     pub loading: f64,
-    /// A step in the mean.
-    pub step: f64,
+    /// Its steps.
+    pub steps: Rehearsal,
     /// Judging every photo at the end, and the report.
     pub results: f64,
 }
@@ -46,14 +46,14 @@ impl Pace {
         let loading = started.elapsed().as_secs_f64();
         let mut job = Fitting::new(settings, capture, Judge::default(), started);
         let results = job.seconds_of_results()?;
-        let step = step_seconds(&mut job.capture.fit, REHEARSAL)?;
-        Ok(Self { loading, step, results })
+        let steps = Rehearsal::of(&mut job.capture.fit, REHEARSAL)?;
+        Ok(Self { loading, steps, results })
     }
 
     /// The longest side of photos, of those that may be, at which so many minutes are enough for so many passes through them, and memory for
     /// the run.
     ///
-    /// A step is timed with a few photos of the least side, and takes as much longer as larger photos have more pixels. Nothing is timed where
+    /// Steps are timed with a few photos of the least side, and take as much longer as larger photos have more pixels. Nothing is timed where
     /// photos are no larger than that. `settings` are those of the run. Writes nothing.
     ///
     /// # Errors
@@ -78,9 +78,8 @@ impl Pace {
             ..settings.clone()
         };
         let mut job = load(&mut few, None, rasterizer)?;
-        let step = step_seconds(&mut job.fit, REHEARSAL)?;
-        let steps = (rounds * small.training) as f64;
-        let in_time = least as f64 * (60.0 * minutes * (1.0 - BESIDE) / (steps * step)).sqrt();
+        let seconds = Rehearsal::of(&mut job.fit, REHEARSAL)?.seconds(rounds * small.training);
+        let in_time = least as f64 * (60.0 * minutes * (1.0 - BESIDE) / seconds).sqrt();
         let bytes = plan(&RunSettings { long_side: Some(most), fit: large.usual(), ..settings.clone() })?.total();
         let free = weaver_io::available_memory().map_or(f64::INFINITY, |free| free as f64);
         let in_memory = most as f64 * (MEMORY * free / bytes as f64).sqrt();
@@ -90,6 +89,6 @@ impl Pace {
 
     /// Seconds of a run of so many steps.
     pub fn total(&self, steps: usize) -> f64 {
-        self.loading + steps as f64 * self.step + self.results
+        self.loading + self.steps.seconds(steps) + self.results
     }
 }

@@ -53,6 +53,15 @@ pub struct StepTimings {
     pub optimizer: Duration,
     /// Density control.
     pub density: Duration,
+    /// The search for what photos alone show.
+    pub search: Duration,
+}
+
+impl StepTimings {
+    /// What only some steps do, as many of a short run as of a long one.
+    pub(crate) fn rounds(&self) -> Duration {
+        self.density + self.search
+    }
 }
 
 /// A scene that is being fitted to photos.
@@ -311,7 +320,9 @@ impl Fit {
         if rounds(self.step) > rounds(step) {
             self.center_exposures();
         }
+        let start = Instant::now();
         self.search_transients()?;
+        self.timings.search = start.elapsed();
         let start = Instant::now();
         let moment = self.moment();
         if self.strategy.is_due(&moment) {

@@ -58,7 +58,7 @@ pub use shared_step::bytes_per_step;
 #[cfg(feature = "state")]
 pub use state::gaussians_of;
 pub use strategy::{Moment, Regularizer, Strategy};
-pub use timing::{step_seconds, steps_in};
+pub use timing::{Rehearsal, steps_in};
 pub use transients::Transients;
 pub use weaver_scene::Photo;
 

@@ -2,7 +2,7 @@
 
 use crate::FitError;
 use crate::fit::Fit;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Steps of the run that is timed, at least and at most, and the part of the time that it may take in between.
 const STEPS: (usize, usize) = (30, 3000);
@@ -12,53 +12,83 @@ const ENOUGH: usize = 2;
 /// Part of the time that is left over, for no machine is equally fast all the time.
 const RESERVE: f64 = 0.04;
 
-/// Number of steps that a fit can do in so many seconds, the timed run included, which leaves no trace in it. At least 1.
+/// How long a run takes, by a short one that leaves no trace.
+///
+/// The short run has the schedules of a long one: photos are as small, and Gaussians as many, in the same parts of it. What a run does as
+/// often however long it is, density control and the search for transients, is kept apart: in a run of 30 steps it is most of the time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rehearsal {
+    /// Mean seconds of a step without density control and searches.
+    pub step: f64,
+    /// Seconds of all density control and searches of a run.
+    pub rounds: f64,
+}
+
+impl Rehearsal {
+    /// Times a run of about so many seconds, 30 to 3000 steps.
+    ///
+    /// # Errors
+    /// As [`Fit::step`].
+    pub fn of(fit: &mut Fit, seconds: f64) -> Result<Self, FitError> {
+        fit.fetch()?;
+        // The first steps of a run are much shorter than those after them: only a whole run, if a short one, tells how many take the time.
+        let short = Self::of_steps(fit, STEPS.0)?;
+        let steps = fit.agreed(short.steps_in(seconds)).min(STEPS.1);
+        if steps > ENOUGH * STEPS.0 { Self::of_steps(fit, steps) } else { Ok(short) }
+    }
+
+    /// Seconds of so many steps.
+    ///
+    /// ```
+    /// let rehearsal = weaver_fit::Rehearsal { step: 0.25, rounds: 5.0 };
+    /// assert_eq!(rehearsal.seconds(100), 30.0);
+    /// assert_eq!(rehearsal.steps_in(30.0), 100);
+    /// assert_eq!(rehearsal.steps_in(1.0), 0);
+    /// ```
+    pub fn seconds(&self, steps: usize) -> f64 {
+        self.rounds + steps as f64 * self.step
+    }
+
+    /// Number of steps in so many seconds.
+    pub fn steps_in(&self, seconds: f64) -> usize {
+        ((seconds - self.rounds) / self.step.max(1e-6)) as usize
+    }
+
+    /// Times a run of so many steps, which leaves no trace.
+    fn of_steps(fit: &mut Fit, steps: usize) -> Result<Self, FitError> {
+        let kept = (fit.population.clone(), fit.statistics.clone());
+        let of_photos = (fit.exposures.clone(), fit.poses.clone(), fit.transients.clone());
+        let settings = fit.settings.clone();
+        let result = Self::timed(fit, steps);
+        (fit.population, fit.statistics) = kept;
+        (fit.exposures, fit.poses, fit.transients) = of_photos;
+        (fit.settings, fit.step) = (settings, 0);
+        fit.changed();
+        result
+    }
+
+    fn timed(fit: &mut Fit, steps: usize) -> Result<Self, FitError> {
+        // The first step meets cold memory.
+        fit.step()?;
+        (fit.settings.steps, fit.step) = (steps, 0);
+        let (start, mut rounds) = (Instant::now(), Duration::ZERO);
+        while fit.step < steps {
+            fit.step()?;
+            rounds += fit.timings.rounds();
+        }
+        let rounds = rounds.as_secs_f64();
+        Ok(Self { step: (start.elapsed().as_secs_f64() - rounds) / steps as f64, rounds })
+    }
+}
+
+/// Number of steps that a fit can do in so many seconds, the [rehearsal](Rehearsal) included, which takes 5 % of them. At least 1.
 ///
 /// # Errors
 /// As [`Fit::step`].
 pub fn steps_in(fit: &mut Fit, seconds: f64) -> Result<usize, FitError> {
     let start = Instant::now();
-    let step = step_seconds(fit, PART * seconds)?;
+    let rehearsal = Rehearsal::of(fit, PART * seconds)?;
     let left = (1.0 - RESERVE) * seconds - start.elapsed().as_secs_f64();
     // All processes make the steps that the first one has time for.
-    Ok(fit.agreed((left / step) as usize).max(1))
-}
-
-/// Mean seconds of a step, by a short run of about so many seconds, 30 to 3000 steps, which leaves no trace.
-///
-/// It has the same schedules: photos are as small, and Gaussians as many, in the same parts of it as in a long one.
-///
-/// # Errors
-/// As [`Fit::step`].
-pub fn step_seconds(fit: &mut Fit, seconds: f64) -> Result<f64, FitError> {
-    fit.fetch()?;
-    // The first steps of a run are much shorter than those after them: only a whole run, if a short one, tells how many take the time.
-    let step = rehearsed(fit, STEPS.0)?;
-    let steps = fit.agreed((seconds / step.max(1e-6)) as usize).min(STEPS.1);
-    if steps > ENOUGH * STEPS.0 { rehearsed(fit, steps) } else { Ok(step) }
-}
-
-/// Mean seconds of a step of a run of so many, which leaves no trace.
-fn rehearsed(fit: &mut Fit, steps: usize) -> Result<f64, FitError> {
-    let kept = (fit.population.clone(), fit.statistics.clone());
-    let of_photos = (fit.exposures.clone(), fit.poses.clone(), fit.transients.clone());
-    let settings = fit.settings.clone();
-    let result = timed(fit, steps);
-    (fit.population, fit.statistics) = kept;
-    (fit.exposures, fit.poses, fit.transients) = of_photos;
-    (fit.settings, fit.step) = (settings, 0);
-    fit.changed();
-    result
-}
-
-/// Mean seconds of a step of a run of so many.
-fn timed(fit: &mut Fit, steps: usize) -> Result<f64, FitError> {
-    // The first step meets cold memory.
-    fit.step()?;
-    (fit.settings.steps, fit.step) = (steps, 0);
-    let start = Instant::now();
-    while fit.step < steps {
-        fit.step()?;
-    }
-    Ok(start.elapsed().as_secs_f64() / steps as f64)
+    Ok(fit.agreed(rehearsal.steps_in(left)).max(1))
 }

@@ -344,9 +344,10 @@ fn tell(settings: &RunSettings, means: &Means, console: &mut Console) -> Result<
     if settings.minutes.is_none() {
         console.print(&format!("{:<28}{:>9.1} s, by a rehearsal", "time", pace.total(settings.fit.steps)))?;
     }
-    console.print(&format!("{:<28}{:>9.1} ms", "a step", 1e3 * pace.step))?;
+    let step = pace.steps.step;
+    console.print(&format!("{:<28}{:>9.1} ms", "a step", 1e3 * step))?;
     let FitSettings { gaussians, sh_degree, views_per_step, .. } = settings.fit;
-    console.print(&network(bytes_per_step(gaussians, sh_degree), views_per_step, pace.step / views_per_step as f64))
+    console.print(&network(bytes_per_step(gaussians, sh_degree), views_per_step, step / views_per_step as f64))
 }
 
 #[cfg(test)]

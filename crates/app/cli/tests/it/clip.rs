@@ -287,6 +287,7 @@ fn what_does_not_fit_is_refused_before_any_work() {
         ("cameras clip.mp4 -o out", 1, "clip.mp4: expected a clip of a camera that moves, found an empty file"),
         ("cameras nothing.mp4 -o out", 1, "nothing.mp4: No such file"),
         ("cameras clip.mp4 -o out --frames 1", 2, "--frames"),
+        ("cameras nowhere -o out", 1, "nowhere: no such file or folder"),
         ("cameras a.jpg -o out --frames 9", 2, "--frames: expected a clip, found photos"),
         ("reconstruct a.jpg -o out --frames 9", 2, "--frames: expected a clip, found photos"),
         ("cameras clip.mp4 -o clip.mp4", 2, "expected a place apart from what is read"),

@@ -4,7 +4,7 @@
 //! `study 3000 5000,15000 0,1,2 DATA/fox,DATA/bonsai 'split={}' 'even={"even":true}'`
 //!
 //! Beside the keys of [`FitSettings`], settings may hold `views` (so many of the training photos, evenly spread), `by_photos` (background
-//! and dropout, unless it is given, follow from the photos, as in the command), `planted` (a thing of its own before every so many photos), `kinds` (things of several kinds), `from` (the folder of
+//! and dropout, unless it is given, follow from the photos, as in the command), `by_colors` (so does whether exposures are corrected), `planted` (a thing of its own before every so many photos), `kinds` (things of several kinds), `from` (the folder of
 //! the capture that things are cut from, where that is not its own), `known` (things are masked, as somebody who knows them would), `found` (1: what is found of the things is printed, 2: of each), `dense` (Gaussians begin on surfaces that
 //! photos agree about), `side` (the longest side of the photos that are fitted to, where that is not the size they are judged at), `looks` (so many times in a run the
 //! held-out photos are met, which is printed), and `even` (no density control, but
@@ -40,6 +40,7 @@ struct Variant {
     side: Option<usize>,
     looks: usize,
     by_photos: bool,
+    by_colors: bool,
     dense: bool,
     settings: Value,
 }
@@ -101,10 +102,26 @@ fn variant(argument: &str) -> Result<Variant, Failure> {
     let mut count = |key: &str| own.remove(key).and_then(|v| v.as_u64()).map(|v| v as usize);
     let [views, planted, side, looks, found] = ["views", "planted", "side", "looks", "found"].map(&mut count);
     let mut flag = |key: &str| own.remove(key).is_some_and(|v| v == true);
-    let [even, by_photos, dense, kinds, known] = ["even", "by_photos", "dense", "kinds", "known"].map(&mut flag);
+    let [even, dense, kinds, known] = ["even", "dense", "kinds", "known"].map(&mut flag);
+    let [by_photos, by_colors] = ["by_photos", "by_colors"].map(&mut flag);
     let from = own.remove("from").and_then(|v| v.as_str().map(String::from));
     let (name, looks, found) = (name.into(), looks.unwrap_or(0), found.unwrap_or(0));
-    Ok(Variant { name, views, even, planted, kinds, from, known, found, side, looks, by_photos, dense, settings })
+    Ok(Variant {
+        name,
+        views,
+        even,
+        planted,
+        kinds,
+        from,
+        known,
+        found,
+        side,
+        looks,
+        by_photos,
+        by_colors,
+        dense,
+        settings,
+    })
 }
 
 /// Fits a capture, and returns the quality of the held-out photos of another, the same at its own size, and the pairs, in millions, of the last step.
@@ -153,6 +170,7 @@ fn fit([capture, judged]: [&PosedPhotos; 2], variant: &Variant, base: Value) -> 
         initial = dense(&training, capture, &visible, &settings)?;
     }
     let agreement = ColorAgreement::of(&training, &capture.points, &visible);
+    settings.exposure |= variant.by_colors && agreement.differ();
     let mut fit = Fit::new(training, &initial, settings)?;
     fit.begin_exposures(&agreement.gains);
     let (mut pairs, steps) = (0, fit.settings().steps);

@@ -11,4 +11,5 @@ mod rounding;
 mod scenes;
 mod several_views;
 mod strategies;
+mod timing;
 mod transients;

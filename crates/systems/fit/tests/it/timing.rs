@@ -1,0 +1,45 @@
+//! Runs that are timed.
+
+use crate::scenes::{cloud, photos, plain};
+use std::sync::Arc;
+use std::thread::sleep;
+use std::time::Duration;
+use weaver_fit::{Fit, Moment, Population, Rehearsal, Strategy, StrategyKind};
+use weaver_splat::{CpuRasterizer, GaussianStatistics};
+
+/// Milliseconds of a round.
+const ROUND: u64 = 20;
+
+/// A strategy whose rounds, five of any run, take long.
+#[derive(Debug)]
+struct Slow;
+
+impl Strategy for Slow {
+    fn wants_statistics(&self, _: &Moment) -> bool {
+        false
+    }
+
+    fn is_due(&self, moment: &Moment) -> bool {
+        moment.step.is_multiple_of(moment.steps / 5)
+    }
+
+    fn adapt(&mut self, _: &Moment, _: &mut Population, _: &[GaussianStatistics<f32>]) -> bool {
+        sleep(Duration::from_millis(ROUND));
+        false
+    }
+}
+
+/// promise: what a run does as often however long it is counts once, and no part of it as the steps'.
+#[test]
+fn rounds_are_no_part_of_steps() {
+    let settings = plain(StrategyKind::Keep, 1000, 20);
+    let fit = Fit::with(Arc::new(CpuRasterizer), Box::new(Slow), photos(2, &cloud(9, 1)), &cloud(5, 2), settings);
+    let mut fit = fit.expect("a fit");
+    for seconds in [0.0, 1.0] {
+        let found = Rehearsal::of(&mut fit, seconds).expect("a rehearsal");
+        let rounds = 5.0 * ROUND as f64 / 1000.0;
+        // A sleep takes no less than is asked for.
+        assert!(found.rounds >= rounds && found.seconds(2) >= rounds, "{found:?}");
+    }
+    assert_eq!(fit.steps_done(), 0);
+}
