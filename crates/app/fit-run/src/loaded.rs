@@ -7,7 +7,7 @@ use crate::start::{Seen, Start};
 use crate::{ByPhotos, Coverage, Initial, RunError, RunSettings};
 use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto};
-use weaver_fit::{ColorAgreement, Fit, FitRasterizer, FitSettings, mean_color};
+use weaver_fit::{ColorAgreement, Fit, FitRasterizer, FitSettings, Rates, mean_color};
 use weaver_geometry::Camera;
 use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
 
@@ -105,6 +105,10 @@ pub(crate) fn load(
     }
     let seen = Seen { photos: &training, points: &capture.points, visible: &visible };
     let start = Start::of(settings, seen, given)?;
+    if undecided.means && settings.init == Initial::Dense {
+        let sides = training.iter().map(|photo| photo.camera.width.max(photo.camera.height));
+        settings.fit.rates.means = Rates::means_on_surfaces(sides.max().unwrap_or_default());
+    }
     let mut remarks = capture.remarks;
     if settings.init == Initial::Auto && capture.points.is_empty() {
         remarks.push(format!(

@@ -75,11 +75,13 @@ pub struct ByPhotos {
     /// Gaussians begin on what photos agree about ([`Initial::Dense`]) where that is most of what they show, and is found in a small part of the
     /// time; with [`Initial::Auto`] alone.
     pub start: bool,
+    /// Where Gaussians begin so, their means move the more slowly the larger the photos are ([`Rates::means_on_surfaces`](weaver_fit::Rates::means_on_surfaces)).
+    pub means: bool,
 }
 
 impl ByPhotos {
     /// Everything that photos can decide.
-    pub const ALL: Self = Self { exposure: true, background: true, dropout: true, start: true };
+    pub const ALL: Self = Self { exposure: true, background: true, dropout: true, start: true, means: true };
 }
 
 /// Where Gaussians begin.

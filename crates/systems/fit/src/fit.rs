@@ -58,7 +58,7 @@ pub struct StepTimings {
 }
 
 impl StepTimings {
-    /// What only some steps do, as many of a short run as of a long one.
+    /// Time of what only some steps do, as many of a short run as of a long one.
     pub(crate) fn rounds(&self) -> Duration {
         self.density + self.search
     }

@@ -1,7 +1,7 @@
 //! The activated form of a population, gradients with respect to it, and the step that they lead to.
 
 use crate::population::{Field, Population};
-use crate::settings::Rates;
+use crate::rates::Rates;
 use weaver_geometry::sh::{MAX_DEGREE, coefficients};
 use weaver_kernels::optim::AdamW;
 use weaver_kernels::parallel::for_chunks;

@@ -28,6 +28,7 @@ pub mod init;
 mod objective;
 mod photos;
 mod population;
+mod rates;
 mod removal;
 mod resident;
 mod rounding;
@@ -52,8 +53,9 @@ pub use gradients::Gradients;
 pub use objective::{L1Ssim, Objective};
 pub use photos::mean_color;
 pub use population::{Field, Population};
+pub use rates::Rates;
 pub use rounding::Rounding;
-pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
+pub use settings::{Density, FitSettings, Poses, StrategyKind};
 pub use shared_step::bytes_per_step;
 #[cfg(feature = "state")]
 pub use state::gaussians_of;

@@ -12,7 +12,7 @@ const ENOUGH: usize = 2;
 /// Part of the time that is left over, for no machine is equally fast all the time.
 const RESERVE: f64 = 0.04;
 
-/// How long a run takes, by a short one that leaves no trace.
+/// Time that a run takes, by a short one that leaves no trace.
 ///
 /// The short run has the schedules of a long one: photos are as small, and Gaussians as many, in the same parts of it. What a run does as
 /// often however long it is, density control and the search for transients, is kept apart: in a run of 30 steps it is most of the time.

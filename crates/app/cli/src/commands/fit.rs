@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weaver_command::{Console, DeviceFlag, Failure, Interrupt, MOST_THREADS, Rgb, background, choice, device, in_pool};
 use weaver_data::capture::HoldOut;
-use weaver_fit::{FitSettings, StrategyKind, bytes_per_step};
+use weaver_fit::{FitSettings, Rates, StrategyKind, bytes_per_step};
 use weaver_fit_run::{ByPhotos, Folder, Pace, Run, RunSettings, plan};
 use weaver_io::SceneFormat;
 use weaver_kernels::ranks::Ranks;
@@ -284,13 +284,15 @@ fn settings(arguments: &Fit, (capture, hold_out): (PathBuf, HoldOut), initial: &
     let usual = plan(&settings)?.usual();
     let fit = fit_settings(arguments, &usual)?;
     // What nobody named follows from what is usual.
-    let other = FitSettings { exposure: true, background: [0.5; 3], dropout: 0.5, ..usual };
+    let rates = Rates { means: 1.0, ..usual.rates.clone() };
+    let other = FitSettings { exposure: true, background: [0.5; 3], dropout: 0.5, rates, ..usual };
     let other = fit_settings(arguments, &other)?;
     let by_photos = ByPhotos {
         exposure: fit.exposure != other.exposure,
         background: fit.background != other.background,
         dropout: fit.dropout != other.dropout,
         start: arguments.init.is_none(),
+        means: fit.rates.means != other.rates.means,
     };
     Ok(RunSettings { by_photos, fit, ..settings })
 }

@@ -19,7 +19,12 @@ use weaver_scene::Frame;
 use weaver_splat::CpuRasterizer;
 
 fn capture(folder: &Path, views: usize) {
-    let scene = scene(2, &ProceduralOptions { width: 40, height: 32, views });
+    sized(folder, views, [40, 32]);
+}
+
+/// A capture with photos of a width and height.
+fn sized(folder: &Path, views: usize, [width, height]: [usize; 2]) {
+    let scene = scene(2, &ProceduralOptions { width, height, views });
     std::fs::create_dir_all(folder.join("images")).unwrap();
     let frame = |(i, view): (usize, &weaver_data::View)| {
         let name = format!("images/{i:02}.png");

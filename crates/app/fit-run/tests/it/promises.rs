@@ -1,12 +1,13 @@
 //! What a fit says of itself, and what it leaves alone.
 
-use crate::{capture, settings, without};
+use crate::{capture, settings, sized, without};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use weaver_data::capture::HoldOut;
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
-use weaver_fit::{Judge, Quality};
+use weaver_fit::{Judge, Quality, Rates};
 use weaver_fit_run::{ByPhotos, Initial, Outcome, Run, RunError, RunSettings};
 use weaver_io::{Image, Transforms};
 use weaver_scene::PointCloud;
@@ -109,6 +110,24 @@ fn a_dense_start_is_kept() {
     assert_eq!(run.finish().unwrap().coverage, outcome.coverage);
     let [a, b] = [&whole, &cut].map(|out| std::fs::read(out.join("scene.ply")).unwrap());
     assert!(a == b, "a run that went on made another scene");
+}
+
+/// promise: where Gaussians begin on surfaces their means move the more slowly the larger photos are; elsewhere, and where a rate was named, they do not.
+#[test]
+fn on_surfaces_means_move_by_pixels() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    sized(&data, 3, [768, 16]);
+    with_points(&data);
+    let rate = |init, means| {
+        let by_photos = ByPhotos { means, ..ByPhotos::default() };
+        let settings = RunSettings { init, by_photos, hold_out: HoldOut::Nothing, ..settings(&data) };
+        let out = folder.path().join(format!("{init:?}-{means}"));
+        let run = Run::create(&out, settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
+        run.settings().fit.rates.means / Rates::default().means
+    };
+    assert_eq!(rate(Initial::Dense, true), 0.5);
+    assert_eq!([rate(Initial::Dense, false), rate(Initial::Points, true)], [1.0; 2]);
 }
 
 /// Without points, or with few photos, Gaussians begin as they did; a dense start that was asked for is refused.
