@@ -81,7 +81,7 @@ pub enum Quality {
     Draft,
     /// At most five minutes, 800 to 1600 pixels, as time allows
     Normal,
-    /// At most twenty minutes, at most 1600 pixels
+    /// At most twenty minutes, 800 to 1600 pixels, as time allows
     Fine,
 }
 
@@ -91,7 +91,7 @@ impl Quality {
         match self {
             Self::Draft => (0.5, 384..=384),
             Self::Normal => (5.0, 800..=1600),
-            Self::Fine => (20.0, 1600..=1600),
+            Self::Fine => (20.0, 800..=1600),
         }
     }
 }
@@ -104,8 +104,8 @@ const SHARE: f64 = 0.5;
 const LEAST_STEPS: usize = 200;
 /// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain nothing from more.
 const MOST_ROUNDS: usize = 200;
-/// Passes through the photos that are enough: time for more of them is better spent on larger photos, by the same page.
-const ENOUGH_ROUNDS: usize = 50;
+/// Passes through photos that are larger than the least: time for more of them is better spent on larger photos, by the same page, and more gain nothing.
+const ENOUGH_ROUNDS: usize = 40;
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || reconstruct(arguments, console, interrupt))
@@ -150,7 +150,11 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
         ..RunSettings::new(capture, FitSettings::default())
     };
     let (means, start) = (fit::Means::usual(arguments.live)?, Instant::now());
+    let least_side = *sides.start();
     let size = Pace::long_side(&settings, sides, (minutes, ENOUGH_ROUNDS), means.rasterizer.clone())?;
+    if size > least_side {
+        settings.most_rounds = settings.most_rounds.map(|_| ENOUGH_ROUNDS);
+    }
     let minutes = (minutes - start.elapsed().as_secs_f64() / 60.0).max(least);
     (settings.long_side, settings.minutes) = (Some(size), Some(minutes));
     let usual = plan(&settings)?.usual();
