@@ -36,7 +36,7 @@ pub struct Reconstruct {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Most time of all of it, and size of the photos; a fit ends early once it has used each photo 200 times
+    /// Most time of all of it, and size of the photos; a fit ends early once it has used each photo 200 times, or 40 times where they are larger than the least
     #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
     pub quality: Quality,
     /// Time for all of it, matching included, which is used up; the fit gets at least half of it, whatever matching took [default: at most the quality's]
