@@ -122,7 +122,6 @@ impl Rates {
 mod tests {
     use super::*;
 
-    /// Short runs go in longer steps and long ones in the same.
     /// promise: rates of shapes, opacities and colors stay for four fifths of a run and end at their part; those of means have a fall of their own.
     #[test]
     fn rates_fall_at_the_end() {
@@ -137,6 +136,7 @@ mod tests {
         assert_eq!(Rates { end: 1.0, ..rates.clone() }.at(1.0).sh, rates.sh);
     }
 
+    /// Short runs go in longer steps and long ones in the same.
     #[test]
     fn short_runs_go_in_longer_steps() {
         let rates = Rates::default();
