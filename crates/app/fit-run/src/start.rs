@@ -28,7 +28,7 @@ const SHARE: f64 = 0.15;
 /// Longest side of photos in the rehearsal that is timed, pixels.
 const REHEARSAL: usize = 50;
 /// Photos from which Gaussians begin on what photos agree about: of fewer, that is too little of the scene.
-pub(crate) const FEWEST: usize = 12;
+pub(crate) const FEWEST: usize = 13;
 /// Mean coverage from which Gaussians begin on what photos agree about.
 const COVERAGE: f64 = 0.4;
 

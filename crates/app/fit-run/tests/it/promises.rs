@@ -147,7 +147,7 @@ fn a_dense_start_needs_points() {
     let error = create("dense", settings(Initial::Dense, false)).unwrap_err().to_string();
     assert!(error.contains("init") && error.contains("points"), "{error}");
     with_points(&data);
-    let few = create("few", RunSettings { views: Some(11), ..settings(Initial::Auto, true) }).unwrap();
+    let few = create("few", RunSettings { views: Some(12), ..settings(Initial::Auto, true) }).unwrap();
     assert_eq!(few.settings().init, Initial::Points);
     assert!(few.coverage().is_empty());
 }
