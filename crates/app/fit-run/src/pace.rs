@@ -25,7 +25,7 @@ const GRAIN: f64 = 16.0;
 pub struct Pace {
     /// Everything before the first step.
     pub loading: f64,
-    /// Its steps.
+    /// Those of its steps.
     pub steps: Rehearsal,
     /// Judging every photo at the end, and the report.
     pub results: f64,
