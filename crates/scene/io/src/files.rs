@@ -11,3 +11,4 @@ pub(crate) mod json;
 pub(crate) mod mapped_file;
 pub(crate) mod memory;
 pub(crate) mod output_folder;
+pub(crate) mod unfinished;

@@ -27,7 +27,8 @@ pub use files::checksum::Checksum;
 pub use files::file::{file_length, read_bytes, read_part, read_text, write_text};
 pub use files::folder::{check_writable, create_folder, list_files, list_folders, path_in_utf8, relative_path};
 pub use files::memory::{available_memory, peak_mb};
-pub use files::output_folder::{OutputFolder, check_output_file};
+pub use files::output_folder::{OutputFolder, check_output_file, check_output_folder};
+pub use files::unfinished::{UnfinishedFile, remove_unfinished};
 pub use gaussians::ply;
 pub use gaussians::{
     Blocks, Chained, Changed, Drawing, OpenScene, SCENE_FORMATS, SceneFile, SceneFormat, open_scene, read_gaussians,

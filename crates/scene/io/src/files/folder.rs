@@ -1,5 +1,6 @@
 //! Folders.
 
+use crate::files::unfinished::UnfinishedFile;
 use crate::{Error, Result};
 use std::path::{Component, Path, PathBuf};
 
@@ -59,8 +60,7 @@ pub fn check_writable(folder: impl AsRef<Path>) -> Result<()> {
             format!("a file, {}", existing.display()),
         ));
     }
-    let probe = tempfile::Builder::new().prefix(".weaver-").tempfile_in(existing);
-    probe.map(drop).map_err(|source| Error::io(existing)(std::io::Error::from(source.kind())))
+    UnfinishedFile::create(existing).map(drop).map_err(|source| Error::io(existing)(std::io::Error::from(source.kind())))
 }
 
 /// The path to a file from a folder, with forward slashes on every system: what files of cameras call a photo, so that both can be moved

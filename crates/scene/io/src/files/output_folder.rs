@@ -1,12 +1,13 @@
 //! Folders of results, in which nothing is replaced but what the same command wrote.
 
+use crate::files::atomic::kind;
 use crate::files::folder::followed;
 use crate::{Advice, Error, Result, check_writable, list_photos};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The file in a folder of results that lists what this program wrote there, a line of JSON for each file.
@@ -69,7 +70,7 @@ impl OutputFolder {
         inputs: impl IntoIterator<Item = P>,
     ) -> Result<Self> {
         let path = path.into();
-        let inputs: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.as_ref().canonicalize().ok()).collect();
+        let inputs = canonical(inputs);
         refuse_inputs(&path, &inputs)?;
         check_writable(&path)?;
         let made: Vec<PathBuf> =
@@ -174,6 +175,7 @@ impl OutputFolder {
         let within = |name: &&String| name.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'));
         for path in own.filter(within).filter(|name| !kept.contains(name.as_str())).map(|name| self.path.join(name)) {
             if path.is_file() {
+                self.refuse_outside(&path)?;
                 refuse_inputs(&path, &self.inputs)?;
                 std::fs::remove_file(&path).map_err(Error::io(&path))?;
             }
@@ -185,12 +187,25 @@ impl OutputFolder {
         self.record.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Refuses a file that a link leads out of the folder to: its record says nothing of what is there.
+    fn refuse_outside(&self, path: &Path) -> Result<()> {
+        let (file, folder) = (place(path), place(&self.path));
+        if file.starts_with(&folder) {
+            return Ok(());
+        }
+        Err(refused(path, "a file in the folder of the results", format!("a link to {}", file.display())))
+    }
+
     fn allow(&self, record: &Record, name: &str) -> Result<()> {
         let path = self.path.join(name);
         refuse_inputs(&path, &self.inputs)?;
+        self.refuse_outside(&path)?;
         // A link that leads nowhere is somebody's, too.
         if path.symlink_metadata().is_err() {
             return Ok(());
+        }
+        if !name.ends_with('/') {
+            refuse_irregular(&path)?;
         }
         match record.written.get(name) {
             Some(command) if *command == self.command => Ok(()),
@@ -228,6 +243,10 @@ fn remove(folders: &[PathBuf]) {
 
 impl Record {
     fn open(path: &Path) -> Result<Self> {
+        // A record that came along with a folder may be a link to a file of the user, or a pipe that is never ready.
+        if let Some(found) = path.symlink_metadata().ok().filter(|found| !found.is_file()) {
+            return Err(refused(path, "the record of what this program wrote", kind(&found.file_type())));
+        }
         let mut file = loop {
             let file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(Error::io(path))?;
             match file.try_lock() {
@@ -255,7 +274,8 @@ impl Record {
         }
         let entry = |line: &str| -> Option<(String, String)> {
             let value: Value = serde_json::from_str(line).ok()?;
-            Some((value["file"].as_str()?.to_string(), value["by"].as_str()?.to_string()))
+            let name = value["file"].as_str().filter(|name| stays_within(name))?;
+            Some((name.to_string(), value["by"].as_str()?.to_string()))
         };
         let written: Option<BTreeMap<_, _>> = text[..whole].lines().map(entry).collect();
         let written = written.ok_or_else(|| refused(path, "the record of what this program wrote", "another file"))?;
@@ -273,27 +293,66 @@ impl Record {
     }
 }
 
+/// True for a name that leads to no place outside of its folder.
+fn stays_within(name: &str) -> bool {
+    Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
+}
+
 /// Checks before long work that a file can be written where it is asked for, and is none that a command reads.
 ///
-/// A file that is there will be replaced, unless it is one of the inputs or lies in one of those that are folders.
+/// A file that is there will be replaced, unless it is one of the inputs or lies in one that is a folder.
 ///
 /// # Errors
-/// When it is a folder or an input, and when its folder cannot be written.
+/// When it is a folder, a device, a pipe, a link that leads nowhere or an input, and when its folder cannot be written.
 pub fn check_output_file<P: AsRef<Path>>(path: impl AsRef<Path>, inputs: impl IntoIterator<Item = P>) -> Result<()> {
     let path = path.as_ref();
-    if path.is_dir() {
-        return Err(refused(path, "the name of a file", "a folder"));
-    }
     if path.symlink_metadata().is_ok() {
-        let inputs: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.as_ref().canonicalize().ok()).collect();
-        refuse_inputs(path, &inputs)?;
+        refuse_irregular(path)?;
+        refuse_inputs(path, &canonical(inputs))?;
     }
     check_writable(path.parent().unwrap_or(Path::new("")))
 }
 
+/// Checks before long work that results may go into a folder: it is no input, and lies in no folder of photos or of another's files that
+/// is one.
+///
+/// It may lie in a folder of results that is read, such as a run: what was written there is safe from a folder within, which
+/// has a record of its own.
+///
+/// # Errors
+/// Names the folder, and the input that it is or lies in.
+pub fn check_output_folder<P: AsRef<Path>>(path: impl AsRef<Path>, inputs: impl IntoIterator<Item = P>) -> Result<()> {
+    let path = path.as_ref();
+    let place = place(path);
+    let holds_results = |input: &PathBuf| *input != place && input.join(RECORD).is_file();
+    let inputs: Vec<PathBuf> = canonical(inputs).into_iter().filter(|input| !holds_results(input)).collect();
+    refuse_inputs(path, &inputs)
+}
+
+/// Paths that exist, without links.
+fn canonical<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Vec<PathBuf> {
+    paths.into_iter().filter_map(|path| path.as_ref().canonicalize().ok()).collect()
+}
+
+/// A path without links, as far as it exists.
+fn place(path: &Path) -> PathBuf {
+    std::path::absolute(path).map_or_else(|_| path.into(), |path| followed(&path))
+}
+
+/// Refuses to replace what is there, if it is no regular file.
+fn refuse_irregular(path: &Path) -> Result<()> {
+    // Through links, as the file is written.
+    let found = match path.metadata() {
+        Ok(found) if found.is_file() => return Ok(()),
+        Ok(found) => kind(&found.file_type()),
+        Err(_) => "a link that leads nowhere",
+    };
+    Err(refused(path, "the name of a file", found))
+}
+
 /// Refuses what is an input, or lies in one that is a folder.
 fn refuse_inputs(path: &Path, inputs: &[PathBuf]) -> Result<()> {
-    let output = std::path::absolute(path).map_or_else(|_| path.into(), |path| followed(&path));
+    let output = place(path);
     let Some(input) = inputs.iter().find(|input| output.starts_with(input)) else { return Ok(()) };
     let found = match output == *input {
         true => "what is read".into(),
@@ -301,7 +360,9 @@ fn refuse_inputs(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     };
     Err(refused(path, "a place apart from what is read", found))
 }
-fn refused(path: &Path, expected: impl Into<String>, found: impl Into<String>) -> Error {
+
+/// Refusal to write, which other places for results remedy.
+pub(crate) fn refused(path: &Path, expected: impl Into<String>, found: impl Into<String>) -> Error {
     let (expected, found) = (expected.into(), found.into());
     Error::Output { path: path.into(), expected, found, source: Advice::OtherOutput }
 }

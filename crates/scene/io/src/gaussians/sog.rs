@@ -13,10 +13,11 @@ mod files;
 mod meta;
 mod palette;
 mod plane;
+mod replaced;
 
 use super::scene_file::{Drawing, SceneFile};
 use crate::files::file::read_bytes;
-use crate::{Error, Result, atomic_write, create_folder};
+use crate::{Error, Result};
 use decode::decoded;
 use encode::{File, encoded};
 use files::{Archive, Folder};
@@ -80,14 +81,7 @@ pub(crate) fn encode(path: &Path, gaussians: &Gaussians, drawing: Drawing, w: &m
 /// Writes a `meta.json` and the pictures beside it; the folder is made where there is none.
 ///
 /// # Errors
-/// As [`encode`].
+/// As [`encode`], and when it would replace a file of others.
 pub(crate) fn encode_folder(path: &Path, gaussians: &Gaussians, drawing: Drawing) -> Result<()> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    if !folder.as_os_str().is_empty() {
-        create_folder(folder)?;
-    }
-    for File { name, content } in encoded(path, gaussians, drawing)? {
-        atomic_write(folder.join(name), |w| w.write_all(&content))?;
-    }
-    Ok(())
+    replaced::write(path, &encoded(path, gaussians, drawing)?)
 }

@@ -72,3 +72,37 @@ fn has_the_permissions_of_any_new_file() {
     let mode = |path| std::fs::metadata(path).unwrap().permissions().mode();
     assert_eq!(mode(a), mode(b));
 }
+
+/// Whatever ends a process, nothing of an unfinished file stays: it has no name.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_unfinished_file_has_no_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ply");
+    for content in ["first", "second"] {
+        let before = std::fs::read_dir(folder.path()).unwrap().count();
+        atomic_write(&path, |w| {
+            w.write_all(content.as_bytes())?;
+            w.flush()?;
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), before, "a file is there already");
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), content);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}
+
+/// A link is followed and stays a link.
+#[cfg(unix)]
+#[test]
+fn a_link_is_written_through() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, link) = (folder.path().join("disk/file"), folder.path().join("link"));
+    std::fs::create_dir(folder.path().join("disk")).unwrap();
+    std::fs::write(&file, "old").unwrap();
+    std::os::unix::fs::symlink("disk/file", &link).unwrap();
+    atomic_write(&link, |w| w.write_all(b"new")).unwrap();
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "new");
+    assert!(link.symlink_metadata().unwrap().is_symlink());
+}

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::Path;
-use weaver_io::{OutputFolder, check_output_file, write_text};
+use weaver_io::{OutputFolder, check_output_file, check_output_folder, write_text};
 
 const NOTHING: [&str; 0] = [];
 
@@ -169,4 +169,83 @@ fn only_what_the_command_wrote_is_removed() {
     ] {
         assert_eq!(folder.join(name).exists(), there, "{name}");
     }
+}
+
+/// A record that came along with a folder leads to no file outside of it.
+#[test]
+fn a_record_leads_to_no_file_outside() {
+    let parent = tempfile::tempdir().unwrap();
+    let thesis = parent.path().join("thesis.txt");
+    fs::write(&thesis, "mine").unwrap();
+    for name in ["frames/../../thesis.txt".to_string(), "..".into(), thesis.display().to_string(), "./a".into()] {
+        let folder = tempfile::tempdir_in(parent.path()).unwrap();
+        let line = serde_json::json!({ "file": name, "by": "fit" }).to_string() + "\n";
+        fs::write(folder.path().join("written.jsonl"), line).unwrap();
+        refused(OutputFolder::claim(folder.path(), "fit", NOTHING), &["written.jsonl", "another file"]);
+        refused(OutputFolder::reopen(folder.path(), "fit", NOTHING), &["written.jsonl", "another file"]);
+    }
+    assert_eq!(fs::read_to_string(&thesis).unwrap(), "mine");
+}
+
+/// Links in a folder of results lead to nothing that is replaced or removed.
+#[cfg(unix)]
+#[test]
+fn links_lead_to_no_file_outside() {
+    use std::os::unix::fs::symlink;
+
+    let parent = tempfile::tempdir().unwrap();
+    let (victim, folder) = (parent.path().join("victim"), parent.path().join("out"));
+    for path in [&victim, &folder] {
+        fs::create_dir(path).unwrap();
+    }
+    fs::write(victim.join("thesis.txt"), "mine").unwrap();
+    symlink(&victim, folder.join("frames")).unwrap();
+    symlink(victim.join("thesis.txt"), folder.join("scene.ply")).unwrap();
+    let lines = ["frames/thesis.txt", "scene.ply"].map(|name| format!("{{\"file\":\"{name}\",\"by\":\"fit\"}}\n"));
+    fs::write(folder.join("written.jsonl"), lines.concat()).unwrap();
+    let out = OutputFolder::claim(&folder, "fit", NOTHING).unwrap();
+    refused(out.remove_others::<&str>("frames", &[]), &["thesis.txt", "a link to"]);
+    for name in ["scene.ply", "frames/thesis.txt", "frames/new.txt"] {
+        refused(out.file(name), &[name, "a file in the folder of the results"]);
+        refused(out.remove(name), &[name]);
+    }
+    drop(out);
+    // The record itself would be appended to.
+    fs::remove_file(folder.join("written.jsonl")).unwrap();
+    symlink(victim.join("thesis.txt"), folder.join("written.jsonl")).unwrap();
+    refused(OutputFolder::claim(&folder, "fit", NOTHING), &["written.jsonl", "a link"]);
+    assert_eq!(fs::read_to_string(victim.join("thesis.txt")).unwrap(), "mine");
+    assert_eq!(fs::read_dir(&victim).unwrap().count(), 1);
+}
+
+/// An output is a regular file, or one that is not there yet.
+#[cfg(unix)]
+#[test]
+fn outputs_are_regular_files_or_absent() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = |name: &str| parent.path().join(name);
+    let _socket = std::os::unix::net::UnixListener::bind(path("socket.ply")).unwrap();
+    std::os::unix::fs::symlink(path("nowhere"), path("dangling.ply")).unwrap();
+    refused(check_output_file("/dev/null", NOTHING), &["/dev/null", "the name of a file", "a device"]);
+    refused(check_output_file(path("socket.ply"), NOTHING), &["socket.ply", "a socket"]);
+    refused(check_output_file(path("dangling.ply"), NOTHING), &["dangling.ply", "a link that leads nowhere"]);
+    let out = claim(parent.path(), "fit");
+    for name in ["socket.ply", "dangling.ply"] {
+        refused(out.check([name]), &[name]);
+        refused(weaver_io::atomic_write(path(name), |w| w.write_all(b"new")), &[name]);
+        assert!(!path(name).symlink_metadata().unwrap().is_file(), "{name}");
+    }
+    assert!(!path("nowhere").exists());
+}
+
+/// A folder for results may lie in a run that is read, and in no capture.
+#[test]
+fn results_may_lie_in_a_run_that_is_read() {
+    let parent = tempfile::tempdir().unwrap();
+    let (run, photos) = (parent.path().join("run"), parent.path().join("photos"));
+    fs::create_dir(&photos).unwrap();
+    claim(&run, "train").file("model.safetensors").unwrap();
+    check_output_folder(run.join("curves"), [&run, &photos]).unwrap();
+    refused(check_output_folder(&run, [&run]), &["run", "what is read"]);
+    refused(check_output_folder(photos.join("new"), [&run, &photos]), &["photos/new", "a place in"]);
 }

@@ -5,6 +5,7 @@ use crate::shared;
 use image_webp::{ColorType, WebPEncoder};
 use proptest::prelude::*;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
 use std::path::Path;
 use weaver_io::{Drawing, read_gaussians, read_scene, write_gaussians, write_scene};
@@ -219,4 +220,36 @@ fn a_folder_names_no_files_beyond_it() {
         assert!(message.contains("files: expected names of files in this folder"), "{message}");
     }
     assert!(change("gone.webp").contains("gone.webp"));
+}
+
+/// A scene in a folder replaces no file of others, and a scene that was there as a whole.
+#[test]
+fn a_scene_in_a_folder_replaces_its_own_files_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let write = |degree| write_gaussians(path("meta.json"), &scene(30).with_degree(degree));
+    let files = || {
+        let names = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+        names.map(|name| (name.clone(), std::fs::read(folder.path().join(name)).unwrap())).collect::<BTreeMap<_, _>>()
+    };
+    for (name, content) in [("sh0.webp", "a picture of mine"), ("meta.json", "{\"mine\": true}")] {
+        std::fs::write(path(name), content).unwrap();
+        let message = write(1).unwrap_err().to_string();
+        assert!(message.contains(name) && message.contains("found another one"), "{message}");
+        assert_eq!(files().len(), 1, "nothing else is written");
+        assert_eq!(std::fs::read_to_string(path(name)).unwrap(), content);
+        std::fs::remove_file(path(name)).unwrap();
+    }
+    std::fs::write(path("mine.webp"), "mine").unwrap();
+    write(1).unwrap();
+    let whole = files();
+    write(0).unwrap();
+    assert!(!path("shN_labels.webp").exists(), "no file of the scene before is left");
+    write(1).unwrap();
+    assert!(files() == whole);
+    // A file that cannot be replaced leaves the scene as it was.
+    let mut broken = scene(31);
+    broken.means[0][0] = f32::NAN;
+    assert!(write_gaussians(path("meta.json"), &broken).is_err());
+    assert!(files() == whole);
 }

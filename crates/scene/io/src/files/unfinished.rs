@@ -1,0 +1,197 @@
+//! Files that have no name until they are complete.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use tempfile::{Builder, NamedTempFile};
+
+/// Unfinished files that have a name of their own, since the system has no files without one.
+static NAMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+/// Beginning of such a name.
+const PREFIX: &str = ".weaver-";
+/// Permissions that any new file gets, before those that the user takes away.
+#[cfg(unix)]
+const PERMISSIONS: u32 = 0o666;
+
+/// A file in a folder that takes its name when it is complete, and is gone if it never is.
+///
+/// On Linux it has no name in the meantime (`O_TMPFILE`), so that nothing stays when the process ends, whatever ends it. Elsewhere, and on
+/// file systems without such files, it has a hidden one: removed when this value is dropped, and by [`remove_unfinished`].
+///
+/// ```
+/// use std::io::Write;
+/// use weaver_io::UnfinishedFile;
+///
+/// let folder = tempfile::tempdir()?;
+/// let mut file = UnfinishedFile::create(folder.path())?;
+/// file.as_file().write_all(b"whole")?;
+/// file.persist(&folder.path().join("note.txt"))?;
+/// assert_eq!(std::fs::read(folder.path().join("note.txt"))?, b"whole");
+/// # Ok::<(), std::io::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct UnfinishedFile {
+    file: File,
+    /// Its hidden name, if it has one.
+    name: Option<PathBuf>,
+}
+
+impl UnfinishedFile {
+    /// Creates a file in a folder, which is created as well if it is missing.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to.
+    pub fn create(folder: &Path) -> io::Result<Self> {
+        std::fs::create_dir_all(folder)?;
+        nameless(folder).map_or_else(|| Self::named(folder), |file| Ok(Self { file, name: None }))
+    }
+
+    fn named(folder: &Path) -> io::Result<Self> {
+        let mut builder = builder();
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(PERMISSIONS));
+        // Locked before it is there, so that whoever removes all of them finds this one, too.
+        let mut names = named_files();
+        let (file, path) = builder.tempfile_in(folder)?.into_parts();
+        let path = path.keep().map_err(|error| error.error)?;
+        names.insert(path.clone());
+        Ok(Self { file, name: Some(path) })
+    }
+
+    /// The file, to be written.
+    pub fn as_file(&mut self) -> &File {
+        &self.file
+    }
+
+    /// The hidden name of a file that has one.
+    pub fn name(&self) -> Option<&Path> {
+        self.name.as_deref()
+    }
+
+    /// Flushes the file to the disk.
+    ///
+    /// # Errors
+    /// When the disk is full, for instance.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.file.sync_all()
+    }
+
+    /// Flushes the file to the disk and gives it a name, in place of a file that has it.
+    ///
+    /// # Errors
+    /// When it cannot be flushed, or cannot have that name.
+    pub fn persist(mut self, path: &Path) -> io::Result<()> {
+        self.flush()?;
+        let Some(name) = self.name.take() else { return link(&self.file, path) };
+        let renamed = std::fs::rename(&name, path);
+        if renamed.is_ok() {
+            named_files().remove(&name);
+        } else {
+            self.name = Some(name);
+        }
+        renamed
+    }
+}
+
+impl Drop for UnfinishedFile {
+    fn drop(&mut self) {
+        if let Some(name) = self.name.take() {
+            // A file that somebody else removed needs no removing.
+            let _ = std::fs::remove_file(&name);
+            named_files().remove(&name);
+        }
+    }
+}
+
+/// Removes all unfinished files that have a name: to be called before the process ends without unwinding.
+pub fn remove_unfinished() {
+    for path in std::mem::take(&mut *named_files()) {
+        // The process ends: nobody is left to be told.
+        let _ = std::fs::remove_file(path);
+    }
+}
+
+fn named_files() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    NAMED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn builder() -> Builder<'static, 'static> {
+    let mut builder = Builder::new();
+    builder.prefix(PREFIX);
+    builder
+}
+
+/// A file without a name in a folder, where the system and the file system have such files.
+#[cfg(target_os = "linux")]
+fn nameless(folder: &Path) -> Option<File> {
+    use rustix::fs::{Mode, OFlags, open};
+
+    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+    let file: File = open(folder, flags, Mode::from_raw_mode(PERMISSIONS)).ok()?.into();
+    // Without it the file could not be named in the end.
+    place(&file).exists().then_some(file)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn nameless(_: &Path) -> Option<File> {
+    None
+}
+
+/// Gives a file without a name this one, in place of a file that has it.
+#[cfg(target_os = "linux")]
+fn link(file: &File, path: &Path) -> io::Result<()> {
+    use rustix::fs::{AtFlags, CWD, linkat};
+
+    let named = |path: &Path| -> io::Result<()> { Ok(linkat(CWD, place(file), CWD, path, AtFlags::SYMLINK_FOLLOW)?) };
+    match named(path) {
+        // A link does not replace a file; a rename does.
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            let linked: NamedTempFile<()> = builder().make_in(folder, named)?;
+            linked.into_temp_path().persist(path).map_err(|error| error.error)
+        }
+        linked => linked,
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn link(_: &File, _: &Path) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// The place at which an open file of this process can be linked and opened again.
+#[cfg(target_os = "linux")]
+fn place(file: &File) -> PathBuf {
+    use std::os::fd::AsRawFd;
+    format!("/proc/self/fd/{}", file.as_raw_fd()).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    /// Files with a hidden name replace others, and are removed when they are dropped or the process ends.
+    #[test]
+    fn named_files_take_their_place_or_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let names = || std::fs::read_dir(folder.path()).unwrap().count();
+        for content in ["first", "second"] {
+            let mut file = UnfinishedFile::named(folder.path()).unwrap();
+            file.as_file().write_all(content.as_bytes()).unwrap();
+            file.persist(&path).unwrap();
+            assert_eq!((std::fs::read_to_string(&path).unwrap().as_str(), names()), (content, 1));
+        }
+        drop(UnfinishedFile::named(folder.path()).unwrap());
+        assert_eq!(names(), 1);
+        let left = UnfinishedFile::named(folder.path()).unwrap();
+        assert_eq!(names(), 2);
+        remove_unfinished();
+        assert_eq!(names(), 1);
+        assert!(left.persist(&path).is_err());
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "second");
+    }
+}

@@ -1,0 +1,78 @@
+//! A scene of several files in a folder: all of them are written or none, and over no file of others.
+
+use super::encode::File;
+use super::{META, names};
+use crate::files::atomic::destination;
+use crate::files::output_folder::refused;
+use crate::files::unfinished::UnfinishedFile;
+use crate::{Error, Result};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Writes the files of a scene beside its `meta.json`, which comes last among them.
+///
+/// # Errors
+/// When a file of such a name is there that no scene at this place names, and when one cannot be written.
+pub(super) fn write(meta: &Path, files: &[File]) -> Result<()> {
+    let beside = |name: &str| meta.with_file_name(name);
+    let own = named_before(meta)?;
+    for path in files.iter().map(|file| beside(file.name)).filter(|path| path.symlink_metadata().is_ok()) {
+        if !own.contains(&path) {
+            return Err(refused(&path, "no file, or one of the scene that is replaced", "another one"));
+        }
+    }
+    // All are complete before any has its name: a disk that is full leaves the scene as it was.
+    let folder = meta.parent().unwrap_or(Path::new(""));
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let mut complete = Vec::new();
+    for File { name, content } in files {
+        let path = beside(name);
+        let written = || -> std::io::Result<_> {
+            let place = destination(&path)?;
+            let mut file = UnfinishedFile::create(folder)?;
+            file.as_file().write_all(content)?;
+            file.flush()?;
+            Ok((place, file))
+        };
+        complete.push(written().map_err(Error::io(&path))?);
+    }
+    // Without it there is no scene, so that none is read of which a part is new.
+    remove(meta)?;
+    for (place, file) in complete {
+        file.persist(&place).map_err(Error::io(&place))?;
+    }
+    let is_written = |path: &&PathBuf| files.iter().any(|file| beside(file.name) == **path);
+    own.iter().filter(|path| !is_written(path)).try_for_each(|path| remove(path))
+}
+
+/// The files of the scene that is there already.
+///
+/// # Errors
+/// When there is a `meta.json` of something else.
+fn named_before(meta: &Path) -> Result<Vec<PathBuf>> {
+    if meta.symlink_metadata().is_err() {
+        return Ok(Vec::new());
+    }
+    let names = names(meta).map_err(|_| refused(meta, "no file, or that of a scene", "another one"))?;
+    // A file of others may name anything.
+    let known = |name: &String| name == META || NAMES.contains(&name.as_str());
+    Ok(names.into_iter().filter(known).map(|name| meta.with_file_name(name)).collect())
+}
+
+/// Names of pictures that scenes are written with.
+const NAMES: [&str; 7] = [
+    "means_l.webp",
+    "means_u.webp",
+    "quats.webp",
+    "scales.webp",
+    "sh0.webp",
+    "shN_centroids.webp",
+    "shN_labels.webp",
+];
+
+fn remove(path: &Path) -> Result<()> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path)(error)),
+        _ => Ok(()),
+    }
+}
