@@ -2,7 +2,7 @@
 
 use clap::{ArgGroup, Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
-use weaver_command::{DeviceFlag, Threads, rows_and_columns};
+use weaver_command::{DeviceFlag, Output, Threads, rows_and_columns};
 
 /// Measures how fast parts of this program are on this machine, beside the machine's own peak.
 #[derive(Args, Debug)]
@@ -54,8 +54,8 @@ pub struct BenchRaster {
     #[arg(long, value_name = "R", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub runs: u32,
     /// Writes image, alpha, depth and the gradient of every input to this safetensors file
-    #[arg(long, value_name = "OUT")]
-    pub dump: Option<PathBuf>,
+    #[arg(long, value_name = "OUT.safetensors", value_parser = Output::file(&["safetensors"]))]
+    pub dump: Option<Output>,
     /// Leaves the backward pass out
     #[arg(long)]
     pub forward_only: bool,
@@ -206,11 +206,11 @@ pub struct BenchCompress {
     #[arg(long)]
     pub chamfer: bool,
     /// Writes the table and curves as one page
-    #[arg(long, value_name = "FILE")]
-    pub html: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.html", value_parser = Output::file(&["html", "htm"]))]
+    pub html: Option<Output>,
     /// Folder for the files of the methods, checkpoints, a log, summary.json and report.html
-    #[arg(short, long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub out: Option<Output>,
     /// Goes on with the comparison in this folder, with its own settings
     #[arg(long, value_name = "RUN", conflicts_with_all = [
         "scenes", "methods", "peer", "cameras", "data", "steps", "seed", "chamfer", "out",

@@ -24,7 +24,7 @@ pub fn run(arguments: &BenchCompress, console: &mut Console, interrupt: &Interru
         Some(path) => Folder::settings(path, KIND, "a comparison of methods")?,
         None => asked(arguments)?,
     };
-    let read = || settings.scenes.iter().chain(&settings.peer);
+    let read = || settings.scenes.iter().chain(&settings.peer).chain(&settings.cameras).chain(&settings.data);
     arguments.html.as_ref().map_or(Ok(()), |page| check_output_file(page, read()))?;
     // Claimed before any work.
     let claimed = arguments.out.as_ref().map(|out| Folder::claim(out, KIND, read())).transpose()?;

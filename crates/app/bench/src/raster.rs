@@ -26,7 +26,6 @@ pub fn run(arguments: &BenchRaster, console: &mut Console) -> Result<(), Failure
         Some(name) => Draws::Device(Box::new(Device::open(name)?.measured())),
         None => Draws::Processor(Box::new(Workspace::new())),
     };
-    arguments.dump.as_ref().map_or(Ok(()), |path| weaver_io::check_output_file(path, &arguments.workload))?;
     let mut frame = Frame::new(&workload, draws, arguments.dump.is_some());
     // An untimed run allocates and touches all memory.
     frame.draw()?;

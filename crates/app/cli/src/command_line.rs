@@ -1,6 +1,7 @@
 //! The command line and its help texts.
 
 use crate::commands::{Command, GROUPS};
+use crate::paths::Paths;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
@@ -35,6 +36,9 @@ pub struct CommandLine {
     /// The command's words that have a say in its results.
     #[arg(skip)]
     pub settings: String,
+    /// The command's paths.
+    #[arg(skip)]
+    pub paths: Paths,
 }
 
 /// Arguments without a say in results: the folder for these, how fast they come, and what is said of them.
@@ -44,7 +48,8 @@ impl CommandLine {
     /// Parses the words of a command line, whose first is the program's name.
     pub fn of(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Self, clap::Error> {
         let matches = Self::grouped().try_get_matches_from(words)?;
-        Ok(Self { settings: settings(&matches), ..Self::from_arg_matches(&matches)? })
+        let (settings, paths) = (settings(&matches), Paths::of(&matches));
+        Ok(Self { settings, paths, ..Self::from_arg_matches(&matches)? })
     }
 
     /// The program, whose help lists the commands in groups.

@@ -25,7 +25,7 @@ mod view;
 use crate::flags::{CompleteFlag, IfComplete};
 use clap::Subcommand;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Interrupt};
+use weaver_command::{Console, Failure, Interrupt, Output};
 
 /// Makes the commands of their table: the enum that clap parses into, the groups of the help, and the call.
 macro_rules! table {
@@ -66,11 +66,15 @@ impl Command {
     /// # Errors
     /// When it has no folder of its own.
     pub fn unit(&self) -> Result<Option<Unit>, Failure> {
-        let resumed = |out: &PathBuf, json, threads| {
-            Some(Self::Fit(fit::Fit { resume: Some(out.clone()), json, threads, ..fit::Fit::default() }))
+        let resumed = |out: &Output, json, threads| {
+            Some(Self::Fit(fit::Fit { resume: Some(out.to_path_buf()), json, threads, ..fit::Fit::default() }))
         };
-        let unit = |complete: &CompleteFlag, out: &PathBuf, inputs: &[PathBuf], resume| {
-            complete.if_complete.map(|IfComplete::Skip| Unit { out: out.clone(), inputs: inputs.to_vec(), resume })
+        let unit = |complete: &CompleteFlag, out: &Output, inputs: &[PathBuf], resume| {
+            complete.if_complete.map(|IfComplete::Skip| Unit {
+                out: out.to_path_buf(),
+                inputs: inputs.to_vec(),
+                resume,
+            })
         };
         Ok(match self {
             Self::Reconstruct(it) => {

@@ -12,6 +12,7 @@ mod film;
 mod flags;
 mod gif;
 mod old_names;
+mod paths;
 mod processes;
 mod reference;
 mod refine;
@@ -20,7 +21,6 @@ mod units;
 mod video;
 mod webp;
 
-pub use ffmpeg::end_all as end_programs;
 pub use weaver_command::{Console, Interrupt};
 
 pub use command_line::{Flag, flags};
@@ -51,6 +51,12 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
         console.note(&format!("error: {line}"));
     }
     failure.exit_code()
+}
+
+/// Ends programs that were started and removes files that were begun: to be called before the process ends without unwinding.
+pub fn leave() {
+    ffmpeg::end_all();
+    weaver_io::remove_unfinished();
 }
 
 /// Reason why a request was not carried out.

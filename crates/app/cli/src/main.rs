@@ -17,7 +17,7 @@ fn main() -> ExitCode {
     }));
     let handler = || {
         if !INTERRUPT.request() {
-            weaver_cli::end_programs();
+            weaver_cli::leave();
             process::exit(INTERRUPTED);
         }
         say("stopping; again to stop at once");

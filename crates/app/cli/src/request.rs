@@ -70,6 +70,7 @@ impl Request {
     /// Runs the command; what it prints goes to the console.
     pub(crate) fn carry_out(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
         simd::requested_level().map_err(Failure::Usage)?;
+        self.0.paths.check()?;
         units::run(&self.0.command, &self.0.settings, console, interrupt)
     }
 

@@ -6,15 +6,20 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdin, Command, Stdio};
 use weaver_command::Failure;
-use weaver_io::Image;
+use weaver_io::{Image, UnfinishedFile};
 
-/// A video that is being written: renamed into place when it is complete, removed otherwise.
+/// Endings of videos, as `Output::file` takes them.
+pub const VIDEOS: &[&str] = &["mp4", "m4v", "mov", "mkv", "webm", "avi"];
+/// ffmpeg's name of each format.
+const FORMATS: [&str; 6] = ["mp4", "mp4", "mov", "matroska", "webm", "avi"];
+
+/// A video that is being written: it takes its name when it is complete.
 #[derive(Debug)]
 pub struct Video {
     path: PathBuf,
-    /// Where ffmpeg writes.
-    unfinished: PathBuf,
+    // Before the file: what ffmpeg still writes is removed after it has ended.
     ffmpeg: Ffmpeg,
+    unfinished: UnfinishedFile,
     /// Where ffmpeg reads, until all is written.
     pipe: Option<ChildStdin>,
 }
@@ -22,24 +27,30 @@ pub struct Video {
 impl Video {
     /// A video of pictures of this size, `rate` of them a second.
     pub fn create(path: &Path, (width, height): (usize, usize), rate: f64) -> Result<Self, Failure> {
-        let name = path.file_name().ok_or_else(|| Failure::Usage(format!("--video {}: not a file", path.display())))?;
-        // The extension tells ffmpeg the format.
-        let unfinished = path.with_file_name(format!(".weaver-{}-{}", std::process::id(), name.to_string_lossy()));
+        let failed = |error: std::io::Error| weaver_io::Error::Io { path: path.into(), source: error };
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut unfinished = UnfinishedFile::create(folder).map_err(failed)?;
+        // A file without a name is handed to ffmpeg as its standard output.
+        let (to, stdout) = match unfinished.name() {
+            Some(name) => (name.to_path_buf(), Stdio::null()),
+            None => ("/proc/self/fd/1".into(), unfinished.as_file().try_clone().map_err(failed)?.into()),
+        };
         let mut command = Command::new("ffmpeg");
         command
             .args(["-loglevel", "error", "-nostdin", "-y", "-f", "rawvideo", "-pixel_format", "rgb24"])
             .args(["-video_size", &format!("{width}x{height}"), "-framerate", &rate.to_string(), "-i", "pipe:0"])
             // Players expect chroma at half resolution, which needs even sides.
             .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
-            .arg(&unfinished)
+            .args(["-f", format(path)])
+            .arg(to)
             .stdin(Stdio::piped())
-            .stdout(Stdio::null());
+            .stdout(stdout);
         let missing = format!(
             "--video needs the program ffmpeg, and there is none on the PATH; {INSTALL}; without --video, pictures are written"
         );
         let ffmpeg = Ffmpeg::start(command, &missing)?;
         let pipe = ffmpeg.stdin();
-        Ok(Self { path: path.to_owned(), unfinished, ffmpeg, pipe })
+        Ok(Self { path: path.to_owned(), ffmpeg, unfinished, pipe })
     }
 
     /// Ends the input, waits for ffmpeg, and passes on its error messages.
@@ -66,15 +77,15 @@ impl Film for Video {
 
     fn finish(mut self: Box<Self>) -> Result<PathBuf, Failure> {
         self.end()?;
-        std::fs::rename(&self.unfinished, &self.path).map_err(|error| self.failure(&error.to_string()))?;
-        Ok(std::mem::take(&mut self.path))
+        let Self { path, unfinished, .. } = *self;
+        unfinished.persist(&path).map_err(|source| weaver_io::Error::Io { path: path.clone(), source })?;
+        Ok(path)
     }
 }
 
-impl Drop for Video {
-    fn drop(&mut self) {
-        // Not before it has ended, or it would be there again. Where it has its name, there is nothing to remove.
-        self.ffmpeg.kill();
-        let _ = std::fs::remove_file(&self.unfinished);
-    }
+/// ffmpeg's name of the format that a file's name ends with.
+fn format(path: &Path) -> &'static str {
+    let ending = path.extension().unwrap_or_default();
+    let place = VIDEOS.iter().position(|known| ending.eq_ignore_ascii_case(known));
+    FORMATS[place.unwrap_or_default()]
 }

@@ -2,7 +2,7 @@
 
 use clap::{ArgGroup, Args, Subcommand};
 use std::path::PathBuf;
-use weaver_command::{LiveFlag, MOST_SEED, Threads};
+use weaver_command::{LiveFlag, MOST_SEED, Output, Threads};
 use weaver_image::Window;
 
 /// Writes pictures as sums of 2-D Gaussians (.wgi), draws them at any size, and measures both.
@@ -44,8 +44,8 @@ pub struct ImageFit {
     #[arg(value_name = "PICTURE", required_unless_present = "resume", num_args = 1..)]
     pub pictures: Vec<PathBuf>,
     /// The .wgi file of one picture, or a folder for files, checkpoints and a report
-    #[arg(short, long, value_name = "FILE|DIR", required_unless_present = "resume")]
-    pub out: Option<PathBuf>,
+    #[arg(short, long, value_name = "FILE.wgi|DIR", required_unless_present = "resume", value_parser = Output::file_or_folder(&["wgi"]))]
+    pub out: Option<Output>,
     /// Goes on with the run in this folder, with its own settings
     #[arg(long, value_name = "RUN", conflicts_with_all = ["pictures", "out", "size", "steps", "seed", "coarse", "published"])]
     pub resume: Option<PathBuf>,
@@ -89,8 +89,8 @@ pub struct ImageDraw {
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// The picture to write, PNG
-    #[arg(short, long, value_name = "FILE")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "FILE.png", value_parser = Output::file(&["png"]))]
+    pub out: Output,
     /// Sides of the picture in parts of its own; smaller ones are filtered
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     pub scale: f64,
@@ -114,8 +114,8 @@ pub struct ImageBench {
     #[arg(value_name = "PICTURE", required = true)]
     pub pictures: Vec<PathBuf>,
     /// Folder for a report with crops and curves
-    #[arg(short, long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub out: Option<Output>,
     /// Folder of the same pictures by other encoders
     #[arg(long, value_name = "DIR")]
     pub others: Option<PathBuf>,

@@ -4,7 +4,7 @@ use crate::arguments::ImageDraw;
 use crate::read::{MOST_PIXELS, failure};
 use weaver_command::{Console, Failure, memory};
 use weaver_image::{CUT, Fitted, ImageError, Window, decode_region};
-use weaver_io::{Image, check_output_file, file_length, read_part};
+use weaver_io::{Image, file_length, read_part};
 
 /// Bytes of memory for a pixel that is drawn.
 const BYTES: u64 = 32;
@@ -13,13 +13,6 @@ const LARGEST: f64 = 1024.0;
 
 pub fn run(arguments: &ImageDraw, console: &mut Console) -> Result<(), Failure> {
     let file = &arguments.file;
-    check_output_file(&arguments.out, [file])?;
-    if !arguments.out.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("png")) {
-        return Err(Failure::Usage(format!(
-            "--out: expected the name of a PNG file, found {}",
-            arguments.out.display()
-        )));
-    }
     let scale = arguments.scale;
     if !(scale > 0.0 && scale <= LARGEST) {
         return Err(Failure::Usage(format!("--scale: expected a number above 0 and at most {LARGEST}, found {scale}")));

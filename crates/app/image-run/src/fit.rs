@@ -11,7 +11,7 @@ use crate::{read, report};
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress};
 use weaver_io::safetensors::Tensors;
-use weaver_io::{atomic_write, check_output_file, list_photos};
+use weaver_io::{atomic_write, list_photos};
 use weaver_run::{Folder, Job, Run};
 use weaver_view_run::{Followed, Server, Showing, live};
 
@@ -25,7 +25,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
         let folder = Folder::reopen_with(path, KIND, names)?;
         return go_on(Run::resume(folder, PicturesJob::new(settings)?)?, arguments.live, console, interrupt);
     }
-    let out = arguments.out.as_deref().ok_or_else(|| Failure::Usage("expected --out".into()))?;
+    let out = arguments.out.as_ref().ok_or_else(|| Failure::Usage("expected --out".into()))?;
     let method = Method {
         ratio: arguments.ratio,
         gaussians: arguments.gaussians.map(|n| n as usize),
@@ -39,7 +39,9 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
         return Err(Failure::Usage(format!("--psnr: expected a number of decibels, found {psnr}")));
     }
     match &arguments.pictures[..] {
-        [picture] if picture.is_file() && !is_folder(out) => one(picture, out, arguments, &method, console, interrupt),
+        [picture] if picture.is_file() && !is_folder(out) => {
+            one(picture, out.as_file()?, arguments, &method, console, interrupt)
+        }
         _ if arguments.bytes.is_some() || arguments.psnr.is_some() => {
             Err(Failure::Usage("--bytes and --psnr: expected one picture and a file to write".into()))
         }
@@ -84,7 +86,6 @@ fn one(
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
-    check_output_file(out, [path])?;
     let picture = read(path, console)?;
     let goal = match (arguments.bytes, arguments.psnr) {
         (Some(bytes), _) => Goal::Bytes(bytes as usize),

@@ -8,7 +8,7 @@ use crate::results::{KEYFRAMES, MAP, Summary, TRAJECTORY, write};
 use crate::{LidarJob, LidarPlan};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress, Threads, in_pool};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, Progress, Threads, in_pool};
 use weaver_run::{Folder, Job, Kind, Run};
 use weaver_view_run::{Followed, Server, Showing, Visitors, live};
 
@@ -29,8 +29,8 @@ pub struct Lidar {
     #[command(flatten)]
     plan: LidarPlan,
     /// Folder of the run [default: the first free one of runs/lidar-1, runs/lidar-2, ...]
-    #[arg(short, long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    out: Option<Output>,
     /// Goes on from the checkpoint of a run that was stopped, with what it was started with
     #[arg(long, value_name = "RUN", conflicts_with_all = ["LidarPlan", "out"])]
     resume: Option<PathBuf>,
@@ -55,7 +55,8 @@ pub fn run(arguments: &Lidar, console: &mut Console, interrupt: &Interrupt) -> R
 
 fn opened(arguments: &Lidar) -> Result<Run<LidarJob>, Failure> {
     let Some(path) = &arguments.resume else {
-        let path = &arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), "lidar"));
+        let path =
+            &arguments.out.as_deref().map_or_else(|| Folder::free(Path::new("runs"), "lidar"), Path::to_path_buf);
         let plan = arguments.plan.clone().absolute()?;
         let inputs = [plan.scans.as_ref(), plan.poses.as_ref(), plan.reference.as_ref()];
         for input in inputs.into_iter().flatten() {

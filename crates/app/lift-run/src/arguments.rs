@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use weaver_command::{MOST_SEED, Threads};
+use weaver_command::{MOST_SEED, Output, Threads};
 
 const SOLVING: &str = "Solving";
 const AGGREGATING: &str = "Features of masks";
@@ -32,8 +32,8 @@ pub struct Lift {
     #[arg(long, value_name = "DIR")]
     pub mask_dir: Option<PathBuf>,
     /// File for the lifted features; pictures of them go into a folder beside it. With --demo: folder for pictures
-    #[arg(short, long, value_name = "FILE", required_unless_present = "demo")]
-    pub out: Option<PathBuf>,
+    #[arg(short, long, value_name = "FILE.safetensors", required_unless_present = "demo", value_parser = Output::file_or_folder(&["safetensors"]))]
+    pub out: Option<Output>,
     /// Shows what the solvers do on built-in scenes of these seeds, where the truth is known
     #[arg(long, value_name = "SEED", num_args = 1.., value_parser = clap::value_parser!(u64).range(..=MOST_SEED),
         conflicts_with_all = ["scene", "cameras", "features", "mask_dir", "aggregate", "dry_run"])]
@@ -147,8 +147,8 @@ pub struct Query {
     #[arg(long, value_name = "FILE")]
     pub cameras: PathBuf,
     /// Folder for the maps
-    #[arg(short, long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub out: Output,
     /// Width in pixels; intrinsics follow [default: the cameras']
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub width: Option<u32>,

@@ -33,8 +33,8 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
         return demo::run(arguments, console);
     }
     let [scene, cameras, folder, out] = required(arguments)?;
-    let read: Vec<&PathBuf> =
-        [scene, cameras, folder].into_iter().chain(&arguments.mask_dir).chain(&arguments.aggregate).collect();
+    let more = [&arguments.mask_dir, &arguments.aggregate].into_iter().flatten().map(PathBuf::as_path);
+    let read: Vec<&Path> = [scene, cameras, folder].into_iter().chain(more).collect();
     let pictures = if arguments.dry_run { None } else { Some(pictures(out, &read)?) };
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let (frames, distortions): (Vec<_>, Vec<_>) = camera_files::read_with_lenses(cameras, size)?.into_iter().unzip();
@@ -91,18 +91,17 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
     console.print(&format!("{text}features: {}\npictures: {}", out.display(), pictures.path().display()))
 }
 
-/// The folder for pictures beside the file for features, both of which can be written.
-fn pictures(out: &Path, read: &[&PathBuf]) -> Result<OutputFolder, Failure> {
-    weaver_io::check_output_file(out, read)?;
+/// The folder for pictures beside the file for features.
+fn pictures(out: &Path, read: &[&Path]) -> Result<OutputFolder, Failure> {
     let stem = out.file_stem().map_or("lifted".into(), |stem| stem.to_string_lossy());
     Ok(OutputFolder::claim(out.with_file_name(format!("{stem}-pictures")), "lift", read)?)
 }
 
 /// The paths that are needed where there is no demonstration; the command line has checked them.
-fn required(arguments: &Lift) -> Result<[&PathBuf; 4], Failure> {
+fn required(arguments: &Lift) -> Result<[&Path; 4], Failure> {
     let Lift { scene, cameras, features, out, .. } = arguments;
     match (scene, cameras, features, out) {
-        (Some(scene), Some(cameras), Some(features), Some(out)) => Ok([scene, cameras, features, out]),
+        (Some(scene), Some(cameras), Some(features), Some(out)) => Ok([scene, cameras, features, out.as_file()?]),
         _ => Err(Failure::Usage("lift: expected SCENE.ply, --cameras, --features and --out".into())),
     }
 }

@@ -159,7 +159,7 @@ impl Listener<'_, '_> {
             return Ok(());
         }
         // It has nothing to save, or was asked before: it ends at once.
-        weaver_cli::end_programs();
+        weaver_cli::leave();
         let stopped = || Failed::new(FailureKind::Other, "stopped before there was anything to write").into();
         Err(error.unwrap_or_else(stopped))
     }

@@ -3,7 +3,7 @@
 use clap::{Args, Subcommand, ValueEnum};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use weaver_command::{LiveFlag, MOST_SEED, Threads, choice};
+use weaver_command::{LiveFlag, MOST_SEED, Output, Threads, choice};
 use weaver_vad::{Length, Rule};
 
 /// Finds anomalies in videos of which only is known whether there are any (UR-DMU, temporal Gaussian splatting, GS-MoE).
@@ -43,8 +43,8 @@ pub(crate) struct VadTrain {
     #[command(flatten)]
     pub(crate) plan: VadPlan,
     /// Folder of the run [default: the first free one of runs/vad-1, runs/vad-2, ...]
-    #[arg(short, long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub(crate) out: Option<Output>,
     /// Goes on from the checkpoint of a run that was stopped, with what it was started with
     #[arg(long, value_name = "RUN", conflicts_with_all = ["VadPlan", "out"])]
     pub(crate) resume: Option<PathBuf>,
@@ -111,8 +111,8 @@ pub(crate) struct VadEval {
     #[arg(long, value_parser = choice(&LENGTHS), default_value = "features")]
     pub(crate) length: Length,
     /// Writes the report here [default: the run folder]
-    #[arg(long, value_name = "FILE")]
-    pub(crate) report: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.html", value_parser = Output::file(&["html", "htm"]))]
+    pub(crate) report: Option<Output>,
     /// Prints one line of JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -136,8 +136,8 @@ pub(crate) struct VadScore {
     #[arg(long, value_name = "FILE")]
     pub(crate) annotation: Option<PathBuf>,
     /// Folder for the results
-    #[arg(short, long, value_name = "DIR")]
-    pub(crate) out: PathBuf,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub(crate) out: Output,
     #[command(flatten)]
     pub(crate) threads: Threads,
 }

@@ -9,8 +9,6 @@ use weaver_run::Folder;
 use weaver_vad::{Annotation, Planted, read_list};
 
 pub fn run(arguments: &VadEval, console: &mut Console) -> Result<(), Failure> {
-    let read = [&arguments.features, &arguments.list, &arguments.annotation].into_iter().flatten();
-    arguments.report.as_ref().map_or(Ok(()), |path| weaver_io::check_output_file(path, read))?;
     let (detector, model, metadata) = open(&arguments.run)?;
     let judged = match (&arguments.features, &arguments.list, &arguments.annotation) {
         (Some(features), Some(list), Some(annotation)) => {
@@ -44,7 +42,7 @@ pub fn run(arguments: &VadEval, console: &mut Console) -> Result<(), Failure> {
     console.print(&if arguments.json { metrics::json(&found) } else { metrics::text(&found) })?;
     let path = if let Some(path) = &arguments.report {
         report::page(&judged, detector.experts()).write(path)?;
-        path.clone()
+        path.to_path_buf()
     } else if arguments.run.is_dir() {
         report::leave(&judged, detector.experts(), &Folder::reopen(&arguments.run, KIND)?)?;
         arguments.run.join(Folder::REPORT)

@@ -21,7 +21,7 @@ const RHYTHM: Rhythm = Rhythm { log: Log::Every(1), save: Save::Seconds(20.0) };
 
 pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let Some(path) = &arguments.resume else {
-        let path = &arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), "vad"));
+        let path = &arguments.out.as_deref().map_or_else(|| Folder::free(Path::new("runs"), "vad"), Path::to_path_buf);
         if path.join(MODEL).exists() {
             return Err(weaver_run::Error::run_exists(path).into());
         }

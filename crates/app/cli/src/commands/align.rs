@@ -8,7 +8,7 @@ use results::{Results, Row};
 use std::path::PathBuf;
 use weaver_align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
 use weaver_command::{
-    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Progress, Threads, choice, device, in_pool,
+    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, in_pool,
 };
 use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
 use weaver_geometry::glam::DVec3;
@@ -55,8 +55,8 @@ pub struct Align {
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     /// Folder for the results
-    #[arg(short, long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub out: Output,
     /// Which numbers descend, and at what rate
     #[arg(long = "as", value_parser = choice(&METHODS), default_value = "own", help_heading = DESCENT)]
     pub method: Method,

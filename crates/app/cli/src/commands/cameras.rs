@@ -5,7 +5,7 @@ use crate::estimate::{COMMAND, Estimated, compared, estimated};
 use crate::flags::{ClipFlags, CompleteFlag, MatchingFlags};
 use clap::Args;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Threads, in_pool};
+use weaver_command::{Console, Failure, Output, Threads, in_pool};
 use weaver_data::OutputFolder;
 
 /// Estimates the cameras of photos by matching them.
@@ -24,8 +24,8 @@ pub struct Cameras {
     #[arg(required = true)]
     pub photos: Vec<PathBuf>,
     /// Folder for the results
-    #[arg(short, long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub out: Output,
     /// Other cameras of the same photos: says how far the estimated ones are off, once moved, turned and scaled to fit best
     #[arg(long, value_name = "FILE", conflicts_with = "json")]
     pub compare: Option<PathBuf>,

@@ -4,10 +4,10 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Progress, Threads, in_pool};
+use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, in_pool};
 use weaver_compress::{Compressed, Judge, MOST_DECIBELS, Pictures, compress};
 use weaver_geometry::Camera;
-use weaver_io::{SceneFile, atomic_write, check_output_file, read_scene, scene_bytes};
+use weaver_io::{SceneFile, atomic_write, read_scene, scene_bytes};
 
 /// Longest side of the pictures that the scene is judged by, pixels.
 const LONG_SIDE: usize = 384;
@@ -28,8 +28,8 @@ pub struct Compress {
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// The file to write, .wsz
-    #[arg(short, long, value_name = "FILE")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "FILE.wsz", value_parser = Output::file(&["wsz"]))]
+    pub out: Output,
     /// Quality of pictures of the compressed scene beside those of the scene, decibels; 46 is hard to tell apart, 40 shows on a closer look
     #[arg(long, value_name = "DECIBELS", default_value = "46", value_parser = decibels)]
     pub psnr: f64,
@@ -60,10 +60,6 @@ pub fn run(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
 
 fn compress_scene(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
     let Compress { scene, out, .. } = arguments;
-    check_output_file(out, std::iter::once(scene).chain(&arguments.cameras))?;
-    if out.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("wsz")) {
-        return Err(Failure::Usage(format!("--out {}: expected a name that ends with .wsz", out.display())));
-    }
     let SceneFile { gaussians, drawing } = read_scene(scene)?;
     let named = |error: &dyn std::fmt::Display| Failure::message(format!("{}: {error}", scene.display()));
     let (background, settings) = DrawingOptions::from(arguments.drawing).beside(scene, drawing)?;

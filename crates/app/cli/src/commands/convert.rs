@@ -8,13 +8,10 @@ use contribution::contributions;
 use serde_json::{Value, json};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure};
+use weaver_command::{Console, Failure, Output};
 use weaver_geometry::Similarity;
 use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_io::{
-    Blocks, Chained, Changed, Drawing, SCENE_FORMATS, SceneFormat, check_output_file, open_scene, scene_bytes,
-    write_blocks,
-};
+use weaver_io::{Blocks, Chained, Changed, Drawing, SCENE_FORMATS, SceneFormat, open_scene, scene_bytes, write_blocks};
 use weaver_scene::{Difference, Gaussians, Region, forms};
 
 /// Writes files of Gaussians in another format; the names of files select the formats.
@@ -24,9 +21,12 @@ use weaver_scene::{Difference, Gaussians, Region, forms};
 #[derive(Args, Debug)]
 #[command(after_help = after_help(), override_usage = "splatweaver convert [OPTIONS] <IN>... <OUT>")]
 pub struct Convert {
-    /// The files to read, and last the file to write
-    #[arg(value_name = "IN.. OUT", num_args = 2.., required = true)]
-    pub files: Vec<PathBuf>,
+    /// The files to read
+    #[arg(value_name = "IN", num_args = 1.., required = true)]
+    pub from: Vec<PathBuf>,
+    /// The file to write
+    #[arg(value_name = "OUT", required = true, value_parser = Output::file(&[]))]
+    pub to: Output,
     /// Turns by so many degrees about the axes x, then y, then z
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     pub rotate: Option<Triple>,
@@ -63,12 +63,6 @@ impl Convert {
     /// True if what stays of a scene depends on more than each Gaussian alone, or their number is not known before.
     fn chooses(&self) -> bool {
         self.crop.is_some() || self.drop_floaters || self.keep.is_some()
-    }
-
-    /// The files that are read, and the one that is written.
-    pub fn inputs_and_output(&self) -> (&[PathBuf], &PathBuf) {
-        let (to, from) = self.files.split_last().expect("the command line has at least two");
-        (from, to)
     }
 }
 
@@ -153,9 +147,8 @@ pub(super) fn scene_format() -> impl TypedValueParser<Value = SceneFormat> {
 }
 
 pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
-    let (from, to) = arguments.inputs_and_output();
+    let Convert { from, to, .. } = arguments;
     let format = SceneFormat::of(to)?;
-    check_output_file(to, from)?;
     let (read, drawing) = joined(from, console)?;
     let count = read.len();
     let mut gaussians = turned(read, arguments);
@@ -234,7 +227,7 @@ fn chosen(mut gaussians: Gaussians, drawing: Drawing, arguments: &Convert) -> Re
             Score::Opacity => gaussians.opacity_logits.iter().map(|logit| forms::opacity(*logit)).collect(),
             Score::Contribution => {
                 let cameras = arguments.cameras.as_deref().expect("clap requires cameras for this score");
-                contributions(&gaussians, cameras, (&arguments.inputs_and_output().0[0], drawing))?
+                contributions(&gaussians, cameras, (&arguments.from[0], drawing))?
             }
         };
         gaussians = gaussians.select(&gaussians.largest(&values, count));

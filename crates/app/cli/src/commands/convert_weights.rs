@@ -4,7 +4,7 @@ use clap::Args;
 use std::io;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
-use weaver_command::{Console, Failure, Interrupt, Progress};
+use weaver_command::{Console, Failure, Interrupt, Output, Progress};
 use weaver_inference::Checkpoint;
 use weaver_io::TorchCheckpoint;
 use weaver_io::safetensors::write_weights;
@@ -21,12 +21,11 @@ pub struct ConvertWeights {
     /// The checkpoint
     pub file: PathBuf,
     /// The safetensors file to write
-    #[arg(short, long, value_name = "FILE")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "FILE.safetensors", value_parser = Output::file(&["safetensors"]))]
+    pub out: Output,
 }
 
 pub fn run(arguments: &ConvertWeights, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    weaver_io::check_output_file(&arguments.out, [&arguments.file])?;
     if arguments.file.extension().is_some_and(|e| e == "safetensors") {
         let compact = Checkpoint::read(&arguments.file)?.compact()?;
         compact.write(&arguments.out)?;

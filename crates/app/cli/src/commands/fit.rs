@@ -15,7 +15,9 @@ use course::finish;
 use initial::Start;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use weaver_command::{Console, DeviceFlag, Failure, Interrupt, MOST_THREADS, Rgb, background, choice, device, in_pool};
+use weaver_command::{
+    Console, DeviceFlag, Failure, Interrupt, MOST_THREADS, Output, Rgb, background, choice, device, in_pool,
+};
 use weaver_data::capture::HoldOut;
 use weaver_fit::{FitSettings, Rates, StrategyKind, bytes_per_step};
 use weaver_fit_run::{ByPhotos, Folder, Pace, Run, RunSettings, plan};
@@ -42,8 +44,8 @@ pub struct Fit {
     #[arg(value_name = "CAPTURE", required_unless_present = "resume")]
     pub capture: Option<PathBuf>,
     /// Folder for the results [default: the first free fits/NAME-N]
-    #[arg(short, long, value_name = "DIR", help_heading = RUN)]
-    pub out: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR", help_heading = RUN, value_parser = Output::folder())]
+    pub out: Option<Output>,
     /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = RUN)]
     pub gaussians: Option<u32>,
@@ -216,7 +218,7 @@ fn fit(
         let settings = settings(arguments, (capture, arguments.hold_out.unwrap_or_default()), &initial)?;
         return tell(&settings, &Means::of(arguments, None)?, console);
     }
-    let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&capture));
+    let folder = arguments.out.as_deref().map_or_else(|| free_folder(&capture), Path::to_path_buf);
     let init = arguments.init.as_deref().map(PathBuf::from).filter(|path| path.is_file());
     let means = Means::of(arguments, ranks)?;
     let out = Run::claim(&folder, std::iter::once(&capture).chain(&init).chain(&arguments.lpips))?;

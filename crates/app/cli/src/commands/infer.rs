@@ -11,7 +11,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
-use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Progress, Threads, device, in_pool};
+use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Output, Progress, Threads, device, in_pool};
 use weaver_fit::FitRasterizer;
 use weaver_inference::published::{self, Framing};
 use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
@@ -87,8 +87,8 @@ pub struct Infer {
     #[command(flatten)]
     pub device: DeviceFlag,
     /// Folder for the results
-    #[arg(short, long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub out: Output,
     /// Prints the result as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,

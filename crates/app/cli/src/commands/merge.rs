@@ -3,9 +3,9 @@
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure};
+use weaver_command::{Console, Failure, Output};
 use weaver_fit_run::blocks::{Merged, merge};
-use weaver_io::{check_output_file, write_scene};
+use weaver_io::{SceneFormat, write_scene};
 
 /// Joins the fits of the blocks that `splatweaver split` made: of each what lies in its block.
 #[derive(Args, Debug)]
@@ -17,8 +17,8 @@ pub struct Merge {
     #[arg(value_name = "BLOCKS")]
     pub blocks: PathBuf,
     /// The file to write, in the format of its name
-    #[arg(short, long, value_name = "FILE")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "FILE", value_parser = Output::file(&[]))]
+    pub out: Output,
     /// Prints what was done as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
@@ -26,7 +26,7 @@ pub struct Merge {
 
 pub fn run(arguments: &Merge, console: &mut Console) -> Result<(), Failure> {
     let out = &arguments.out;
-    check_output_file(out, [] as [&PathBuf; 0])?;
+    SceneFormat::of(out)?;
     let Merged { gaussians, drawing, background, fitted, remarks } = merge(&arguments.blocks)?;
     remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     write_scene(out, &gaussians, drawing)?;

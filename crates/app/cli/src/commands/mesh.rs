@@ -4,11 +4,11 @@ use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, DrawingFlags, Failure, Progress, Threads, in_pool};
+use weaver_command::{Console, DrawingFlags, Failure, Output, Progress, Threads, in_pool};
 use weaver_geometry::trajectory::focus;
 use weaver_geometry::{Camera, Pose};
 use weaver_io::ply::write_triangles;
-use weaver_io::{SceneFile, check_output_file, read_scene};
+use weaver_io::{SceneFile, read_scene};
 use weaver_lidar_run::map_mesh;
 use weaver_mesh::{DistanceField, DrawnScene, Mesh};
 
@@ -40,8 +40,8 @@ pub struct Meshing {
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// The mesh, PLY
-    #[arg(short, long, value_name = "FILE", default_value = "mesh.ply")]
-    out: PathBuf,
+    #[arg(short, long, value_name = "FILE.ply", default_value = "mesh.ply", value_parser = Output::file(&["ply"]))]
+    out: Output,
     /// Side of a cell, world units [default: 0.1 m of a map; of a scene a 256th of the cameras' distance, and at least a pixel]
     #[arg(long, value_name = "DISTANCE")]
     voxel: Option<f64>,
@@ -62,9 +62,8 @@ pub struct Meshing {
 }
 
 pub fn run(arguments: &Meshing, console: &mut Console) -> Result<(), Failure> {
-    let Meshing { scene, cameras, out, .. } = arguments;
+    let Meshing { scene, out, .. } = arguments;
     in_pool(arguments.threads.count(), || {
-        check_output_file(out, [Some(scene), cameras.as_ref()].into_iter().flatten())?;
         let file = if scene.is_dir() { scene.join("scene.ply") } else { scene.clone() };
         let is_map = scene.is_dir() && !file.exists();
         let (mesh, colors) = match is_map {

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_command::{Console, Failure, Interrupt, Threads, in_pool};
+use weaver_command::{Console, Failure, Interrupt, Output, Threads, in_pool};
 use weaver_data::capture::HoldOut;
 use weaver_fit::FitSettings;
 use weaver_fit_run::{ByPhotos, Outcome, Pace, Run, RunError, RunSettings, plan};
@@ -34,8 +34,8 @@ pub struct Reconstruct {
     #[arg(required = true)]
     pub photos: Vec<PathBuf>,
     /// Folder for the results
-    #[arg(short, long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub out: Output,
     /// Most time of all of it, and size of the photos; a fit ends early once it has used each photo 200 times, or 40 times where they are larger than the least
     #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
     pub quality: Quality,

@@ -5,7 +5,7 @@ mod path;
 use crate::film::Film;
 use crate::flags::rate;
 use crate::gif::Gif;
-use crate::video::Video;
+use crate::video::{VIDEOS, Video};
 use crate::webp::WebP;
 use clap::{ArgGroup, Args};
 use path::{PathKind, along};
@@ -13,10 +13,10 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{
-    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Progress, Threads, device, in_pool, memory,
+    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, device, in_pool, memory,
 };
 use weaver_geometry::Camera;
-use weaver_io::{Image, OutputFolder, SceneFile, check_output_file, read_scene};
+use weaver_io::{Image, OutputFolder, SceneFile, read_scene};
 use weaver_scene::{Frame, Gaussians, middle};
 use weaver_splat::Renderer;
 
@@ -51,17 +51,17 @@ pub struct Render {
     #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(2..=100_000), requires = "path")]
     pub pictures: u32,
     /// Folder for the pictures
-    #[arg(short, long, value_name = "DIR", required_unless_present = "film")]
-    pub out: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR", required_unless_present = "film", value_parser = Output::folder())]
+    pub out: Option<Output>,
     /// Makes a video of the pictures, in the cameras' order
-    #[arg(long, value_name = "FILE.mp4")]
-    pub video: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.mp4", value_parser = Output::file(VIDEOS))]
+    pub video: Option<Output>,
     /// Makes a GIF of the pictures, in the cameras' order, of 256 colors each
-    #[arg(long, value_name = "FILE.gif")]
-    pub gif: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.gif", value_parser = Output::file(&["gif"]))]
+    pub gif: Option<Output>,
     /// Makes a WebP of the pictures, in the cameras' order, without loss
-    #[arg(long, value_name = "FILE.webp")]
-    pub webp: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.webp", value_parser = Output::file(&["webp"]))]
+    pub webp: Option<Output>,
     /// Pictures of the video, GIF or WebP per second
     #[arg(long, value_name = "F", default_value = "30", value_parser = rate, requires = "film")]
     pub fps: f64,
@@ -90,8 +90,6 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
 fn draw(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let read: Vec<&Path> = std::iter::once(&arguments.scene).chain(&arguments.cameras).map(PathBuf::as_path).collect();
     let out = arguments.out.as_ref().map(|folder| OutputFolder::claim(folder, "render", &read)).transpose()?;
-    let mut films = arguments.video.iter().chain(&arguments.gif).chain(&arguments.webp);
-    films.try_for_each(|path| check_output_file(path, &read))?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
     let cameras = match (&arguments.cameras, arguments.orbit) {
@@ -117,7 +115,7 @@ fn draw(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
         memory::of_pictures(&cameras, at_once),
         "a smaller --width and --height, or fewer --threads, reduce it",
     )?;
-    let mut output = Output::create(arguments, out.as_ref(), &cameras)?;
+    let mut output = Sink::create(arguments, out.as_ref(), &cameras)?;
     let activated = gaussians.to_activated();
     let mut progress = Progress::new("render", 0, cameras.len(), console);
     let jobs: Vec<_> = cameras.iter().zip(&stems).collect();
@@ -149,12 +147,12 @@ fn draw(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
 const MOST_WAITING: usize = 8;
 
 /// Where the pictures go.
-struct Output<'a> {
+struct Sink<'a> {
     folder: Option<&'a OutputFolder>,
     films: Vec<Box<dyn Film>>,
 }
 
-impl<'a> Output<'a> {
+impl<'a> Sink<'a> {
     fn create(arguments: &Render, folder: Option<&'a OutputFolder>, cameras: &[Frame]) -> Result<Self, Failure> {
         let Render { video, gif, webp, fps, .. } = arguments;
         let size = |view: &Frame| (view.camera.width, view.camera.height);

@@ -4,7 +4,7 @@ use crate::flags::hold_out;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, fraction, quoted};
+use weaver_command::{Console, Failure, Output, fraction, quoted};
 use weaver_data::OutputFolder;
 use weaver_data::capture::HoldOut;
 use weaver_fit_run::blocks::{BlockCount, BlockFile, Split as Cut, SplitOptions, split};
@@ -30,8 +30,8 @@ pub struct Split {
     #[arg(long, value_name = "GB", value_parser = gigabytes)]
     pub memory: Option<f64>,
     /// Folder for the blocks
-    #[arg(short, long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub out: Output,
     /// Part of the points that a photo sees which makes it the block's where they lie in it
     #[arg(long, value_name = "SHARE", default_value_t = SHARE, value_parser = fraction)]
     pub share: f64,

@@ -5,7 +5,8 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weaver_command::{
-    Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_SEED, MOST_THREADS, Progress, device, duration, in_pool,
+    Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_SEED, MOST_THREADS, Output, Progress, device, duration,
+    in_pool,
 };
 use weaver_inference::RunFolder;
 use weaver_trainer::{
@@ -63,8 +64,8 @@ pub struct Train {
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(..=MOST_SEED), help_heading = CONFIGURATION)]
     pub seed: Option<u64>,
     /// Folder of the run [default: the first free runs/PRESET-N]
-    #[arg(short, long, value_name = "DIR", help_heading = RUN)]
-    pub out: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR", help_heading = RUN, value_parser = Output::folder())]
+    pub out: Option<Output>,
     /// Starts from the averaged weights of this run or checkpoint, of whichever model, from a published checkpoint, or with `built-in` from
     /// those that come with the program, as far as they fit; what was taken is said
     #[arg(long, value_name = "built-in|RUN|FILE", help_heading = RUN)]
@@ -80,8 +81,8 @@ pub struct Train {
     #[arg(long, conflicts_with_all = ["out", "trace", "live"], help_heading = MEASURING)]
     pub dry_run: bool,
     /// Writes every op of one step of each stage into this file, in Chrome's trace format (chrome://tracing, Perfetto)
-    #[arg(long, value_name = "FILE", help_heading = MEASURING)]
-    pub trace: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.json", help_heading = MEASURING, value_parser = Output::file(&["json"]))]
+    pub trace: Option<Output>,
     /// Prints the result as JSON, and nothing else on standard output
     #[arg(long, help_heading = RUN)]
     pub json: bool,
@@ -148,7 +149,8 @@ fn run_in(
         threads: arguments.threads.map(usize::from),
         steps: arguments.steps.map(|steps| steps as usize),
     })?;
-    let path = arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), &config.preset));
+    let path =
+        arguments.out.as_deref().map_or_else(|| Folder::free(Path::new("runs"), &config.preset), Path::to_path_buf);
     check_trace(arguments, &config)?;
     // Claimed before anything is read; nothing is left behind when the data cannot be.
     let claimed = writes.then(|| claim_run(&path, &config)).transpose()?;

@@ -4,9 +4,9 @@ use super::dynamic;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Interrupt, Threads, in_pool};
+use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Interrupt, Output, Threads, in_pool};
 use weaver_fit_run::{Coverage, Outcome};
-use weaver_io::{Drawing, SceneFile, SceneFormat, check_output_file, read_scene, write_text};
+use weaver_io::{Drawing, SceneFile, SceneFormat, read_scene, write_text};
 use weaver_lift_run::LiftedFile;
 use weaver_view::{HtmlOptions, Look};
 use weaver_view_run::{Exhibit, Features, Moving, Server, Visitors};
@@ -53,8 +53,8 @@ pub struct View {
     #[arg(long, value_name = "NAME")]
     pub expert: Option<String>,
     /// Writes one HTML file that needs nothing else, in place of a server
-    #[arg(long, value_name = "FILE")]
-    pub html: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.html", value_parser = Output::file(&["html", "htm"]))]
+    pub html: Option<Output>,
     /// Moments of a moving scene that the file holds, evenly spread over the film
     #[arg(long, requires = "html", value_name = "N", default_value = "31", value_parser = clap::value_parser!(u16).range(2..=1000))]
     pub moments: u16,
@@ -198,8 +198,6 @@ fn coverage(folder: &Path) -> Option<Coverage> {
 }
 
 fn write(exhibit: &Exhibit, file: &Path, arguments: &View, console: &mut Console) -> Result<(), Failure> {
-    let read = [Some(&arguments.scene), exhibit.file.as_ref(), arguments.cameras.as_ref()];
-    check_output_file(file, read.into_iter().flatten().collect::<Vec<_>>())?;
     let options = HtmlOptions { lossless: arguments.lossless };
     let page = match &exhibit.moving {
         Some(_) => exhibit.film_html(arguments.moments as usize, options)?,

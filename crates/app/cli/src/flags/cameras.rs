@@ -33,6 +33,11 @@ impl FromStr for CameraChoice {
 }
 
 impl CameraChoice {
+    /// The file or folder, if it is one.
+    pub fn file(self) -> Option<PathBuf> {
+        if let Self::File(path) = self { Some(path) } else { None }
+    }
+
     /// The refusal of a choice that a command does not know; `expected` lists those that it knows.
     pub fn refused(&self, expected: &str) -> Failure {
         let found = match self {

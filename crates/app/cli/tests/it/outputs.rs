@@ -42,10 +42,13 @@ fn inputs(folder: &Path) {
     fs::create_dir(data.join("features")).unwrap();
     weaver_io::write_npy(data.join("features/00.npy"), &[2, 2], &[1.0, 0.0, 0.0, 1.0]).unwrap();
     fs::write(data.join("list.txt"), "00.npy\n").unwrap();
+    for name in ["page.html", "scene.wsz", "w.safetensors", "images/00.ply"] {
+        fs::write(data.join(name), "mine").unwrap();
+    }
 }
 
 /// Command lines whose results would go over what they read, or in among it.
-const OVER: [&str; 30] = [
+const OVER: [&str; 47] = [
     "fit capture -o capture",
     "fit capture -o capture/fit",
     "fit capture -o capture/images",
@@ -76,7 +79,64 @@ const OVER: [&str; 30] = [
     "dynamic train --data capture -o capture",
     "vad train --features capture/features --list capture/list.txt --out capture/features",
     "vad score --run capture/scene.ply capture/features/00.npy -o capture/images",
+    "vad eval --run run --features capture/features --list capture/list.txt --annotation capture/page.html --report capture/page.html",
+    "merge capture -o capture/scene.ply",
+    "merge capture -o capture/images/00.ply",
+    "convert capture/scene.ply capture/scene.ply",
+    "convert capture/scene.ply capture/scene.ply --scale 2",
+    "mesh capture/scene.ply --cameras capture/transforms.json -o capture/scene.ply",
+    "mesh capture -o capture/scene.ply",
+    "compress capture/scene.wsz --psnr 40 -o capture/scene.wsz",
+    "view capture/scene.ply --cameras capture --html capture/page.html",
+    "view capture/scene.ply --cameras capture/page.html --html capture/page.html",
+    "bench compress capture/scene.ply --cameras capture/page.html --html capture/page.html",
+    "bench compress capture/scene.ply --data capture --html capture/page.html",
+    "bench compress capture/scene.ply --data capture -o capture",
+    "bench compress capture/scene.ply --data capture -o capture/sub",
+    "bench raster --workload capture/w.safetensors --dump capture/w.safetensors",
+    "infer capture/images --run capture -o capture/images",
+    "split capture -o capture/blocks",
 ];
+
+/// Command lines that would put a file of another kind in place of a photo.
+const OVER_PHOTOS: [&str; 16] = [
+    "image fit capture/images/00.png -o PHOTO",
+    "image draw capture/scene.ply -o capture/images/01.jpg",
+    "mesh capture/scene.ply --cameras capture/transforms.json -o PHOTO",
+    "mesh capture -o PHOTO",
+    "view capture/scene.ply --html PHOTO",
+    "view capture/scene.ply --cameras capture/transforms.json --html PHOTO",
+    "render capture/scene.ply --orbit 2 --gif PHOTO",
+    "render capture/scene.ply --orbit 2 --webp PHOTO",
+    "render capture/scene.ply --orbit 2 --video PHOTO",
+    "compress capture/scene.ply -o PHOTO",
+    "bench compress capture/scene.ply --html PHOTO",
+    "bench raster --synthetic 10,8,8 --dump PHOTO",
+    "train --preset micro --out run --trace PHOTO",
+    "convert-weights capture/w.safetensors -o PHOTO",
+    "lift capture/scene.ply --cameras capture/transforms.json --features capture/features -o PHOTO",
+    "vad eval --run run --report PHOTO",
+];
+
+/// A file for results has the ending of its kind, so that a mistyped name costs no photo.
+#[test]
+fn no_photo_is_replaced_by_another_kind() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    inputs(folder);
+    let before = snapshot(folder);
+    for line in OVER_PHOTOS {
+        let message = refused(folder, &line.replace("PHOTO", "capture/images/01.png"), 2);
+        assert!(message.contains("expected a name that ends with ."), "{line}: {message}");
+        assert!(snapshot(folder) == before, "{line}");
+    }
+    // The formats of scenes have a message of their own.
+    for line in ["convert capture/scene.ply capture/images/01.png", "merge capture -o capture/images/01.png"] {
+        let message = refused(folder, line, 1);
+        assert!(message.contains("file name: expected .ply"), "{line}: {message}");
+        assert!(snapshot(folder) == before, "{line}");
+    }
+}
 
 /// No command writes over what it reads or in among it.
 #[test]

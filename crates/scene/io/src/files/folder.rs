@@ -60,7 +60,9 @@ pub fn check_writable(folder: impl AsRef<Path>) -> Result<()> {
             format!("a file, {}", existing.display()),
         ));
     }
-    UnfinishedFile::create(existing).map(drop).map_err(|source| Error::io(existing)(std::io::Error::from(source.kind())))
+    UnfinishedFile::create(existing)
+        .map(drop)
+        .map_err(|source| Error::io(existing)(std::io::Error::from(source.kind())))
 }
 
 /// The path to a file from a folder, with forward slashes on every system: what files of cameras call a photo, so that both can be moved

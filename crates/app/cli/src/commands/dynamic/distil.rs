@@ -3,7 +3,7 @@
 use super::train::derive;
 use clap::Args;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, Threads};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, Threads};
 use weaver_dynamic_run::{Run, Stage};
 
 /// Trains one expert on: by photos where the gate believes it, by the mixture elsewhere; writes a new run folder.
@@ -28,8 +28,8 @@ pub struct DynamicDistil {
     #[arg(long, value_name = "N", default_value = "1500", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     pub steps: u32,
     /// Folder of the new run
-    #[arg(short, long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub out: Output,
     #[command(flatten)]
     pub live: LiveFlag,
     #[command(flatten)]

@@ -3,7 +3,7 @@
 use super::train::derive;
 use clap::Args;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress, Threads};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, Progress, Threads};
 use weaver_dynamic_run::{KeepBy, Run, Stage};
 
 /// Leaves out the Gaussians that are worth least, trains the router on, and writes a new run folder.
@@ -25,8 +25,8 @@ pub struct DynamicPrune {
     #[arg(long, value_name = "N", default_value = "500", value_parser = clap::value_parser!(u32).range(0..=10_000_000))]
     pub steps: u32,
     /// Folder of the new run
-    #[arg(short, long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub out: Output,
     #[command(flatten)]
     pub live: LiveFlag,
     #[command(flatten)]

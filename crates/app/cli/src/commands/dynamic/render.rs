@@ -2,11 +2,11 @@
 
 use crate::film::Film;
 use crate::flags::rate;
-use crate::video::Video;
+use crate::video::{VIDEOS, Video};
 use clap::Args;
 use std::path::PathBuf;
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, Failure, Progress, Threads, memory};
+use weaver_command::{Console, Failure, Output, Progress, Threads, memory};
 use weaver_dynamic_run::Run;
 use weaver_geometry::Camera;
 use weaver_io::OutputFolder;
@@ -37,11 +37,11 @@ pub struct DynamicRender {
     #[arg(long, requires = "out")]
     pub gate: bool,
     /// Folder for the pictures
-    #[arg(short, long, value_name = "DIR", required_unless_present = "video")]
-    pub out: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR", required_unless_present = "video", value_parser = Output::folder())]
+    pub out: Option<Output>,
     /// Makes a video of the pictures, with an ffmpeg on the PATH
-    #[arg(long, value_name = "FILE.mp4")]
-    pub video: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.mp4", value_parser = Output::file(VIDEOS))]
+    pub video: Option<Output>,
     /// Pictures of the video per second
     #[arg(long, value_name = "F", default_value = "30", value_parser = rate, requires = "video")]
     pub fps: f64,
@@ -68,7 +68,6 @@ impl Times {
 pub fn run(arguments: &DynamicRender, console: &mut Console) -> Result<(), Failure> {
     let read: Vec<&PathBuf> = std::iter::once(&arguments.run).chain(&arguments.cameras).collect();
     let out = arguments.out.as_ref().map(|out| OutputFolder::claim(out, "dynamic render", &read)).transpose()?;
-    arguments.video.as_ref().map_or(Ok(()), |path| weaver_io::check_output_file(path, &read))?;
     let run = Run::open(&arguments.run)?;
     let expert = arguments.expert.as_deref().map(|name| run.settings().expert(name)).transpose()?;
     let path = path(arguments, &run)?;

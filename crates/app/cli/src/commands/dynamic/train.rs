@@ -4,7 +4,7 @@ use super::eval;
 use super::looks::exhibit;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, MOST_SEED, Progress, Threads, choice, duration};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, MOST_SEED, Output, Progress, Threads, choice, duration};
 use weaver_dynamic_run::{DerivedFrom, ExpertKind, FilmSource, Preset, Run, RunSettings, Stage};
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
@@ -57,8 +57,8 @@ pub struct DynamicTrain {
     #[arg(long, value_name = "S", default_value = "0", value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     pub seed: u64,
     /// Folder of the run [default: the first free one of runs/dynamic-1, runs/dynamic-2, ...]
-    #[arg(short, long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
+    pub out: Option<Output>,
     /// Goes on from the checkpoint of a run that was stopped, with what it was started with
     #[arg(long, value_name = "RUN", conflicts_with_all = [
         "data", "long_side", "shots", "experts", "preset", "gaussians", "steps", "router_steps", "hold_out",
@@ -109,7 +109,7 @@ pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrup
         save_every: SAVE_EVERY,
         derived_from: None,
     };
-    let out = arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), "dynamic"));
+    let out = arguments.out.as_deref().map_or_else(|| Folder::free(Path::new("runs"), "dynamic"), Path::to_path_buf);
     begin((&out, arguments.live), settings, None, console, interrupt)
 }
 

@@ -60,15 +60,8 @@ fn named_before(meta: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// Names of pictures that scenes are written with.
-const NAMES: [&str; 7] = [
-    "means_l.webp",
-    "means_u.webp",
-    "quats.webp",
-    "scales.webp",
-    "sh0.webp",
-    "shN_centroids.webp",
-    "shN_labels.webp",
-];
+const NAMES: [&str; 7] =
+    ["means_l.webp", "means_u.webp", "quats.webp", "scales.webp", "sh0.webp", "shN_centroids.webp", "shN_labels.webp"];
 
 fn remove(path: &Path) -> Result<()> {
     match std::fs::remove_file(path) {
