@@ -83,9 +83,13 @@ pub fn slice<'a, T: Element>(name: &str, array: &'a Read<'_, T>) -> Result<&'a [
 }
 
 impl Settings {
-    pub fn raster(&self) -> RasterSettings {
+    /// The rules as the rasterizer takes them.
+    ///
+    /// # Errors
+    /// When a number means nothing.
+    pub fn raster(&self) -> Result<RasterSettings, Failed> {
         let Self { near, far, eps2d, alpha_max, antialiased, radius_clip, .. } = *self;
-        RasterSettings { near, far, eps2d, alpha_max, antialiased, radius_clip, ..RasterSettings::default() }
+        checked(RasterSettings { near, far, eps2d, alpha_max, antialiased, radius_clip, ..RasterSettings::default() })
     }
 
     pub fn gaussians<'a, T: Scalar>(&self, arrays: &'a Arrays<'_, T>) -> Result<GaussianSlices<'a, T>, Failed> {
@@ -127,6 +131,21 @@ impl Settings {
             height: self.height,
             model: Model::Pinhole,
         })
+    }
+}
+
+/// Rules of drawing whose numbers mean something.
+pub fn checked(settings: RasterSettings) -> Result<RasterSettings, Failed> {
+    let RasterSettings { near, far, eps2d, alpha_max, .. } = settings;
+    let rules = [
+        ("near", near, "a number", near.is_finite()),
+        ("far", far, "a number, or infinity", !far.is_nan()),
+        ("eps2d", eps2d, "a number of at least 0", eps2d.is_finite() && eps2d >= 0.0),
+        ("alpha_max", alpha_max, "a number above 0 and at most 1", alpha_max > 0.0 && alpha_max <= 1.0),
+    ];
+    match rules.into_iter().find(|(_, _, _, holds)| !holds) {
+        Some((name, found, expected, _)) => Err(Failed::input(format!("{name}: expected {expected}, found {found}"))),
+        None => Ok(settings),
     }
 }
 

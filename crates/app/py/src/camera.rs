@@ -30,10 +30,7 @@ impl Camera {
         if intrinsics.shape() != [3, 3] {
             return Err(Failed::input(format!("K: expected [3, 3], found {:?}", intrinsics.shape())));
         }
-        let [width, height] = size;
-        if width == 0 || height == 0 {
-            return Err(Failed::input(format!("width, height: expected pixels, found {width} x {height}")));
-        }
+        let [width, height] = checked_size(size)?;
         let rows = std::array::from_fn(|i| std::array::from_fn(|j| m[[i, j]]));
         let pose = Pose::from_rows(&rows).map_err(|error| Failed::input(format!("viewmat: {error}")))?;
         let [fx, fy, cx, cy] = [k[[0, 0]], k[[1, 1]], k[[0, 2]], k[[1, 2]]];
@@ -98,14 +95,23 @@ impl Camera {
 
     /// The same camera with an image of another size.
     fn resized(&self, width: usize, height: usize) -> Result<Self, Failed> {
-        if width == 0 || height == 0 {
-            return Err(Failed::input(format!("width, height: expected pixels, found {width} x {height}")));
-        }
+        let [width, height] = checked_size([width, height])?;
         let camera = self.0.camera;
         let [sx, sy] = [width as f64 / camera.width as f64, height as f64 / camera.height as f64];
         let camera = Pinhole { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..camera };
         Ok(Self(Frame { camera, ..self.0.clone() }))
     }
+}
+
+/// The longest side of a picture, as `rasterization` has it.
+const LONGEST: usize = 1 << 20;
+
+/// Width and height of a picture that can be drawn.
+fn checked_size([width, height]: [usize; 2]) -> Result<[usize; 2], Failed> {
+    if [width, height].iter().all(|side| (1..=LONGEST).contains(side)) {
+        return Ok([width, height]);
+    }
+    Err(Failed::input(format!("width, height: expected 1 to {LONGEST} pixels, found {width} x {height}")))
 }
 
 fn matrix(py: Python<'_>, values: Vec<f64>, side: usize) -> PyResult<Bound<'_, PyArray2<f64>>> {

@@ -2,12 +2,12 @@
 
 use crate::arrays::{AnyArrays, Arrays, Scalar, Settings, slice, slice_mut};
 use crate::failed::Failed;
-use crate::threads::compute;
+use crate::threads::on_pool;
 use numpy::ndarray::IxDyn;
 use numpy::{Element, IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use weaver_splat::{Cotangents, GaussianStatistics, Gradients, Session, Target, Workspace};
 
 /// A drawing: what its gradients need, and where its Gaussians are on the image.
@@ -113,13 +113,13 @@ impl Drawing {
                 AnyArrays::Single(arrays),
                 AnyCotangents::Single(given),
                 AnyGradients::Single(into),
-            ) => differentiate(py, lock(kept), (&arrays, given, into), (&self.settings, statistics)),
+            ) => differentiate(py, kept, (&arrays, given, into), (&self.settings, statistics)),
             (
                 Kept::Double(kept),
                 AnyArrays::Double(arrays),
                 AnyCotangents::Double(given),
                 AnyGradients::Double(into),
-            ) => differentiate(py, lock(kept), (&arrays, given, into), (&self.settings, statistics)),
+            ) => differentiate(py, kept, (&arrays, given, into), (&self.settings, statistics)),
             _ => Err(Failed::input("backward: expected numbers of the type that was drawn")),
         }
     }
@@ -127,22 +127,29 @@ impl Drawing {
     /// Centers `[C, N, 2]`, radii `[C, N, 2]` and depths `[C, N]` on the image, as rows of numbers; zeros for Gaussians that are not seen.
     fn splats<'py>(&self, py: Python<'py>) -> Answer<'py> {
         match &self.kept {
-            Kept::Single(kept) => splats(py, lock(kept)),
-            Kept::Double(kept) => splats(py, lock(kept)),
+            Kept::Single(kept) => splats(py, kept),
+            Kept::Double(kept) => splats(py, kept),
         }
     }
 
     /// Gradients with respect to the centers, `[C, N, 2]`, and their absolute sums, None without statistics.
     fn screen_gradients<'py>(&self, py: Python<'py>) -> Answer<'py> {
         match &self.kept {
-            Kept::Single(kept) => screen_gradients(py, lock(kept)),
-            Kept::Double(kept) => screen_gradients(py, lock(kept)),
+            Kept::Single(kept) => screen_gradients(py, kept),
+            Kept::Double(kept) => screen_gradients(py, kept),
         }
     }
 }
 
-fn lock<T: Scalar>(kept: &Mutex<Shelved<T>>) -> MutexGuard<'_, Shelved<T>> {
-    kept.lock().unwrap_or_else(PoisonError::into_inner)
+/// Runs `job` on the memory of a drawing, with the lock of the interpreter released.
+///
+/// Whoever waits for a drawing does so without the interpreter: the thread that has the drawing needs the interpreter to go on.
+fn with_workspace<T: Scalar, R: Send>(
+    py: Python<'_>,
+    kept: &Mutex<Shelved<T>>,
+    job: impl FnOnce(&mut Workspace<T>) -> Result<R, Failed> + Send,
+) -> Result<R, Failed> {
+    py.detach(|| job(kept.lock().unwrap_or_else(PoisonError::into_inner).workspace()))
 }
 
 /// An array of this shape that takes the numbers over.
@@ -156,7 +163,7 @@ pub fn shaped<'py, T: numpy::Element>(
 
 fn differentiate<T: Scalar>(
     py: Python<'_>,
-    mut kept: MutexGuard<'_, Shelved<T>>,
+    kept: &Mutex<Shelved<T>>,
     (arrays, given, mut into): (&Arrays<'_, T>, FourCotangents<'_, T>, NineGradients<'_, T>),
     (settings, statistics): (&Settings, bool),
 ) -> Result<(), Failed>
@@ -169,7 +176,7 @@ where
     let [image, alpha, depth, features] = [&given.0, &given.1, &given.2, &given.3]
         .map(|cotangent| cotangent.as_ref().map(|cotangent| slice("cotangent", cotangent)).transpose());
     let cotangents = Cotangents { image: image?, alpha: alpha?, depth: depth?, features: features? };
-    let raster = settings.raster();
+    let raster = settings.raster()?;
     let n = gaussians.opacities.len();
     let NineGradients((a, b, c, d, e, f, g, h, i)) = &mut into;
     let [means, quats, scales, opacities, colors, features, viewmats, background] =
@@ -189,8 +196,9 @@ where
         background: target(background)?,
         statistics: statistics.then_some(&mut sums[..]),
     };
-    let workspace = kept.workspace();
-    compute(py, move || Ok(workspace.backward(&gaussians, &cameras, &raster, &cotangents, targets)?))?;
+    with_workspace(py, kept, |workspace| {
+        on_pool(|| Ok(workspace.backward(&gaussians, &cameras, &raster, &cotangents, targets)?))
+    })?;
     if let Some(matrices) = matrices {
         put_intrinsics(&intrinsics, matrices);
     }
@@ -210,9 +218,8 @@ fn put_intrinsics<T: Scalar>(intrinsics: &[T], matrices: &mut [T]) {
     }
 }
 
-fn splats<'py, T: Scalar>(py: Python<'py>, mut kept: MutexGuard<'_, Shelved<T>>) -> Answer<'py> {
-    let workspace = kept.workspace();
-    let all = py.detach(|| workspace.splats()).map_err(Failed::from)?;
+fn splats<'py, T: Scalar>(py: Python<'py>, kept: &Mutex<Shelved<T>>) -> Answer<'py> {
+    let all = with_workspace(py, kept, |workspace| Ok(workspace.splats()?))?;
     let known = || all.iter().map(|splat| splat.unwrap_or_default());
     let centers: Vec<T> = known().flat_map(|splat| splat.center).collect();
     let radii: Vec<i32> = known().flat_map(|splat| splat.radii).map(|radius| radius.to_f64().ceil() as i32).collect();
@@ -220,9 +227,8 @@ fn splats<'py, T: Scalar>(py: Python<'py>, mut kept: MutexGuard<'_, Shelved<T>>)
     (centers.into_pyarray(py), radii.into_pyarray(py), depths.into_pyarray(py)).into_pyobject(py)
 }
 
-fn screen_gradients<'py, T: Scalar>(py: Python<'py>, mut kept: MutexGuard<'_, Shelved<T>>) -> Answer<'py> {
-    let workspace = kept.workspace();
-    let all = py.detach(|| workspace.screen_gradients()).map_err(Failed::from)?;
+fn screen_gradients<'py, T: Scalar>(py: Python<'py>, kept: &Mutex<Shelved<T>>) -> Answer<'py> {
+    let all = with_workspace(py, kept, |workspace| Ok(workspace.screen_gradients()?))?;
     let absolute: Option<Vec<T>> =
         all.iter().map(|gradient| gradient.absolute).collect::<Option<Vec<_>>>().map(|pairs| pairs.into_flattened());
     let plain: Vec<T> = all.iter().flat_map(|gradient| gradient.plain).collect();

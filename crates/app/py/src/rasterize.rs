@@ -59,7 +59,7 @@ where
     let views = settings.views(arrays)?;
     let gaussians = settings.gaussians(arrays)?;
     let cameras = settings.cameras(arrays, &views)?;
-    let raster = settings.raster();
+    let raster = settings.raster()?;
     let (image, alpha, depth, features) = &mut planes.0;
     let empty = || Ok::<_, Failed>(&mut [][..]);
     let images = Images {

@@ -1,15 +1,16 @@
 //! Scenes of Gaussians in their stored form.
 
-use crate::arrays::slice;
+use crate::arrays::{checked, slice};
 use crate::camera::Camera;
 use crate::failed::Failed;
 use crate::kept::shaped;
+use crate::rasterize::check_memory;
 use crate::threads::compute;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::path::PathBuf;
-use weaver_command::DrawingOptions;
+use weaver_command::{DrawingOptions, memory::of_picture};
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Similarity, sh};
 use weaver_io::{Drawing, SCENE_FORMATS, read_scene, write_scene};
@@ -170,6 +171,9 @@ impl SceneData {
         if !(scale > 0.0 && scale.is_finite()) {
             return Err(Failed::input(format!("scale: expected a positive number, found {scale}")));
         }
+        if !translation.iter().all(|x| x.is_finite()) {
+            return Err(Failed::input(format!("translation: expected finite numbers, found {translation:?}")));
+        }
         let to = Similarity { scale, rotation, translation: DVec3::from(translation) };
         compute(py, || Ok(self.with(self.gaussians.transformed(&to))))
     }
@@ -203,7 +207,9 @@ impl SceneData {
     ) -> PyResult<Vec<Bound<'py, PyArrayDyn<f32>>>> {
         let (near, alpha_max, antialiased) = drawing;
         let cameras: Vec<_> = cameras.iter().map(|camera| camera.get().0.camera).collect();
-        let settings = RasterSettings { near, alpha_max, antialiased, ..self.settings };
+        let settings = checked(RasterSettings { near, alpha_max, antialiased, ..self.settings })?;
+        let drawn = cameras.iter().map(|camera| of_picture(camera, 1)).fold(0, u64::saturating_add);
+        check_memory(drawn)?;
         let pictures = compute(py, || {
             let (activated, mut workspace) = (self.gaussians.to_activated(), Workspace::new());
             let draw = |camera| render(&activated, &[camera], background, &settings, &mut workspace);

@@ -52,7 +52,12 @@ fn discard(running: Option<(u32, Arc<ThreadPool>)>) {
 
 /// Runs `job` on the pool, with the lock of the interpreter released.
 pub fn compute<R: Send>(py: Python<'_>, job: impl FnOnce() -> Result<R, Failed> + Send) -> Result<R, Failed> {
-    py.detach(|| current()?.install(job))
+    py.detach(|| on_pool(job))
+}
+
+/// Runs `job` on the pool, from a thread that does not have the lock of the interpreter.
+pub fn on_pool<R: Send>(job: impl FnOnce() -> Result<R, Failed> + Send) -> Result<R, Failed> {
+    current()?.install(job)
 }
 
 fn current() -> Result<Arc<ThreadPool>, Failed> {

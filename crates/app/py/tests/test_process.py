@@ -43,6 +43,32 @@ def test_two_threads_draw_at_once():
     assert not wrong
 
 
+#: Six threads ask one drawing for where its Gaussians are, which takes long enough that they meet.
+ASKED_AT_ONCE = """
+import faulthandler, sys, threading
+sys.path.insert(0, sys.argv[1])
+from conftest import scene
+from splatweaver import rasterization
+
+faulthandler.dump_traceback_later(60, exit=True)
+arguments = scene(0, n=100_000, cameras=2)
+for _ in range(3):
+    meta = rasterization(**arguments)[2]
+    threads = [threading.Thread(target=meta.__getitem__, args=("means2d",)) for _ in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+print(meta["means2d"].shape)
+"""
+
+
+def test_threads_that_ask_one_drawing_do_not_wait_for_ever():
+    line = [sys.executable, "-c", ASKED_AT_ONCE, os.path.dirname(os.path.abspath(__file__))]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == "(2, 100000, 2)", done.stderr[-2000:]
+
+
 def in_a_child(queue):
     queue.put(rasterization(**scene(3))[0])
 

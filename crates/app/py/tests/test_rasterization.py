@@ -160,6 +160,10 @@ def test_arrays_may_be_strided_and_lists_integer():
         ({"render_mode": "RGBD"}, "render_mode: expected one of"),
         ({"rasterize_mode": "fast"}, "rasterize_mode: expected"),
         ({"means": np.float64(3)}, "means: expected"),
+        ({"near_plane": np.nan}, "near: expected a number, found NaN"),
+        ({"far_plane": np.nan}, "far: expected a number, or infinity, found NaN"),
+        ({"eps2d": -1}, "eps2d: expected a number of at least 0, found -1"),
+        ({"alpha_max": 2}, "alpha_max: expected a number above 0 and at most 1, found 2"),
     ],
 )
 def test_bad_input_is_named(change, message):

@@ -137,9 +137,38 @@ def test_bad_input_is_named(tmp_path):
         Camera(np.eye(4), np.eye(4), 4, 4)
     with pytest.raises(InputError, match="K: expected positive focal lengths"):
         Camera(np.eye(4), -np.eye(3), 4, 4)
-    with pytest.raises(InputError, match="width, height: expected pixels, found 0 x 4"):
+    with pytest.raises(InputError, match="width, height: expected 1 to 1048576 pixels, found 0 x 4"):
         Camera(np.eye(4), np.eye(3), 0, 4)
     with pytest.raises(InputError, match="background: expected three numbers, found 4"):
         scene.render(around(1)[0], background=(0, 0, 0, 0))
     with pytest.raises(FileError, match="expected a folder with"):
         splatweaver.open_run(tmp_path)
+
+
+def test_pictures_without_place_are_refused():
+    camera = around(1)[0]
+    with pytest.raises(splatweaver.MemoryPlanError, match="memory: expected"):
+        random_scene().render(camera.resized(1 << 20, 1 << 20))
+    with pytest.raises(InputError, match="width, height: expected 1 to 1048576 pixels, found 1099511627776 x 4"):
+        camera.resized(1 << 40, 4)
+    with pytest.raises(InputError, match="width, height: expected 1 to 1048576 pixels"):
+        Camera(camera.viewmat, camera.K, 1 << 40, 1 << 40)
+
+
+@pytest.mark.parametrize(
+    "rule, message",
+    [
+        ({"near": np.nan}, "near: expected a number, found NaN"),
+        ({"alpha_max": np.nan}, "alpha_max: expected a number above 0 and at most 1, found NaN"),
+        ({"alpha_max": 0}, "alpha_max: expected a number above 0 and at most 1, found 0"),
+        ({"alpha_max": 7.5}, "alpha_max: expected a number above 0 and at most 1, found 7.5"),
+    ],
+)
+def test_rules_that_mean_nothing_are_named(rule, message):
+    with pytest.raises(InputError, match=message):
+        random_scene().render(around(1)[0], **rule)
+
+
+def test_no_step_moves_a_scene_out_of_all_numbers():
+    with pytest.raises(InputError, match="translation: expected finite numbers"):
+        random_scene().transform(translation=(0, np.nan, 0))
