@@ -86,7 +86,7 @@ impl Default for CaptureOptions {
 /// If the folder is missing or of no known kind, a file of cameras is missing, truncated or malformed, a pose or intrinsics
 /// are missing or not finite, or a photo's size is not its camera's. The message names the file, the entry, what
 /// was expected and what was found. Photos that cannot be read are left out and named in [`Scene::remarks`]; it is an error if these
-/// are more than a quarter, or all. How many views a task needs is checked by [`Scene::check_training`] and
+/// are too many ([`Error::Unreadable`]). How many views a task needs is checked by [`Scene::check_training`] and
 /// [`Scene::check_evaluation`].
 pub fn load(path: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, Error> {
     let path = path.as_ref();
@@ -149,7 +149,7 @@ pub struct ReadableImages {
 /// Loads photos as [`load_images`] does, or with their masks as [`load_masked_images`] does, without those that cannot be read.
 ///
 /// # Errors
-/// When these are more than a quarter, or all; for masks, as [`load_masked_images`].
+/// When these are too many ([`Error::Unreadable`]); for masks, as [`load_masked_images`].
 pub fn load_readable_images(
     paths: &[PathBuf],
     masked: bool,

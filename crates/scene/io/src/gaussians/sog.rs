@@ -18,7 +18,8 @@ use super::scene_file::{Drawing, SceneFile};
 use crate::files::file::read_bytes;
 use crate::{Error, Result, atomic_write, create_folder};
 use decode::decoded;
-use encode::{File, encoded};
+pub(super) use encode::File;
+use encode::encoded;
 use files::{Archive, Folder};
 use meta::Meta;
 use std::io::{Cursor, Write};
@@ -77,16 +78,34 @@ pub(crate) fn encode(path: &Path, gaussians: &Gaussians, drawing: Drawing, w: &m
     w.write_all(archive.get_ref()).map_err(Error::io(path))
 }
 
-/// Writes a `meta.json` and the pictures beside it; the folder is made where there is none.
+/// The files of a scene in a folder: a `meta.json` and the pictures beside it.
 ///
 /// # Errors
 /// As [`encode`].
-pub(crate) fn encode_folder(path: &Path, gaussians: &Gaussians, drawing: Drawing) -> Result<()> {
+pub(super) fn encode_folder(path: &Path, gaussians: &Gaussians, drawing: Drawing) -> Result<Vec<File>> {
+    encoded(path, gaussians, drawing)
+}
+
+/// The scene of files that are still in memory.
+///
+/// # Errors
+/// As [`decode`].
+pub(super) fn decode_files(path: &Path, files: &[File]) -> Result<SceneFile> {
+    let content = |name: &str| files.iter().find(|file| file.name == name).map(|file| file.content.clone());
+    let file = |name: &str| content(name).ok_or_else(|| Error::invalid(path, "files", name, "none of that name"));
+    decoded(path, &file(META)?, &mut |name| file(name))
+}
+
+/// Writes the files of a scene beside each other; the folder is made where there is none.
+///
+/// # Errors
+/// When one cannot be written.
+pub(super) fn write_files(path: &Path, files: Vec<File>) -> Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if !folder.as_os_str().is_empty() {
         create_folder(folder)?;
     }
-    for File { name, content } in encoded(path, gaussians, drawing)? {
+    for File { name, content } in files {
         atomic_write(folder.join(name), |w| w.write_all(&content))?;
     }
     Ok(())
