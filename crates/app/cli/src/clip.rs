@@ -75,7 +75,7 @@ pub fn photos(
     let (mut number, mut written) = (0, Vec::new());
     for path in paths {
         if !is_clip(path) {
-            photos.extend(in_folder(path, console)?);
+            photos.extend(in_folder(path, paths, console)?);
             continue;
         }
         number += 1;
@@ -89,22 +89,25 @@ pub fn photos(
     Ok(Photos { paths: photos, sequence, frames: (clips > 0).then_some(written) })
 }
 
-/// A photo, or those in a folder. Photos in folders below it are not taken, and a note or the error names these folders.
-fn in_folder(path: &Path, console: &mut Console) -> Result<Vec<PathBuf>, Failure> {
+/// A photo, or those in a folder. Photos in folders below it are not taken; a warning or the error names these folders, unless they are
+/// among the paths that are given.
+fn in_folder(path: &Path, given: &[PathBuf], console: &mut Console) -> Result<Vec<PathBuf>, Failure> {
     if !path.exists() {
         return Err(Failure::message(format!("{}: no such file or folder", path.display())));
     }
     if !path.is_dir() {
         return Ok(vec![path.into()]);
     }
-    let PhotoFolder { photos, below, others } = PhotoFolder::open(path)?;
+    let PhotoFolder { photos, mut below, others } = PhotoFolder::open(path)?;
+    let given: Vec<PathBuf> = given.iter().filter_map(|path| path.canonicalize().ok()).collect();
+    below.retain(|(folder, _)| folder.canonicalize().is_ok_and(|folder| !given.contains(&folder)));
     let here = path.display();
     let in_all: usize = below.iter().map(|(_, count)| count).sum();
     let folders = some_of(below.iter().map(|(folder, _)| quoted(folder.to_string_lossy())), " ");
     if !photos.is_empty() {
         if in_all > 0 {
             console.note(&format!(
-                "warning: {here}: {in_all} photos in folders below it are not taken; to take them, name these, too: {folders}"
+                "warning: {here}: photos in folders below it are not taken, {in_all} in all; to take them, name {folders}, too"
             ));
         }
         return Ok(photos);

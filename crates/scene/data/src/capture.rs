@@ -43,7 +43,7 @@ use std::path::{Path, PathBuf};
 pub use survey::{Survey, SurveyedPhoto, survey};
 use visible::visible_points;
 use weaver_geometry::Camera;
-use weaver_io::{Image, PhotoFile};
+use weaver_io::{Image, PhotoFile, is_taken};
 
 /// Which views are kept from training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -250,7 +250,7 @@ pub fn has_cameras(path: &Path) -> Result<bool, Error> {
         return Ok(true);
     }
     let known = ["transforms.json", "transforms_train.json", "sparse"];
-    let known = known.iter().any(|name| path.join(name).exists()) || dtu::cameras(path).is_some();
+    let known = known.iter().any(|name| is_taken(path.join(name))) || dtu::cameras(path).is_some();
     Ok(known || realestate::camera_file(path)?.is_some())
 }
 
@@ -258,11 +258,13 @@ fn read_photos(folder: &Path) -> Result<Photos, Error> {
     if !folder.is_dir() {
         return Err(Error::unexpected(folder, "capture", "a folder or a transforms.json", "nothing"));
     }
-    if folder.join("transforms.json").exists() {
+    // A link that leads nowhere is named by who reads it, and no other cameras are taken in its place.
+    let has = |name: &str| is_taken(folder.join(name));
+    if has("transforms.json") {
         nerf::read(&folder.join("transforms.json"))
-    } else if folder.join("transforms_train.json").exists() {
+    } else if has("transforms_train.json") {
         nerf::read_split(folder)
-    } else if folder.join("sparse").exists() {
+    } else if has("sparse") {
         sparse::read(folder)
     } else if let Some(cameras) = dtu::cameras(folder) {
         dtu::read(folder, &cameras)

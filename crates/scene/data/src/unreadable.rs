@@ -164,7 +164,8 @@ mod tests {
             done.map(|(_, remark)| remark.unwrap()).map_err(|error| error.to_string())
         };
         let remark = said(3, 1, 8).unwrap();
-        let begins = "4 of 12 photos cannot be read and are left out: HEIC: convert it to JPEG, for instance with `magick ";
+        let begins =
+            "4 of 12 photos cannot be read and are left out: HEIC: convert it to JPEG, for instance with `magick ";
         assert!(remark.starts_with(begins) && remark.contains("(1.x, 2.x, 3.x); image: expected a photo"), "{remark}");
         let message = said(200, 0, 8).unwrap_err();
         assert!(message.starts_with("photos: 200 of 208 cannot be read: HEIC: convert it to JPEG"), "{message}");

@@ -150,7 +150,9 @@ pub fn write_blocks_checked<T>(
     let limited = limited(gaussians, format);
     let gaussians = limited.as_ref().map_or(gaussians, |limited| limited);
     match format.write {
-        Writer::Blocks(write) => atomic_write_checked(path, |w| write(path, gaussians, drawing, w), |file| check(again(file)?)),
+        Writer::Blocks(write) => {
+            atomic_write_checked(path, |w| write(path, gaussians, drawing, w), |file| check(again(file)?))
+        }
         Writer::Stream(write) => {
             let all = gaussians.all()?;
             atomic_write_checked(path, |w| write(path, &all, drawing, w), |file| check(again(file)?))

@@ -13,7 +13,8 @@ const LONGEST: usize = 1 << 16;
 const ONE_EACH: &str = "settb=1/25,setpts=N";
 
 /// The containers that ffmpeg opens, by its own names: none that names other files, as playlists and manifests do.
-const CONTAINERS: &str = "mov,matroska,avi,mpeg,mpegts,mpegvideo,m4v,h264,hevc,obu,ivf,ogg,asf,flv,mxf,dv,yuv4mpegpipe,gif";
+const CONTAINERS: &str =
+    "mov,matroska,avi,mpeg,mpegts,mpegvideo,m4v,h264,hevc,obu,ivf,ogg,asf,flv,mxf,dv,yuv4mpegpipe,gif";
 
 /// The pictures of a clip, upright and with square pixels.
 #[derive(Debug)]

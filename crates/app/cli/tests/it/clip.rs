@@ -406,7 +406,10 @@ fn a_manifest_is_not_followed() {
         let output = run(folder, &format!("cameras {name} -o out --frames 2 {QUICK}"));
         let text = said(&output);
         assert_eq!(output.status.code(), Some(1), "{name}: {text}");
-        assert!(!text.contains("matching") && text.contains(&format!("error: {name}: expected a clip")), "{name}: {text}");
+        assert!(
+            !text.contains("matching") && text.contains(&format!("error: {name}: expected a clip")),
+            "{name}: {text}"
+        );
         assert!(!folder.join("out").exists(), "{name}");
     }
 }

@@ -167,7 +167,11 @@ fn what_a_format_cannot_hold_is_not_written() {
 fn an_empty_scene_is_not_written_without_a_word() {
     let folder = folder();
     for (flags, code, expected) in [
-        (&["--crop", "90,90,90,1"][..], 1, "--crop: expected Gaussians in the region, found none of 24, which lie from ["),
+        (
+            &["--crop", "90,90,90,1"][..],
+            1,
+            "--crop: expected Gaussians in the region, found none of 24, which lie from [",
+        ),
         (&["--keep", "0.001"], 1, "--keep: expected a share that leaves Gaussians, found none of 24"),
         (&["--keep", "0"], 2, "expected a number of Gaussians, or a share above 0.0"),
         (&["--keep", "0.0"], 2, "expected a number of Gaussians, or a share above 0.0"),

@@ -135,15 +135,25 @@ fn photos_in_folders_below_are_named() {
         std::fs::create_dir_all(folder.join(name).parent().unwrap()).unwrap();
         weaver_io::Image::filled(64, 48, [0.5; 3]).write_png(folder.join(name)).unwrap();
     };
-    ["DCIM/100 APPLE/a.png", "DCIM/101APPLE/b.png", "DCIM/masks/a.png", "mixed/a.png", "mixed/b.png", "mixed/more/c.png"]
-        .into_iter()
-        .for_each(photo);
+    [
+        "DCIM/100 APPLE/a.png",
+        "DCIM/101APPLE/b.png",
+        "DCIM/masks/a.png",
+        "mixed/a.png",
+        "mixed/b.png",
+        "mixed/more/c.png",
+    ]
+    .into_iter()
+    .for_each(photo);
     let message = crate::command::refused(folder, "cameras DCIM -o out", 1);
     let expected = "found none but 2 in folders below it; give these in its place: 'DCIM/100 APPLE' DCIM/101APPLE";
     assert!(message.contains(expected), "{message}");
     let message = crate::command::refused(folder, "cameras mixed -o out", 1);
-    let expected = "warning: mixed: 1 photos in folders below it are not taken; to take them, name these, too: mixed/more";
+    let expected =
+        "warning: mixed: photos in folders below it are not taken, 1 in all; to take them, name mixed/more, too";
     assert!(message.contains(expected), "{message}");
+    let message = crate::command::refused(folder, "cameras mixed ./mixed/more/ -o out", 1);
+    assert!(!message.contains("not taken") && message.contains("3 photos"), "{message}");
 }
 
 /// A folder whose pictures are of other formats is said to have these, with a remedy.

@@ -64,7 +64,9 @@ fn a_few_unreadable_photos_are_left_out() {
         fs::write(at("9.png"), "").unwrap();
         fs::write(at("7.png"), "").unwrap();
         let message = loaded(folder.path()).unwrap_err();
-        for part in ["photos: 5 of 12 cannot be read: HEIC: ", "expected at least 1", "3.png", "5.png", "8.png", "9.png"] {
+        for part in
+            ["photos: 5 of 12 cannot be read: HEIC: ", "expected at least 1", "3.png", "5.png", "8.png", "9.png"]
+        {
             assert!(message.contains(part), "{part}: {message}");
         }
     }

@@ -26,7 +26,8 @@ pub(crate) fn not_json(error: &serde_json::Error, text: &[u8]) -> String {
 
 /// The word for NaN or infinity that an error points at, and the key before it.
 fn not_a_number(error: &serde_json::Error, text: &[u8]) -> Option<(String, Option<String>)> {
-    let before: usize = text.split_inclusive(|byte| *byte == b'\n').take(error.line().checked_sub(1)?).map(<[u8]>::len).sum();
+    let before: usize =
+        text.split_inclusive(|byte| *byte == b'\n').take(error.line().checked_sub(1)?).map(<[u8]>::len).sum();
     let is_of_word = |byte: &u8| byte.is_ascii_alphanumeric() || b"+-".contains(byte);
     let at = (before + error.column()).min(text.len());
     let start = text[..at].iter().rposition(|byte| !is_of_word(byte)).map_or(0, |last| last + 1);

@@ -245,7 +245,7 @@ fn a_file_that_is_no_ply_is_called_so() {
     let path = folder.path().join("a.ply");
     for (bytes, found) in [
         (&b""[..], "found an empty file"),
-        (b"Dear diary, nothing happened", "found text that begins with \"Dear diary, nothing\""),
+        (b"Dear diary, nothing happened", "found text that begins with \"Dear diary, nothing \""),
         (b"plyboard\n", "found text that begins with \"plyboard\""),
         (&[0x1f, 0x8b, 8, 0, 0, 0], "found other bytes"),
         (&[b'a'; 1 << 16], "found text that begins with \"aaaaaaaaaaaaaaaaaaaa\""),
