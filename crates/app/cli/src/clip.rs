@@ -12,17 +12,15 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_command::{Console, Failure, Progress, duration};
+use weaver_command::{Console, Failure, Progress, duration, quoted};
 use weaver_data::OutputFolder;
-use weaver_io::Bitmap;
+use weaver_io::{Bitmap, PhotoFolder, is_taken};
 
 /// Extensions of what ffmpeg is asked to read.
 const EXTENSIONS: [&str; 18] = [
     "mp4", "m4v", "mov", "mkv", "webm", "avi", "mpg", "mpeg", "m2ts", "mts", "ts", "3gp", "ogv", "wmv", "flv", "mxf",
     "y4m", "gif",
 ];
-/// First bytes of lists of clips that ffmpeg would follow.
-const LISTS: [&[u8]; 2] = [b"#EXTM3U", b"ffconcat"];
 /// The folder that frames are written to.
 const FRAMES: &str = "frames";
 /// The longest side of the pictures that are measured: blur that is not seen there costs a match little.
@@ -34,6 +32,8 @@ const APART: f32 = 0.04;
 const CLOSEST: f32 = 0.01;
 /// From this movement on two frames hardly have enough in common.
 const FAR: f32 = 0.25;
+/// Names in a line, at most.
+const NAMED: usize = 8;
 /// Quality of the frames that are written, of 100: nothing of what a clip holds is lost.
 const QUALITY: u8 = 95;
 
@@ -75,7 +75,7 @@ pub fn photos(
     let (mut number, mut written) = (0, Vec::new());
     for path in paths {
         if !is_clip(path) {
-            photos.extend(in_folder(path)?);
+            photos.extend(in_folder(path, paths, console)?);
             continue;
         }
         number += 1;
@@ -89,20 +89,46 @@ pub fn photos(
     Ok(Photos { paths: photos, sequence, frames: (clips > 0).then_some(written) })
 }
 
-/// A photo, or those in a folder.
-fn in_folder(path: &Path) -> Result<Vec<PathBuf>, Failure> {
+/// A photo, or those in a folder. Photos in folders below it are not taken; a warning or the error names these folders, unless they are
+/// among the paths that are given.
+fn in_folder(path: &Path, given: &[PathBuf], console: &mut Console) -> Result<Vec<PathBuf>, Failure> {
     if !path.exists() {
         return Err(Failure::message(format!("{}: no such file or folder", path.display())));
     }
     if !path.is_dir() {
         return Ok(vec![path.into()]);
     }
-    let found = weaver_io::list_photos(path)?;
-    if found.is_empty() {
-        let expected = "expected photos (JPEG, PNG, TIFF or WebP), found none; clips are given by their own names";
-        return Err(Failure::message(format!("{}: {expected}", path.display())));
+    let PhotoFolder { photos, mut below, others } = PhotoFolder::open(path)?;
+    let given: Vec<PathBuf> = given.iter().filter_map(|path| path.canonicalize().ok()).collect();
+    below.retain(|(folder, _)| folder.canonicalize().is_ok_and(|folder| !given.contains(&folder)));
+    let here = path.display();
+    let in_all: usize = below.iter().map(|(_, count)| count).sum();
+    let folders = some_of(below.iter().map(|(folder, _)| quoted(folder.to_string_lossy())), " ");
+    if !photos.is_empty() {
+        if in_all > 0 {
+            console.note(&format!(
+                "warning: {here}: photos in folders below it are not taken, {in_all} in all; to take them, name {folders}, too"
+            ));
+        }
+        return Ok(photos);
     }
-    Ok(found)
+    let expected = "expected photos (JPEG, PNG, TIFF or WebP), found none";
+    Err(Failure::message(if in_all > 0 {
+        format!("{here}: {expected} but {in_all} in folders below it; give these in its place: {folders}")
+    } else if others.is_empty() {
+        format!("{here}: {expected}; clips are given by their own names")
+    } else {
+        let kinds = some_of(others.iter().map(|(extension, count)| format!("{count} .{extension}")), ", ");
+        let remedy = "pictures of other formats are converted first, for instance with `magick IN OUT.jpg`";
+        format!("{here}: {expected} among {kinds}; {remedy}, and clips are given by their own names")
+    }))
+}
+
+/// The first of some names, and how many more there are.
+fn some_of(names: impl ExactSizeIterator<Item = String>, between: &str) -> String {
+    let more = names.len().saturating_sub(NAMED);
+    let named = names.take(NAMED).collect::<Vec<_>>().join(between);
+    if more > 0 { format!("{named} and {more} more") } else { named }
 }
 
 /// True if a path is that of a clip: by its extension, or by its first bytes where it has none that photos have.
@@ -146,12 +172,9 @@ fn frames(
         Failure::message(format!("{clip}: expected a clip of a camera that moves, found {found}"))
     };
     let start_of_file = beginning(clip).map_err(|error| Failure::message(format!("{}: {error}", clip.display())))?;
-    // Of the first ffmpeg would say less, and of the second wait for what the list names.
+    // Of which ffmpeg would say less.
     if start_of_file.is_empty() {
         return Err(refused("an empty file"));
-    }
-    if LISTS.iter().any(|list| start_of_file.starts_with(list)) {
-        return Err(refused("a list of other files"));
     }
     let measured = measured(clip, console)?;
     let (most, closest) = flags.frames.map_or((MOST, APART), |most| (most as usize, CLOSEST));
@@ -235,11 +258,12 @@ fn write_frame(bitmap: &Bitmap, name: &str, out: &OutputFolder) -> Result<String
     let names = std::iter::once(name.to_string()).chain((2..).map(|i| format!("{stem}-{i}.jpg")));
     for name in names {
         let path = out.path().join(&name);
-        if !path.exists() {
+        if !is_taken(&path) {
             weaver_io::atomic_write(out.file(&name)?, |w| w.write_all(&bytes))?;
             return Ok(name);
         }
-        if weaver_io::read_bytes(&path)? == bytes {
+        // A link that leads nowhere is somebody's, too.
+        if path.is_file() && weaver_io::read_bytes(&path)? == bytes {
             return Ok(name);
         }
     }

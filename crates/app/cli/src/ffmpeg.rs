@@ -35,6 +35,13 @@ pub struct Ffmpeg {
     complaints: Option<JoinHandle<String>>,
 }
 
+/// Words in which ffmpeg passes on the system's errors, and their kinds: where the machine is at fault, another one may do better.
+const PASSING: [(&str, ErrorKind); 3] = [
+    ("No space left on device", ErrorKind::StorageFull),
+    ("Disk quota exceeded", ErrorKind::QuotaExceeded),
+    ("Cannot allocate memory", ErrorKind::OutOfMemory),
+];
+
 /// End of an ffmpeg.
 #[derive(Debug)]
 pub struct Ended {
@@ -107,6 +114,12 @@ impl Ended {
         let lines: Vec<String> = lines.map(|line| line.chars().take(LINE).collect()).collect();
         let more = if lines.len() > QUOTED { "; ..." } else { "" };
         (!lines.is_empty()).then(|| format!("{}{more}", lines[..lines.len().min(QUOTED)].join("; ")))
+    }
+
+    /// The kind of the error, by its messages.
+    pub fn kind(&self) -> ErrorKind {
+        let said = PASSING.iter().find(|(words, _)| self.complaints.contains(words));
+        said.map_or(ErrorKind::Other, |(_, kind)| *kind)
     }
 
     /// The error, if there was one.

@@ -2,7 +2,7 @@
 
 use crate::ffmpeg::{Ffmpeg, INSTALL};
 use crate::film::Film;
-use std::io::{ErrorKind, Write};
+use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdin, Command, Stdio};
 use weaver_command::Failure;
@@ -56,11 +56,13 @@ impl Video {
     /// Ends the input, waits for ffmpeg, and passes on its error messages.
     fn end(&mut self) -> Result<(), Failure> {
         drop(self.pipe.take());
-        self.ffmpeg.end()?.fault().map_or(Ok(()), |fault| Err(self.failure(&fault)))
+        let ended = self.ffmpeg.end()?;
+        ended.fault().map_or(Ok(()), |fault| Err(self.failure(io::Error::new(ended.kind(), fault))))
     }
 
-    fn failure(&self, reason: &str) -> Failure {
-        Failure::message(format!("{}: {reason}", self.path.display()))
+    /// A failure of writing, whose kind tells a full disk from a fault of the input.
+    fn failure(&self, source: io::Error) -> Failure {
+        weaver_io::Error::Io { path: self.path.clone(), source }.into()
     }
 }
 

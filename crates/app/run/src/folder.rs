@@ -51,7 +51,7 @@ impl Folder {
     /// The first of `PARENT/NAME-1`, `PARENT/NAME-2`, ... that does not exist: where a run goes that is given no folder.
     pub fn free(parent: &Path, name: &str) -> PathBuf {
         let numbered = |number: usize| parent.join(format!("{name}-{number}"));
-        (1..).map(numbered).find(|path| !path.exists()).expect("one of infinitely many names is free")
+        (1..).map(numbered).find(|path| !weaver_io::is_taken(path)).expect("one of infinitely many names is free")
     }
 
     /// Claims a folder for a new run that reads these files and folders. Meant to be called before any other work: a folder that did

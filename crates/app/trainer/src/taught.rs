@@ -49,7 +49,8 @@ fn read(photos: &[PathBuf], masks: bool, [height, width]: [usize; 2]) -> Result<
 fn cached(folder: &Path, teacher: &Teacher, photos: &[capture::MaskedImage]) -> Result<Geometry, Error> {
     let path = folder.join(CACHE);
     let (weights, seen) = (teacher.checksum(), checksum(photos));
-    if path.exists() {
+    // Also a link that leads nowhere, which is not to be replaced.
+    if weaver_io::is_taken(&path) {
         let found = Tensors::read(&path)?;
         let entry = |key: &str| found.metadata.get(key).map_or("", String::as_str);
         if entry("format") != FORMAT {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::{self, PosedOptions};
 use weaver_geometry::Undistortion;
-use weaver_io::{Bitmap, Drawing, SceneFormat, Transforms, read_cameras, write_scene};
+use weaver_io::{Bitmap, Drawing, SceneFormat, Transforms, is_taken, read_cameras, write_scene};
 use weaver_scene::{Frame, Gaussians};
 use weaver_view::{HtmlOptions, Look, Shot, Subject, film_html, html, photo_file, pictured};
 
@@ -182,7 +182,7 @@ impl Exhibit {
             let number = if number == 1 { String::new() } else { format!("-{number}") };
             file.with_file_name(format!("{stem}-edited{number}{}", format.file_name_end()))
         };
-        let path = (1..).map(numbered).find(|path| !path.exists()).expect("one of infinitely many names is free");
+        let path = (1..).map(numbered).find(|path| !is_taken(path)).expect("one of infinitely many names is free");
         let kept: Vec<usize> =
             (0..self.gaussians.len()).filter(|i| dropped.get(*i).is_none_or(|byte| *byte == 0)).collect();
         let drawing = Drawing::antialiased(self.look.settings.antialiased);

@@ -43,7 +43,7 @@ use std::path::{Path, PathBuf};
 pub use survey::{Survey, SurveyedPhoto, survey};
 use visible::visible_points;
 use weaver_geometry::Camera;
-use weaver_io::{Image, PhotoFile};
+use weaver_io::{Image, PhotoFile, is_taken};
 
 /// Which views are kept from training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -86,7 +86,7 @@ impl Default for CaptureOptions {
 /// If the folder is missing or of no known kind, a file of cameras is missing, truncated or malformed, a pose or intrinsics
 /// are missing or not finite, or a photo's size is not its camera's. The message names the file, the entry, what
 /// was expected and what was found. Photos that cannot be read are left out and named in [`Scene::remarks`]; it is an error if these
-/// are more than a quarter, or all. How many views a task needs is checked by [`Scene::check_training`] and
+/// are too many ([`Error::Unreadable`]). How many views a task needs is checked by [`Scene::check_training`] and
 /// [`Scene::check_evaluation`].
 pub fn load(path: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, Error> {
     let path = path.as_ref();
@@ -149,7 +149,7 @@ pub struct ReadableImages {
 /// Loads photos as [`load_images`] does, or with their masks as [`load_masked_images`] does, without those that cannot be read.
 ///
 /// # Errors
-/// When these are more than a quarter, or all; for masks, as [`load_masked_images`].
+/// When these are too many ([`Error::Unreadable`]); for masks, as [`load_masked_images`].
 pub fn load_readable_images(
     paths: &[PathBuf],
     masked: bool,
@@ -250,7 +250,7 @@ pub fn has_cameras(path: &Path) -> Result<bool, Error> {
         return Ok(true);
     }
     let known = ["transforms.json", "transforms_train.json", "sparse"];
-    let known = known.iter().any(|name| path.join(name).exists()) || dtu::cameras(path).is_some();
+    let known = known.iter().any(|name| is_taken(path.join(name))) || dtu::cameras(path).is_some();
     Ok(known || realestate::camera_file(path)?.is_some())
 }
 
@@ -258,11 +258,13 @@ fn read_photos(folder: &Path) -> Result<Photos, Error> {
     if !folder.is_dir() {
         return Err(Error::unexpected(folder, "capture", "a folder or a transforms.json", "nothing"));
     }
-    if folder.join("transforms.json").exists() {
+    // A link that leads nowhere is named by who reads it, and no other cameras are taken in its place.
+    let has = |name: &str| is_taken(folder.join(name));
+    if has("transforms.json") {
         nerf::read(&folder.join("transforms.json"))
-    } else if folder.join("transforms_train.json").exists() {
+    } else if has("transforms_train.json") {
         nerf::read_split(folder)
-    } else if folder.join("sparse").exists() {
+    } else if has("sparse") {
         sparse::read(folder)
     } else if let Some(cameras) = dtu::cameras(folder) {
         dtu::read(folder, &cameras)

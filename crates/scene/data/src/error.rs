@@ -23,8 +23,8 @@ pub enum Error {
     },
     /// Too many photos cannot be read.
     #[error(
-        "photos: expected at least {least} that can be read, and at most a quarter that cannot; found {bad} of {all} \
-         that cannot: {reasons}"
+        "photos: {bad} of {all} cannot be read: {reasons}; expected at least {least} that can, at most a quarter that are \
+         damaged or missing, and at most half of formats that are not read"
     )]
     Unreadable {
         /// Number that must be readable.
@@ -33,7 +33,7 @@ pub enum Error {
         bad: usize,
         /// Number of all.
         all: usize,
-        /// Which these are, and why.
+        /// Why not, and which these are.
         reasons: String,
     },
     /// A scene has too few views for what is asked of it.

@@ -97,7 +97,7 @@ pub struct EstimatedPhotos {
 /// Photos that cannot be read, or whose name is not UTF-8, are left out and named in [`EstimatedPhotos::remarks`].
 ///
 /// # Errors
-/// When these are more than a quarter, or fewer than two others are left.
+/// When these are too many ([`Error::Unreadable`]), or fewer than two others are left.
 ///
 /// # Panics
 /// If `located` is not as long as `paths`.

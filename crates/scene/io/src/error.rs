@@ -32,6 +32,14 @@ pub enum Error {
         /// The value found.
         found: String,
     },
+    /// A photo of a format that is not read.
+    #[error("{}: image: expected a JPEG, PNG, TIFF or WebP image, found {kind}: {}", path.display(), Self::CONVERSION)]
+    ToConvert {
+        /// The file.
+        path: PathBuf,
+        /// Name of the format.
+        kind: &'static str,
+    },
     /// A compressed scene is not what its format asks for.
     #[error("{}: {source}", path.display())]
     Codec {
@@ -55,6 +63,10 @@ pub enum Error {
 }
 
 impl Error {
+    /// Programs that convert photos of formats that are not read.
+    pub const CONVERSION: &str = "convert it to JPEG, for instance with `magick IN OUT.jpg`, `heif-convert IN OUT.jpg` or, on \
+         a Mac, `sips -s format jpeg IN --out OUT.jpg`";
+
     /// For `map_err` on operations on `path`.
     pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> Self + use<> {
         let path = path.to_path_buf();

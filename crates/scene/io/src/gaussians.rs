@@ -105,17 +105,65 @@ pub fn write_scene(path: impl AsRef<Path>, gaussians: &Gaussians, drawing: Drawi
 /// # Errors
 /// As [`write_gaussians`], and when a block cannot be had.
 pub fn write_blocks(path: impl AsRef<Path>, gaussians: &dyn Blocks, drawing: Drawing) -> Result<()> {
+    write_blocks_checked(path, gaussians, drawing, |written| {
+        let read = |rows| written.gaussians.block(rows).map(drop);
+        // Of what keeps every bit, values were checked on their way.
+        if written.format.is_exact() { Ok(()) } else { written.gaussians.blocks().try_for_each(read) }
+    })
+}
+
+/// A scene that was written, and has not taken its name yet.
+pub struct WrittenScene {
+    /// Its format.
+    pub format: SceneFormat,
+    /// The Gaussians as they are read.
+    pub gaussians: Box<dyn Blocks>,
+}
+
+impl std::fmt::Debug for WrittenScene {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("WrittenScene").field("format", &self.format).field("len", &self.gaussians.len()).finish()
+    }
+}
+
+/// Writes Gaussians as [`write_blocks`], and reads them again: what `check` says of them decides whether the file takes its name. Where
+/// it fails, or the file cannot be read, `path` holds what it held before.
+///
+/// # Errors
+/// As [`write_blocks`]; those of reading and of `check`.
+pub fn write_blocks_checked<T>(
+    path: impl AsRef<Path>,
+    gaussians: &dyn Blocks,
+    drawing: Drawing,
+    check: impl FnOnce(WrittenScene) -> Result<T>,
+) -> Result<T> {
     let path = path.as_ref();
     let format = SceneFormat::of(path)?;
+    // Messages call the file what it will be called.
+    let again = |file: &Path| -> Result<WrittenScene> {
+        let gaussians = match format.read {
+            Reader::Blocks(open) => open(path, Content::open(file)?)?.gaussians,
+            Reader::Whole(read) => Box::new(read(path, &read_bytes(file)?)?.gaussians),
+        };
+        Ok(WrittenScene { format, gaussians })
+    };
     let limited = limited(gaussians, format);
     let gaussians = limited.as_ref().map_or(gaussians, |limited| limited);
     match format.write {
-        Writer::Blocks(write) => atomic_write_checked(path, |w| write(path, gaussians, drawing, w)),
+        Writer::Blocks(write) => {
+            atomic_write_checked(path, |w| write(path, gaussians, drawing, w), |file| check(again(file)?))
+        }
         Writer::Stream(write) => {
             let all = gaussians.all()?;
-            atomic_write_checked(path, |w| write(path, &all, drawing, w))
+            atomic_write_checked(path, |w| write(path, &all, drawing, w), |file| check(again(file)?))
         }
-        Writer::Files(write) => write(path, &*gaussians.all()?, drawing),
+        Writer::Files(encode) => {
+            let files = encode(path, &*gaussians.all()?, drawing)?;
+            let gaussians = Box::new(sog::decode_files(path, &files)?.gaussians);
+            let checked = check(WrittenScene { format, gaussians })?;
+            sog::write_files(path, &files)?;
+            Ok(checked)
+        }
         Writer::None => Err(not_written(path, format)),
     }
 }

@@ -25,14 +25,17 @@ pub use files::append::Appender;
 pub use files::atomic::atomic_write;
 pub use files::checksum::Checksum;
 pub use files::file::{file_length, read_bytes, read_part, read_text, write_text};
-pub use files::folder::{check_writable, create_folder, list_files, list_folders, path_in_utf8, relative_path};
+pub use files::folder::{
+    check_writable, create_folder, is_taken, list_files, list_folders, path_in_utf8, relative_path,
+};
 pub use files::memory::{available_memory, peak_mb};
 pub use files::output_folder::{OutputFolder, check_output_file, check_output_folder};
 pub use files::unfinished::{UnfinishedFile, remove_unfinished};
 pub use gaussians::ply;
 pub use gaussians::{
-    Blocks, Chained, Changed, Drawing, OpenScene, SCENE_FORMATS, SceneFile, SceneFormat, open_scene, read_gaussians,
-    read_gaussians_from, read_scene, scene_bytes, write_blocks, write_gaussians, write_gaussians_to, write_scene,
+    Blocks, Chained, Changed, Drawing, OpenScene, SCENE_FORMATS, SceneFile, SceneFormat, WrittenScene, open_scene,
+    read_gaussians, read_gaussians_from, read_scene, scene_bytes, write_blocks, write_blocks_checked, write_gaussians,
+    write_gaussians_to, write_scene,
 };
 pub use info::info;
 pub use lidar::poses::{TrajectoryFile, TrajectoryFormat};
@@ -42,6 +45,7 @@ pub use pictures::color::{false_color, label_color};
 pub use pictures::exif::focal_35mm;
 pub use pictures::image::{Background, Image};
 pub use pictures::photo_file::{PhotoFile, list_photos};
+pub use pictures::photo_folder::PhotoFolder;
 pub use tensors::array::open_array;
 pub use tensors::npy::{Npy, write_npy};
 pub use tensors::npz::Npz;

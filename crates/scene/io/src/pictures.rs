@@ -5,4 +5,5 @@ pub(crate) mod color;
 pub(crate) mod exif;
 pub(crate) mod image;
 pub(crate) mod photo_file;
+pub(crate) mod photo_folder;
 pub(crate) mod resize;

@@ -12,6 +12,10 @@ const LONGEST: usize = 1 << 16;
 /// Filter of time for ffmpeg: each picture comes out once, whatever its own time is.
 const ONE_EACH: &str = "settb=1/25,setpts=N";
 
+/// The containers that ffmpeg opens, by its own names: none that names other files, as playlists and manifests do.
+const CONTAINERS: &str =
+    "mov,matroska,avi,mpeg,mpegts,mpegvideo,m4v,h264,hevc,obu,ivf,ogg,asf,flv,mxf,dv,yuv4mpegpipe,gif";
+
 /// The pictures of a clip, upright and with square pixels.
 #[derive(Debug)]
 pub struct Pictures {
@@ -67,8 +71,12 @@ impl Pictures {
         let ended: Ended = self.ffmpeg.end()?;
         match ended.fault() {
             Some(fault) => {
-                let found = if fault.contains("matches no streams") { "no pictures in it" } else { "another file" };
                 let clip = self.clip.display();
+                if fault.contains("not on whitelist") {
+                    let expected = "expected a clip, found a list of other files, or a container that is none of";
+                    return Err(Failure::message(format!("{clip}: {expected} {CONTAINERS}")));
+                }
+                let found = if fault.contains("matches no streams") { "no pictures in it" } else { "another file" };
                 let expected = "expected a clip with pictures that ffmpeg decodes";
                 Err(Failure::message(format!("{clip}: {expected}, found {found}; {fault}")))
             }
@@ -104,12 +112,13 @@ pub fn about_how_many(clip: &Path) -> Option<usize> {
 
 /// An ffmpeg that reads a clip.
 fn reading(clip: &Path) -> Command {
-    // Otherwise a name with a colon would be an address. A list of other files is not followed into the net.
+    // Otherwise a name with a colon would be an address. Nothing is read but the clip itself.
     let mut input = OsString::from("file:");
     input.push(clip);
     let mut command = Command::new("ffmpeg");
     let threads = rayon::current_num_threads().to_string();
     command.args(["-hide_banner", "-loglevel", "error", "-nostdin", "-protocol_whitelist", "file"]);
+    command.args(["-format_whitelist", CONTAINERS]);
     command.args(["-threads", &threads, "-i"]).arg(input);
     command
 }

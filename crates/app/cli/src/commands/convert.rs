@@ -11,7 +11,10 @@ use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Output};
 use weaver_geometry::Similarity;
 use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_io::{Blocks, Chained, Changed, Drawing, SCENE_FORMATS, SceneFormat, open_scene, scene_bytes, write_blocks};
+use weaver_io::{
+    Blocks, Chained, Changed, Drawing, SCENE_FORMATS, SceneFormat, WrittenScene, open_scene,
+    scene_bytes, write_blocks_checked,
+};
 use weaver_scene::{Difference, Gaussians, Region, forms};
 
 /// Writes files of Gaussians in another format; the names of files select the formats.
@@ -118,11 +121,11 @@ fn region(text: &str) -> Result<Region, String> {
 }
 
 fn keep(text: &str) -> Result<Keep, String> {
-    if let Ok(count) = text.parse() {
-        return Ok(Keep::Count(count));
-    }
-    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
-    share.map(Keep::Share).ok_or_else(|| "expected a number of Gaussians, or a share from 0.0 to 1.0".into())
+    let count = text.parse().ok().map(Keep::Count);
+    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share)).map(Keep::Share);
+    // Nothing is no scene.
+    let some = count.or(share).filter(|keep| !matches!(keep, Keep::Count(0) | Keep::Share(0.0)));
+    some.ok_or_else(|| "expected a number of Gaussians, or a share above 0.0 up to 1.0".into())
 }
 
 fn after_help() -> String {
@@ -156,9 +159,11 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
     if arguments.chooses() || !format.writes_blocks() {
         gaussians = Box::new(chosen(gaussians.into_all()?, drawing, arguments)?);
     }
-    write_blocks(to, &*gaussians, drawing)?;
-    let written =
-        Written { format, gaussians: gaussians.len(), bytes: scene_bytes(to)?, loss: loss(to, format, &*gaussians)? };
+    if gaussians.is_empty() {
+        console.note(&format!("warning: {}: a scene without Gaussians, as its inputs are", to.display()));
+    }
+    let loss = write_blocks_checked(to, &*gaussians, drawing, |written| loss(written, &*gaussians))?;
+    let written = Written { format, gaussians: gaussians.len(), bytes: scene_bytes(to)?, loss };
     if arguments.json {
         let report = written.json(from, to, count);
         return console.print(&serde_json::to_string_pretty(&report)?);
@@ -211,8 +216,17 @@ fn turned(gaussians: Box<dyn Blocks>, arguments: &Convert) -> Box<dyn Blocks> {
 /// Applies the flags that choose among all Gaussians, in the order that the help promises.
 fn chosen(mut gaussians: Gaussians, drawing: Drawing, arguments: &Convert) -> Result<Gaussians, Failure> {
     let Convert { crop, drop_floaters, keep, by, .. } = arguments;
+    let nothing = |flag: &str, expected: &str, before: &Gaussians| {
+        let [min, max] = corners(before);
+        let found = format!("none of {}, which lie from {min:?} to {max:?}", before.len());
+        Failure::message(format!("{flag}: expected {expected}, found {found}"))
+    };
     if let Some(region) = crop {
-        gaussians = gaussians.select(&gaussians.inside(region));
+        let inside = gaussians.inside(region);
+        if inside.is_empty() && !gaussians.is_empty() {
+            return Err(nothing("--crop", "Gaussians in the region", &gaussians));
+        }
+        gaussians = gaussians.select(&inside);
     }
     if *drop_floaters {
         gaussians = gaussians.select(&gaussians.without_floaters());
@@ -230,17 +244,28 @@ fn chosen(mut gaussians: Gaussians, drawing: Drawing, arguments: &Convert) -> Re
                 contributions(&gaussians, cameras, (&arguments.from[0], drawing))?
             }
         };
+        if count == 0 && !gaussians.is_empty() {
+            return Err(nothing("--keep", "a share that leaves Gaussians", &gaussians));
+        }
         gaussians = gaussians.select(&gaussians.largest(&values, count));
     }
     Ok(gaussians)
 }
 
+/// The corners of the box of all centers.
+fn corners(gaussians: &Gaussians) -> [[f32; 3]; 2] {
+    let side = |from: f32, choose: fn(f32, f32) -> f32| {
+        std::array::from_fn(|axis| gaussians.means.iter().map(|mean| mean[axis]).fold(from, choose))
+    };
+    [side(f32::INFINITY, f32::min), side(f32::NEG_INFINITY, f32::max)]
+}
+
 /// The difference that writing made, found by reading: none of a format that keeps every bit.
-fn loss(to: &Path, format: SceneFormat, gaussians: &dyn Blocks) -> Result<Option<Loss>, Failure> {
-    if format.name == "ply" {
+fn loss(written: WrittenScene, gaussians: &dyn Blocks) -> Result<Option<Loss>, weaver_io::Error> {
+    let WrittenScene { format, gaussians: back } = written;
+    if format.is_exact() {
         return Ok(None);
     }
-    let back = open_scene(to)?.gaussians;
     let order = if format.writes_blocks() { None } else { Some(format.order(&*gaussians.all()?)) };
     let mut parts = Vec::new();
     for rows in back.blocks() {
@@ -320,7 +345,7 @@ mod tests {
     fn what_stays_is_a_count_or_a_share() {
         assert_eq!((keep("1"), keep("0.25")), (Ok(Keep::Count(1)), Ok(Keep::Share(0.25))));
         assert_eq!(keep("1.0"), Ok(Keep::Share(1.0)));
-        for wrong in ["", "-1", "1.5", "nan", "half"] {
+        for wrong in ["", "-1", "1.5", "nan", "half", "0", "0.0"] {
             assert!(keep(wrong).is_err(), "{wrong}");
         }
         assert_eq!(triple("0,-1.5,90"), Ok(Triple([0.0, -1.5, 90.0])));

@@ -190,5 +190,6 @@ fn is_capture(path: &Path) -> bool {
         "cameras.npz",
         "cameras.txt",
     ];
-    path.is_file() && path.extension().is_some_and(|e| e == "json") || files.iter().any(|name| path.join(name).exists())
+    path.is_file() && path.extension().is_some_and(|e| e == "json")
+        || files.iter().any(|name| weaver_io::is_taken(path.join(name)))
 }

@@ -379,3 +379,37 @@ fn ctrl_c_ends_the_decoder_too() {
         std::thread::sleep(Duration::from_millis(20));
     }
 }
+
+/// A manifest that is called a clip names another clip, of which no frame is taken.
+#[test]
+fn a_manifest_is_not_followed() {
+    if !has_ffmpeg("a_manifest_is_not_followed") {
+        return;
+    }
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    clip(folder, 6);
+    let dash = "<?xml version=\"1.0\"?>\n<MPD xmlns=\"urn:mpeg:dash:schema:mpd:2011\" type=\"static\" \
+        mediaPresentationDuration=\"PT1S\" profiles=\"urn:mpeg:dash:profile:isoff-on-demand:2011\"><Period><AdaptationSet \
+        mimeType=\"video/mp4\" contentType=\"video\"><Representation id=\"0\" bandwidth=\"100000\" width=\"192\" height=\"144\">\
+        <BaseURL>clip.mp4</BaseURL></Representation></AdaptationSet></Period></MPD>";
+    let list = "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nclip.mp4\n#EXT-X-ENDLIST\n";
+    for (name, content) in [
+        ("dash.mp4", dash),
+        ("dash.mkv", dash),
+        ("hls.mp4", list),
+        ("blank.mp4", &format!("\n{list}")),
+        ("concat.mp4", "ffconcat version 1.0\nfile clip.mp4\n"),
+        ("web.mp4", "WEBVTT\n"),
+    ] {
+        fs::write(folder.join(name), content).unwrap();
+        let output = run(folder, &format!("cameras {name} -o out --frames 2 {QUICK}"));
+        let text = said(&output);
+        assert_eq!(output.status.code(), Some(1), "{name}: {text}");
+        assert!(
+            !text.contains("matching") && text.contains(&format!("error: {name}: expected a clip")),
+            "{name}: {text}"
+        );
+        assert!(!folder.join("out").exists(), "{name}");
+    }
+}

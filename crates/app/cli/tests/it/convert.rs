@@ -134,3 +134,55 @@ fn failures_are_one_line() {
         assert_eq!(splatweaver(folder.path(), wrong).status.code(), Some(2), "{wrong:?}");
     }
 }
+
+/// Values that the target format cannot hold are refused, and what was there stays.
+#[test]
+fn what_a_format_cannot_hold_is_not_written() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    let mut wide = gaussians();
+    wide.log_scales[5] = [100.0; 3];
+    write_gaussians(path("wide.ply"), &wide).unwrap();
+    for (arguments, name) in [
+        (&["scene.ply", "old.ply", "--scale", "1e300"][..], "old.ply"),
+        (&["scene.ply", "old.ply", "--translate", "1e39,0,0"], "old.ply"),
+        (&["wide.ply", "old.glb"], "old.glb"),
+        (&["wide.ply", "old.gltf"], "old.gltf"),
+        (&["wide.ply", "old.splat"], "old.splat"),
+    ] {
+        std::fs::write(path(name), "old").unwrap();
+        let done = splatweaver(folder.path(), &[&["convert"], arguments].concat());
+        let text = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.code() == Some(1) && done.stdout.is_empty(), "{arguments:?}: {text}");
+        assert!(text.starts_with(&format!("error: {name}: ")) && text.contains("finite numbers"), "{text}");
+        assert_eq!(std::fs::read_to_string(path(name)).unwrap(), "old", "{arguments:?}");
+    }
+    let hidden = |name: &std::ffi::OsStr| name.as_encoded_bytes().starts_with(b".");
+    let names = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+    assert_eq!(names.filter(|name| hidden(name)).count(), 0, "a temporary file was left");
+}
+
+/// Flags that leave no Gaussians are refused, and a scene that has none is written with a warning.
+#[test]
+fn an_empty_scene_is_not_written_without_a_word() {
+    let folder = folder();
+    for (flags, code, expected) in [
+        (
+            &["--crop", "90,90,90,1"][..],
+            1,
+            "--crop: expected Gaussians in the region, found none of 24, which lie from [",
+        ),
+        (&["--keep", "0.001"], 1, "--keep: expected a share that leaves Gaussians, found none of 24"),
+        (&["--keep", "0"], 2, "expected a number of Gaussians, or a share above 0.0"),
+        (&["--keep", "0.0"], 2, "expected a number of Gaussians, or a share above 0.0"),
+    ] {
+        let done = splatweaver(folder.path(), &[&["convert", "scene.ply", "none.ply"], flags].concat());
+        let text = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.code() == Some(code) && text.contains(expected), "{flags:?}: {text}");
+        assert!(!folder.path().join("none.ply").exists(), "{flags:?}");
+    }
+    write_gaussians(folder.path().join("empty.ply"), &gaussians().select(&[])).unwrap();
+    let done = splatweaver(folder.path(), &["convert", "empty.ply", "none.spz", "--crop", "0,0,0,1", "--keep", "0.5"]);
+    let text = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert!(done.status.success() && text.contains("warning: none.spz: a scene without Gaussians"), "{text}");
+}

@@ -125,3 +125,44 @@ fn no_scale() {
     splatweaver(&[&"train", &"--preset", &"micro", &"--steps", &"1", &"--data", &data, &"--out", &out])
         .refused(1, &["capture", "scene_scale"]);
 }
+
+/// Photos in folders below the one that is given are named, with and without photos beside them.
+#[test]
+fn photos_in_folders_below_are_named() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    let photo = |name: &str| {
+        std::fs::create_dir_all(folder.join(name).parent().unwrap()).unwrap();
+        weaver_io::Image::filled(64, 48, [0.5; 3]).write_png(folder.join(name)).unwrap();
+    };
+    [
+        "DCIM/100 APPLE/a.png",
+        "DCIM/101APPLE/b.png",
+        "DCIM/masks/a.png",
+        "mixed/a.png",
+        "mixed/b.png",
+        "mixed/more/c.png",
+    ]
+    .into_iter()
+    .for_each(photo);
+    let message = crate::command::refused(folder, "cameras DCIM -o out", 1);
+    let expected = "found none but 2 in folders below it; give these in its place: 'DCIM/100 APPLE' DCIM/101APPLE";
+    assert!(message.contains(expected), "{message}");
+    let message = crate::command::refused(folder, "cameras mixed -o out", 1);
+    let expected =
+        "warning: mixed: photos in folders below it are not taken, 1 in all; to take them, name mixed/more, too";
+    assert!(message.contains(expected), "{message}");
+    let message = crate::command::refused(folder, "cameras mixed ./mixed/more/ -o out", 1);
+    assert!(!message.contains("not taken") && message.contains("3 photos"), "{message}");
+}
+
+/// A folder whose pictures are of other formats is said to have these, with a remedy.
+#[test]
+fn pictures_of_other_formats_are_named() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    std::fs::create_dir(folder.join("scans")).unwrap();
+    ["1.bmp", "2.BMP", "3.gif"].iter().for_each(|name| std::fs::write(folder.join("scans").join(name), "").unwrap());
+    let message = crate::command::refused(folder, "cameras scans -o out", 1);
+    assert!(message.contains("found none among 2 .bmp, 1 .gif; ") && message.contains("magick"), "{message}");
+}

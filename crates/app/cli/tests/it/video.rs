@@ -106,3 +106,15 @@ fn a_rate_needs_a_video_and_a_sensible_number() {
         assert_eq!(render(folder.path(), bin.path(), more).status.code(), Some(2), "{more:?}");
     }
 }
+
+/// A disk that is full while ffmpeg writes is the machine's fault, which a scheduler may try again.
+#[test]
+fn a_full_disk_is_told_from_other_failures() {
+    let complaint = "av_interleaved_write_frame(): No space left on device";
+    for (script, code) in [(format!("cat > /dev/null; echo '{complaint}' >&2; exit 228"), 75), ("exit 228".into(), 1)] {
+        let (folder, bin) = (tempfile::tempdir().unwrap(), ffmpeg(&script));
+        let done = render(folder.path(), bin.path(), &[&["--video", "turn.mp4"], &SIZE[..]].concat());
+        let stderr = text(&done.stderr);
+        assert!(done.status.code() == Some(code) && stderr.starts_with("error: turn.mp4: ffmpeg: "), "{stderr}");
+    }
+}

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 use weaver_data::Scene;
-use weaver_data::capture::{CaptureOptions, HoldOut, load, load_cameras, load_images};
+use weaver_data::capture::{CaptureOptions, HoldOut, has_cameras, load, load_cameras, load_images};
 use weaver_data::posed;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Transforms;
@@ -322,4 +322,16 @@ fn ids_of_a_colmap_model_reach_views_and_photos() {
         (view.number.unwrap(), view.extras[CAMERA_ID].as_str())
     };
     assert_eq!([found(0), found(1), found(2)], [(31, "1"), (70, "1"), (3, "3")]);
+}
+
+/// Cameras behind a link that leads nowhere are named, and no others are taken in their place.
+#[cfg(unix)]
+#[test]
+fn a_link_to_no_cameras_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir_all(folder.path().join("sparse/0")).unwrap();
+    std::os::unix::fs::symlink("gone.json", folder.path().join("transforms.json")).unwrap();
+    assert!(has_cameras(folder.path()).unwrap());
+    let message = load(folder.path(), &CaptureOptions::default()).unwrap_err().to_string();
+    assert!(message.contains("transforms.json: No such file"), "{message}");
 }

@@ -294,7 +294,7 @@ fn unusable_photos_are_named_and_left_out() {
     assert_eq!(found.paths, good);
     assert_eq!(found.estimate.cameras, expected.estimate.cameras);
     let [remark] = &found.remarks[..] else { panic!("{:?}", found.remarks) };
-    for part in ["2 of 8 photos cannot be read", "a.heic: ", "HEIC: convert it", "cut.png: "] {
+    for part in ["2 of 8 photos cannot be read", "a.heic)", "HEIC: convert it", "cut.png)"] {
         assert!(remark.contains(part), "{part}: {remark}");
     }
     found.write(&claimed(&temporary.path().join("found"))).unwrap();

@@ -6,6 +6,7 @@ use crate::files::json::{self, kind};
 use crate::pictures::photo_file::EXTENSIONS;
 use crate::{Error, PhotoFile, Result, atomic_write};
 use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use weaver_geometry::{Camera, Intrinsics, Pose, axes};
@@ -63,7 +64,8 @@ impl Transforms {
     /// `file_path` without extension gets that of a photo, whichever exists.
     ///
     /// # Errors
-    /// When the file is malformed, an image is missing, a lens is of another model, or a matrix is not rigid.
+    /// When the file is malformed, an image is missing, a lens is of another model, or a matrix is not rigid; when two entries give
+    /// one image different cameras. An entry that repeats another one counts once.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         Self::parse(path.as_ref(), true)
     }
@@ -95,9 +97,14 @@ impl Transforms {
             Some(Value::String(name)) => Some(PathBuf::from(name)),
             Some(other) => return Err(Error::invalid(path, "ply_file_path", "a string", kind(other))),
         };
+        let mut frames = list.iter().enumerate().map(frame).collect::<Result<_>>()?;
+        // A path of cameras may have one name for all that is not there.
+        if with_images {
+            frames = once_each(path, frames)?;
+        }
         Ok(Self {
             point_cloud,
-            frames: list.iter().enumerate().map(frame).collect::<Result<_>>()?,
+            frames,
             train_filenames: names(path, top, "train_filenames")?.unwrap_or_default(),
             val_filenames: names(path, top, "val_filenames")?.unwrap_or_default(),
             test_filenames: names(path, top, "test_filenames")?,
@@ -138,6 +145,24 @@ impl Transforms {
     }
 }
 
+/// The frames without those that repeat another one.
+fn once_each(path: &Path, frames: Vec<Frame>) -> Result<Vec<Frame>> {
+    let mut first = BTreeMap::new();
+    let mut kept: Vec<Frame> = Vec::with_capacity(frames.len());
+    let camera = |frame: &Frame| (frame.camera, frame.distortion, frame.time);
+    for (i, frame) in frames.into_iter().enumerate() {
+        let (number, place) = *first.entry(frame.path.clone()).or_insert((i, kept.len()));
+        if number == i {
+            kept.push(frame);
+        } else if camera(&kept[place]) != camera(&frame) {
+            let expected = format!("an image that no other entry names, or the camera and time of frames[{number}]");
+            let found = format!("{:?} again with another camera or time", frame.name);
+            return Err(Error::invalid(path, format!("frames[{i}].file_path"), expected, found));
+        }
+    }
+    Ok(kept)
+}
+
 fn to_json(path: &Path, index: usize, frame: &Frame) -> Result<Value> {
     let Camera { pose, intrinsics: k, width, height } = frame.camera;
     let [a, b, c] = axes::to_opengl(&pose).rows();
@@ -168,7 +193,7 @@ fn to_json(path: &Path, index: usize, frame: &Frame) -> Result<Value> {
         if is_known(key) {
             return Err(invalid("a key without a field of its own", key));
         }
-        value[key] = serde_json::from_str(text).map_err(|e| invalid("JSON", &json::not_json(&e)))?;
+        value[key] = serde_json::from_str(text).map_err(|e| invalid("JSON", &json::not_json(&e, text.as_bytes())))?;
     }
     Ok(value)
 }

@@ -21,29 +21,23 @@ use std::path::{Path, PathBuf};
 /// ```
 pub fn atomic_write(path: impl AsRef<Path>, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let path = path.as_ref();
-    replace(path, write).map_err(Error::io(path))
+    atomic_write_checked(path, |w| write(w).map_err(Error::io(path)), |_| Ok(()))
 }
 
-/// The same for what fails in other ways, too, which it says as they are.
-pub(crate) fn atomic_write_checked(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
-    let mut failed = None;
-    let done = replace(path, |w| {
-        write(w).map_err(|error| {
-            failed = Some(error);
-            io::Error::other("not written")
-        })
-    });
-    failed.map_or(done.map_err(Error::io(path)), Err)
-}
-
-fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let path = &destination(path)?;
-    let mut file = UnfinishedFile::create(folder_of(path))?;
-    let mut buffered = BufWriter::new(file.as_file());
-    write(&mut buffered)?;
-    buffered.flush()?;
-    drop(buffered);
-    file.persist(path)
+/// The same for what fails in other ways, too, which it says as they are. `check` looks at the file before it takes its name: where it
+/// fails, `path` holds what it held before.
+pub(crate) fn atomic_write_checked<T>(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> Result<()>,
+    check: impl FnOnce(&Path) -> Result<T>,
+) -> Result<T> {
+    let failed = |error| Error::io(path)(error);
+    let place = destination(path).map_err(failed)?;
+    let mut file = UnfinishedFile::create(folder_of(&place)).map_err(failed)?;
+    FirstError::pass(BufWriter::new(file.as_file()), path, write)?;
+    let checked = check(&file.place())?;
+    file.persist(&place).map_err(failed)?;
+    Ok(checked)
 }
 
 /// The folder of a file.
@@ -92,5 +86,75 @@ pub(crate) fn kind(found: &std::fs::FileType) -> &'static str {
         found if found.is_file() => "a regular file",
         found if found.is_symlink() => "a link",
         _ => "something else",
+    }
+}
+
+/// A writer that keeps its first error: encoders wrap errors, and lose the kind that tells a full disk from a fault of the input.
+struct FirstError<W> {
+    inner: W,
+    error: Option<io::Error>,
+}
+
+impl<W: Write> FirstError<W> {
+    /// Writes all to `inner`; an error of `inner` is what is returned, whatever `write` makes of it.
+    fn pass(inner: W, path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+        let mut w = Self { inner, error: None };
+        let written = write(&mut w);
+        let written = written.and_then(|()| w.flush().map_err(Error::io(path)));
+        w.error.take().map_or(written, |error| Err(Error::io(path)(error)))
+    }
+
+    fn kept<T>(&mut self, done: io::Result<T>) -> io::Result<T> {
+        done.map_err(|error| {
+            let kind = error.kind();
+            // Whoever writes tries again.
+            if kind != io::ErrorKind::Interrupted {
+                self.error.get_or_insert(error);
+            }
+            kind.into()
+        })
+    }
+}
+
+impl<W: Write> Write for FirstError<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let done = self.inner.write(bytes);
+        self.kept(done)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let done = self.inner.flush();
+        self.kept(done)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A disk without room.
+    struct Full;
+
+    impl Write for Full {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(io::ErrorKind::StorageFull.into())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    /// The error of a full disk keeps its kind, whatever an encoder makes of it.
+    #[test]
+    fn an_encoder_does_not_hide_a_full_disk() {
+        let hidden = crate::pictures::image::encode_png(&mut Full, 2, 2, &[0; 12]).unwrap_err();
+        assert_eq!(hidden.kind(), io::ErrorKind::Other, "an encoder that hides it");
+        let encode = |w: &mut dyn Write| {
+            crate::pictures::image::encode_png(w, 2, 2, &[0; 12]).map_err(Error::io("a.png".as_ref()))
+        };
+        let failed = FirstError::pass(Full, "a.png".as_ref(), encode).unwrap_err();
+        let Error::Io { source, .. } = failed else { panic!("{failed}") };
+        assert_eq!(source.kind(), io::ErrorKind::StorageFull);
     }
 }

@@ -93,6 +93,11 @@ pub fn relative_path(from_folder: impl AsRef<Path>, to_file: impl AsRef<Path>) -
     Ok(parts.join("/"))
 }
 
+/// True if a name is taken: by a file, a folder, or a link, also one that leads nowhere.
+pub fn is_taken(path: impl AsRef<Path>) -> bool {
+    path.as_ref().symlink_metadata().is_ok()
+}
+
 /// A path without links and without `..`, as far as it exists, and its remaining parts.
 pub(crate) fn followed(path: &Path) -> PathBuf {
     let found = path.ancestors().find_map(|above| Some((above.canonicalize().ok()?, path.strip_prefix(above).ok()?)));

@@ -10,13 +10,43 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// When it cannot be read or is not JSON.
 pub(crate) fn read(path: &Path) -> Result<Value> {
-    serde_json::from_slice(without_mark(&read_bytes(path)?))
-        .map_err(|e| Error::invalid(path, format!("line {} column {}", e.line(), e.column()), "JSON", not_json(&e)))
+    let bytes = read_bytes(path)?;
+    let text = without_mark(&bytes);
+    serde_json::from_slice(text).map_err(|e| {
+        Error::invalid(path, format!("line {} column {}", e.line(), e.column()), "JSON", not_json(&e, text))
+    })
 }
 
-/// Name in errors of text that is not JSON.
-pub(crate) fn not_json(error: &serde_json::Error) -> String {
-    format!("what is not ({error})")
+/// Name in errors of text that is not JSON; of a number that JSON has no word for, with its key.
+pub(crate) fn not_json(error: &serde_json::Error, text: &[u8]) -> String {
+    let Some((word, key)) = not_a_number(error, text) else { return format!("what is not ({error})") };
+    let of = key.map_or(String::new(), |key| format!(" in {key:?}"));
+    format!("{word}{of}, a number that JSON has no word for; Python's json.dumps writes it unless allow_nan=False")
+}
+
+/// The word for NaN or infinity that an error points at, and the key before it.
+fn not_a_number(error: &serde_json::Error, text: &[u8]) -> Option<(String, Option<String>)> {
+    let before: usize =
+        text.split_inclusive(|byte| *byte == b'\n').take(error.line().checked_sub(1)?).map(<[u8]>::len).sum();
+    let is_of_word = |byte: &u8| byte.is_ascii_alphanumeric() || b"+-".contains(byte);
+    let at = (before + error.column()).min(text.len());
+    let start = text[..at].iter().rposition(|byte| !is_of_word(byte)).map_or(0, |last| last + 1);
+    let end = at + text[at..].iter().position(|byte| !is_of_word(byte)).unwrap_or(text.len() - at);
+    let word = str::from_utf8(&text[start..end]).ok()?;
+    let name = word.trim_start_matches(['+', '-']).to_lowercase();
+    let known = ["nan", "inf", "infinity"].contains(&name.as_str());
+    known.then(|| (word.to_string(), last_key(&String::from_utf8_lossy(&text[..start])).map(String::from)))
+}
+
+/// The last key in a text of JSON.
+fn last_key(mut text: &str) -> Option<&str> {
+    while let Some(colon) = text.rfind(':') {
+        text = &text[..colon];
+        if let Some(name) = text.trim_end().strip_suffix('"') {
+            return Some(&name[name.rfind('"')? + 1..]);
+        }
+    }
+    None
 }
 
 /// Name of a value's kind in errors.

@@ -70,6 +70,11 @@ impl UnfinishedFile {
         self.name.as_deref()
     }
 
+    /// The path at which this process can open it.
+    pub fn place(&self) -> PathBuf {
+        self.name.clone().unwrap_or_else(|| place(&self.file))
+    }
+
     /// Flushes the file to the disk.
     ///
     /// # Errors
@@ -166,6 +171,11 @@ fn link(_: &File, _: &Path) -> io::Result<()> {
 fn place(file: &File) -> PathBuf {
     use std::os::fd::AsRawFd;
     format!("/proc/self/fd/{}", file.as_raw_fd()).into()
+}
+
+#[cfg(not(target_os = "linux"))]
+fn place(_: &File) -> PathBuf {
+    PathBuf::new()
 }
 
 #[cfg(test)]

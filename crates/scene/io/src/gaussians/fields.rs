@@ -54,6 +54,11 @@ pub(crate) fn byte(x: f32) -> u8 {
 
 /// The quaternion of unit length, or the identity in place of zeros.
 pub(crate) fn unit(q: [f32; 4]) -> [f32; 4] {
-    let length = q.iter().map(|x| x * x).sum::<f32>().sqrt();
-    if length > 0.0 { q.map(|x| x / length) } else { [1.0, 0.0, 0.0, 0.0] }
+    let squares = q.iter().map(|x| x * x).sum::<f32>();
+    if squares.is_normal() {
+        return q.map(|x| x / squares.sqrt());
+    }
+    // Squares leave the range of numbers where the components themselves do not.
+    let largest = q.iter().fold(0.0_f32, |largest, x| largest.max(x.abs()));
+    if largest > 0.0 { unit(q.map(|x| x / largest)) } else { [1.0, 0.0, 0.0, 0.0] }
 }

@@ -48,8 +48,8 @@ pub(super) enum Writer {
     Blocks(fn(&Path, &dyn Blocks, Drawing, &mut dyn Write) -> Result<()>),
     /// To a stream.
     Stream(fn(&Path, &Gaussians, Drawing, &mut dyn Write) -> Result<()>),
-    /// To this file and others beside it.
-    Files(fn(&Path, &Gaussians, Drawing) -> Result<()>),
+    /// To this file and others beside it, which are held in memory.
+    Files(fn(&Path, &Gaussians, Drawing) -> Result<Vec<sog::File>>),
     /// Not at all.
     None,
 }
@@ -202,6 +202,11 @@ impl SceneFormat {
     /// True if a scene is written a block at a time, so that it need not fit into memory.
     pub fn writes_blocks(&self) -> bool {
         matches!(self.write, Writer::Blocks(_))
+    }
+
+    /// True if reading gives the very numbers that were written.
+    pub fn is_exact(&self) -> bool {
+        self.name == "ply"
     }
 
     /// True if the format is written at all.

@@ -19,7 +19,9 @@ use super::scene_file::{Drawing, SceneFile};
 use crate::files::file::read_bytes;
 use crate::{Error, Result};
 use decode::decoded;
-use encode::{File, encoded};
+pub(super) use encode::File;
+pub(super) use replaced::write as write_files;
+use encode::encoded;
 use files::{Archive, Folder};
 use meta::Meta;
 use std::io::{Cursor, Write};
@@ -78,10 +80,20 @@ pub(crate) fn encode(path: &Path, gaussians: &Gaussians, drawing: Drawing, w: &m
     w.write_all(archive.get_ref()).map_err(Error::io(path))
 }
 
-/// Writes a `meta.json` and the pictures beside it; the folder is made where there is none.
+/// The files of a scene in a folder: a `meta.json` and the pictures beside it.
 ///
 /// # Errors
-/// As [`encode`], and when it would replace a file of others.
-pub(crate) fn encode_folder(path: &Path, gaussians: &Gaussians, drawing: Drawing) -> Result<()> {
-    replaced::write(path, &encoded(path, gaussians, drawing)?)
+/// As [`encode`].
+pub(super) fn encode_folder(path: &Path, gaussians: &Gaussians, drawing: Drawing) -> Result<Vec<File>> {
+    encoded(path, gaussians, drawing)
+}
+
+/// The scene of files that are still in memory.
+///
+/// # Errors
+/// As [`decode`].
+pub(super) fn decode_files(path: &Path, files: &[File]) -> Result<SceneFile> {
+    let content = |name: &str| files.iter().find(|file| file.name == name).map(|file| file.content.clone());
+    let file = |name: &str| content(name).ok_or_else(|| Error::invalid(path, "files", name, "none of that name"));
+    decoded(path, &file(META)?, &mut |name| file(name))
 }

@@ -92,9 +92,12 @@ fn changes_and_chains_are_those_of_the_whole() {
 fn faults_are_named_by_their_place_in_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let [from, to] = ["from.ply", "to.splat"].map(|name| folder.path().join(name));
-    let mut broken = sample(MANY, 0);
-    broken.quats[20_000][1] = f32::NAN;
-    write_gaussians(&from, &broken).unwrap();
+    write_gaussians(&from, &sample(MANY, 0)).unwrap();
+    // Seventeen numbers of a Gaussian, the last four its rotation.
+    let mut broken = bytes(&from);
+    let place = broken.len() - 4 * (17 * (MANY - 20_000) - 14);
+    broken[place..place + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    std::fs::write(&from, broken).unwrap();
     std::fs::write(&to, "before").unwrap();
     let opened = open_scene(&from).unwrap().gaussians;
     let message = write_blocks(&to, &*opened, Drawing::default()).unwrap_err().to_string();

@@ -3,7 +3,7 @@
 use crate::shared;
 use proptest::prelude::*;
 use weaver_geometry::sh;
-use weaver_io::{SceneFormat, read_gaussians, write_gaussians};
+use weaver_io::{SCENE_FORMATS, SceneFormat, read_gaussians, write_gaussians};
 use weaver_scene::Gaussians;
 
 /// Gaussians that every format can hold: scales, opacities and colors within its range.
@@ -206,5 +206,69 @@ fn files_of_other_tools_survive_writing() {
     for name in ["minimal-v2.spz", "minimal-v3.spz", "playbot-sh2.v3.spz", "playbot-sh2.v4.spz"] {
         let spz = read_gaussians(folder.join(name)).unwrap();
         assert_near(&spz, &round_trip("a.spz", &spz), &SPZ);
+    }
+}
+
+/// A scene that a format cannot hold is refused by name, and the file that was there stays.
+#[test]
+fn what_cannot_be_read_again_replaces_nothing() {
+    let one = |mean: f32, log_scale: f32| Gaussians {
+        means: vec![[0.0; 3], [mean, 0.0, 0.0]],
+        log_scales: vec![[-3.0; 3], [log_scale, -3.0, -3.0]],
+        quats: vec![[1.0, 0.0, 0.0, 0.0]; 2],
+        opacity_logits: vec![0.0; 2],
+        sh: vec![0.0; 6],
+        degree: 0,
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let mut refused = Vec::new();
+    for format in SCENE_FORMATS.iter().filter(|format| format.is_written()) {
+        let path = folder.path().join(format.name).join(match format.writes_one_file() {
+            true => format!("scene.{}", format.extension),
+            false => format.extension.into(),
+        });
+        write_gaussians(&path, &one(1.0, -3.0)).unwrap();
+        let content = |path: &std::path::Path| -> Vec<(std::ffi::OsString, Vec<u8>)> {
+            let files = std::fs::read_dir(path.parent().unwrap()).unwrap().map(|entry| entry.unwrap().path());
+            let mut files: Vec<_> =
+                files.map(|file| (file.file_name().unwrap().into(), std::fs::read(&file).unwrap())).collect();
+            files.sort();
+            files
+        };
+        let before = content(&path);
+        for (mean, log_scale) in [(f32::INFINITY, -3.0), (1.0, f32::NEG_INFINITY), (f32::NAN, -3.0), (1.0, 1e30)] {
+            match write_gaussians(&path, &one(mean, log_scale)) {
+                Ok(()) => {
+                    assert!(mean.is_finite() && log_scale.is_finite(), "{format}: {mean} {log_scale}");
+                    read_gaussians(&path).unwrap();
+                    write_gaussians(&path, &one(1.0, -3.0)).unwrap();
+                }
+                Err(error) => {
+                    assert!(error.to_string().starts_with(&path.display().to_string()), "{error}");
+                    refused.push((format.name, log_scale));
+                }
+            }
+            assert!(content(&path) == before, "{format}: {mean} {log_scale}");
+        }
+    }
+    // Their scales are exponentials in 32 bits.
+    assert!(["splat", "glb", "gltf"].iter().all(|name| refused.contains(&(name, 1e30))), "{refused:?}");
+}
+
+/// Rotations keep their direction, however long their quaternions are.
+#[test]
+fn quaternions_of_any_length_are_rotations() {
+    for length in [1e-30f32, 1e-22, 1.0, 1e22, 1e38] {
+        let gaussians = Gaussians {
+            means: vec![[0.0; 3]],
+            log_scales: vec![[-3.0; 3]],
+            quats: vec![[0.0, 0.6, 0.8, 0.0].map(|x| x * length)],
+            opacity_logits: vec![0.0],
+            sh: vec![0.0; 3],
+            degree: 0,
+        };
+        let [w, x, y, z] = round_trip("a.glb", &gaussians).quats[0];
+        let off = w.abs().max((x.abs() - 0.6).abs()).max((y.abs() - 0.8).abs()).max(z.abs());
+        assert!(off < 1e-6, "{length}: {:?}", [w, x, y, z]);
     }
 }

@@ -3,7 +3,7 @@
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageEncoder, codecs::png::PngEncoder};
 use std::path::{Path, PathBuf};
-use weaver_io::{Background, Bitmap, Image, PhotoFile, list_photos};
+use weaver_io::{Background, Bitmap, Image, PhotoFile, PhotoFolder, list_photos};
 
 /// The ramp of the fixtures: red grows to the right, green downward.
 fn ramp() -> Bitmap {
@@ -228,4 +228,26 @@ fn photos_know_if_they_are_transparent() {
         photo.clone().resize(2, 2, [0.0, 0.0, 4.0, 4.0]).unwrap();
         assert_eq!(photo.was_transparent(), transparent);
     }
+}
+
+/// Folders of a camera's card are found below a folder, and masks, hidden folders and links are not.
+#[test]
+fn photos_in_folders_below_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, "").unwrap();
+    };
+    let photos = ["DCIM/100APPLE/a.jpg", "DCIM/100APPLE/b.HEIC", "DCIM/101APPLE/c.jpg", "masks/a.png", ".thumbs/a.jpg"];
+    photos.into_iter().chain(["a.bmp", "b.BMP", "notes.txt"]).for_each(write);
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(folder.path(), folder.path().join("loop")).unwrap();
+    let found = PhotoFolder::open(folder.path()).unwrap();
+    let below = |name: &str, count: usize| (folder.path().join(name), count);
+    assert_eq!((found.photos.len(), found.below), (0, vec![below("DCIM/100APPLE", 2), below("DCIM/101APPLE", 1)]));
+    assert_eq!(found.others, [("bmp".to_string(), 2), ("txt".to_string(), 1)]);
+    write("top.jpg");
+    let found = PhotoFolder::open(folder.path()).unwrap();
+    assert_eq!((found.photos.len(), found.below.len()), (1, 2));
 }

@@ -87,7 +87,7 @@ fn messages_say_where() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
     let cases = [
-        (ASCII.replace("ply\r", "plx\r"), "header line 1: expected ply"),
+        (ASCII.replace("ply\r", "plx\r"), "header line 1: expected a PLY file"),
         (ASCII.replace("format ascii", "format binary_big_endian"), "header line 2: expected format"),
         (ASCII.replace("float rot_2", "float turn"), "element vertex: expected a property rot_2, found only x y z"),
         (ASCII.replace("float scale_0", "float size"), "element vertex: expected Gaussians, found a point cloud"),
@@ -235,5 +235,24 @@ proptest! {
         let text = format!("ply\nformat ascii 1.0\n{}\nend_header\n", words.join(" "));
         std::fs::write(&path, text).unwrap();
         prop_assert!(read_gaussians(&path).is_err());
+    }
+}
+
+/// What is no PLY file is called by what it is.
+#[test]
+fn a_file_that_is_no_ply_is_called_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    for (bytes, found) in [
+        (&b""[..], "found an empty file"),
+        (b"Dear diary, nothing happened", "found text that begins with \"Dear diary, nothing \""),
+        (b"plyboard\n", "found text that begins with \"plyboard\""),
+        (&[0x1f, 0x8b, 8, 0, 0, 0], "found other bytes"),
+        (&[b'a'; 1 << 16], "found text that begins with \"aaaaaaaaaaaaaaaaaaaa\""),
+    ] {
+        std::fs::write(&path, bytes).unwrap();
+        let message = read_gaussians(&path).unwrap_err().to_string();
+        let expected = "header line 1: expected a PLY file (\"ply\" in its first line), ";
+        assert!(message.ends_with(&format!("{expected}{found}")), "{message}");
     }
 }

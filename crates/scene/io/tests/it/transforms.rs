@@ -280,3 +280,47 @@ fn a_time_a_number_and_unknown_keys_survive() {
     let message = message(|r| r["frames"][0]["time"] = "noon".into());
     assert!(message.contains("frames[0].time: expected a number"), "{message}");
 }
+
+/// A photo that is named twice with two cameras is refused with both entries, and one that is repeated counts once.
+#[test]
+fn a_photo_has_one_camera() {
+    let of = |change: fn(&mut Vec<Frame>)| {
+        let folder = tempfile::tempdir().unwrap();
+        let mut scene = scene(folder.path());
+        change(&mut scene.frames);
+        let path = folder.path().join("transforms.json");
+        scene.write(&path).unwrap();
+        // A path of cameras may have one name for all its pictures.
+        assert_eq!(Transforms::read_cameras(&path).unwrap().frames.len(), scene.frames.len());
+        Transforms::read(&path).map(|found| found.frames.len()).map_err(|error| error.to_string())
+    };
+    let again = |frames: &mut Vec<Frame>| frames.push(Frame { name: "./images/1.png".into(), ..frames[1].clone() });
+    assert_eq!(of(again), Ok(3));
+    let moved = |frames: &mut Vec<Frame>| frames.push(Frame { name: "./images/1.png".into(), ..frames[2].clone() });
+    let message = of(moved).unwrap_err();
+    for part in ["frames[3].file_path: expected", "frames[1]", "\"./images/1.png\" again with another camera"] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+}
+
+/// NaN and infinities, which Python writes, are called by their name and key.
+#[test]
+fn numbers_that_json_lacks_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    scene(folder.path()).write(&path).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    let cases = [
+        ("\"fl_y\": 8.5", "\"fl_y\": NaN", "expected JSON, found NaN in \"fl_y\", a number that JSON has no word for"),
+        ("\"cx\": 4.25", "\"cx\": -Infinity", "found -Infinity in \"cx\""),
+        ("\"cy\": 3.0", "\"cy\":nan", "found nan in \"cy\""),
+        ("1.0\n", "Infinity\n", "found Infinity in \"transform_matrix\""),
+        ("\"cx\": 4.25", "\"cx\": nothing", "found what is not ("),
+    ];
+    for (number, word, expected) in cases {
+        assert!(text.contains(number), "{number}: {text}");
+        std::fs::write(&path, text.replacen(number, word, 1)).unwrap();
+        let message = Transforms::read(&path).unwrap_err().to_string();
+        assert!(message.contains(expected) && message.contains("transforms.json: line "), "{message}");
+    }
+}

@@ -126,9 +126,10 @@ impl Document {
     pub(super) fn read(path: &Path, file: &Content<'_>) -> Result<(Self, Option<Range<usize>>)> {
         let in_chunks = file.part(0..file.len().min(MAGIC.len()))?.starts_with(MAGIC);
         let (json, binary) = if in_chunks { chunks(path, file)? } else { (0..file.len(), None) };
-        let document = serde_json::from_slice(&file.part(json)?).map_err(|e| {
+        let text = file.part(json)?;
+        let document = serde_json::from_slice(&text).map_err(|e| {
             let place = format!("line {} column {}", e.line(), e.column());
-            Error::invalid(path, place, "a glTF document", not_json(&e))
+            Error::invalid(path, place, "a glTF document", not_json(&e, &text))
         })?;
         Ok((document, binary))
     }

@@ -152,10 +152,15 @@ impl Columns {
 
 /// Writes a 3DGS PLY file, binary little-endian, with the properties of the reference implementation in its order; normals
 /// are zero.
+///
+/// # Errors
+/// When a value is not finite, but for opacity logits.
 pub(crate) fn encode(path: &Path, gaussians: &dyn Blocks, drawing: Drawing, w: &mut dyn Write) -> Result<()> {
     header(gaussians, drawing, w).map_err(Error::io(path))?;
     for rows in gaussians.blocks() {
-        written(&*gaussians.block(rows)?, w).map_err(Error::io(path))?;
+        let block = gaussians.block(rows.clone())?;
+        check_rows(path, &block, rows.start)?;
+        written(&block, w).map_err(Error::io(path))?;
     }
     Ok(())
 }

@@ -150,6 +150,7 @@ impl Header {
 
     /// The header at the start of a file; none if it goes on where the start ends, unless that is the whole file.
     fn parse(path: &Path, data: &[u8], whole: bool) -> Result<Option<Self>> {
+        check_kind(path, data)?;
         let mut format = None;
         let mut elements: Vec<Element> = Vec::new();
         let (mut antialiased, mut end) = (false, 0);
@@ -166,7 +167,7 @@ impl Header {
             let words: Vec<&str> = line.split_whitespace().collect();
             match (number, words.as_slice()) {
                 (1, ["ply"]) => {}
-                (1, _) => return Err(invalid("ply", line.get(..20).unwrap_or(line))),
+                (1, _) => return Err(invalid("ply", line)),
                 (_, ["format", "ascii", "1.0"]) => format = Some(Format::Ascii),
                 (_, ["format", "binary_little_endian", "1.0"]) => format = Some(Format::LittleEndian),
                 (_, ["comment", "SplatRenderMode:", mode]) => antialiased = *mode == "mip",
@@ -217,6 +218,24 @@ impl Header {
         vertex.room(path, length - at, vertex.stride())?;
         Ok(at)
     }
+}
+
+/// Refuses what is no PLY file by its first bytes: what is not text may have no line for gigabytes.
+fn check_kind(path: &Path, data: &[u8]) -> Result<()> {
+    if data.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_none_or(u8::is_ascii_whitespace)) {
+        return Ok(());
+    }
+    const SHOWN: usize = 20;
+    let first = data.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let first = String::from_utf8_lossy(&first[..first.len().min(4 * SHOWN)]);
+    let found = match () {
+        () if data.is_empty() => "an empty file".into(),
+        () if first.trim_end().chars().any(|c| c.is_control() || c == char::REPLACEMENT_CHARACTER) => {
+            "other bytes".into()
+        }
+        () => format!("text that begins with {:?}", first.trim_end().chars().take(SHOWN).collect::<String>()),
+    };
+    Err(Error::invalid(path, "header line 1", "a PLY file (\"ply\" in its first line)", found))
 }
 
 /// The first lines of a binary file, with the comment of Brush that says how Gaussians were trained.

@@ -19,7 +19,7 @@ use weaver_scene::{Gaussians, forms};
 const ROWS: usize = 1 << 16;
 
 /// A file of a scene.
-pub(super) struct File {
+pub(in crate::gaussians) struct File {
     pub name: &'static str,
     pub content: Vec<u8>,
 }

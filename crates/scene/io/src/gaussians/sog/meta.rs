@@ -65,7 +65,7 @@ impl Meta {
     pub(super) fn read(path: &Path, data: &[u8]) -> Result<Self> {
         let place = |e: &serde_json::Error| format!("{META} line {} column {}", e.line(), e.column());
         let value: Value =
-            serde_json::from_slice(data).map_err(|e| Error::invalid(path, place(&e), "JSON", not_json(&e)))?;
+            serde_json::from_slice(data).map_err(|e| Error::invalid(path, place(&e), "JSON", not_json(&e, data)))?;
         if value["version"] != VERSION {
             let found = found(&value["version"]);
             return Err(Error::invalid(path, format!("{META}, version"), VERSION, found));

@@ -134,10 +134,7 @@ fn check_kind(path: &Path, bytes: &[u8]) -> Result<()> {
         Some(b"ftypheic" | b"ftypheix" | b"ftyphevc" | b"ftyphevx" | b"ftypheim" | b"ftypheis" | b"ftypmif1") => "HEIC",
         _ => return Ok(()),
     };
-    let found = format!(
-        "{kind}: convert it to JPEG, for instance with `magick IN OUT.jpg`, `heif-convert IN OUT.jpg` or, on a Mac, `sips -s format jpeg IN --out OUT.jpg`"
-    );
-    Err(Error::invalid(path, "image", EXPECTED, found))
+    Err(Error::ToConvert { path: path.to_path_buf(), kind })
 }
 
 /// True if these are the bytes of a JPEG whose picture has a beginning and no end. Decoders fill the rest with gray.

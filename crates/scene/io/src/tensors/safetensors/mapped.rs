@@ -137,8 +137,8 @@ impl Mapped {
     /// The files of an index, and that they hold what it says.
     fn add_index(&mut self, path: &Path) -> Result<()> {
         let text = crate::read_text(path)?;
-        let json: serde_json::Value =
-            serde_json::from_str(&text).map_err(|e| Error::invalid(path, "index", "JSON", not_json(&e)))?;
+        let json: serde_json::Value = serde_json::from_str(&text)
+            .map_err(|e| Error::invalid(path, "index", "JSON", not_json(&e, text.as_bytes())))?;
         let map = json["weight_map"].as_object();
         let map = map.ok_or_else(|| Error::invalid(path, "weight_map", "files by tensor name", "none"))?;
         let folder = path.parent().unwrap_or(Path::new(""));
