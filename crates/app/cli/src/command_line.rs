@@ -42,7 +42,7 @@ pub struct CommandLine {
 }
 
 /// Arguments without a say in results: the folder for these, how fast they come, and what is said of them.
-const SILENT: [&str; 6] = ["out", "threads", "json", "live", "if_complete", "save_every"];
+const SILENT: [&str; 7] = ["out", "threads", "json", "live", "port", "if_complete", "save_every"];
 
 impl CommandLine {
     /// Parses the words of a command line, whose first is the program's name.

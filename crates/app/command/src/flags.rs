@@ -24,6 +24,9 @@ pub struct LiveFlag {
     /// Shows the run in the browser while it goes on, at an address that is printed
     #[arg(long)]
     pub live: bool,
+    /// Port that the page is served at [default: a free one]
+    #[arg(long, value_name = "N", requires = "live", value_parser = clap::value_parser!(u16).range(1..))]
+    pub port: Option<u16>,
 }
 
 /// Number of threads.

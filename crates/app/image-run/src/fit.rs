@@ -9,13 +9,14 @@ use crate::state::under_way;
 use crate::trace::{Trace, TraceFolder};
 use crate::{read, report};
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress};
+use weaver_command::{Console, Failure, Interrupt, Progress};
 use weaver_io::safetensors::Tensors;
 use weaver_io::{atomic_write, list_photos};
 use weaver_run::{Folder, Job, Run};
-use weaver_view_run::{Followed, Server, Showing, live};
+use weaver_view_run::{Followed, Listener, Server, Showing, live};
 
 pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let live = Listener::of(arguments.live)?;
     if let Some(path) = &arguments.resume {
         let settings: Settings = Folder::settings(path, KIND, "fits of pictures")?;
         let names = settings.names();
@@ -23,7 +24,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
             return Err(weaver_run::Error::complete(path).into());
         }
         let folder = Folder::reopen_with(path, KIND, names)?;
-        return go_on(Run::resume(folder, PicturesJob::new(settings)?)?, arguments.live, console, interrupt);
+        return go_on(Run::resume(folder, PicturesJob::new(settings)?)?, live, console, interrupt);
     }
     let out = arguments.out.as_ref().ok_or_else(|| Failure::Usage("expected --out".into()))?;
     let method = Method {
@@ -40,7 +41,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
     }
     match &arguments.pictures[..] {
         [picture] if picture.is_file() && !is_folder(out) => {
-            one(picture, out.as_file()?, arguments, &method, console, interrupt)
+            one(picture, out.as_file()?, (arguments, live), &method, console, interrupt)
         }
         _ if arguments.bytes.is_some() || arguments.psnr.is_some() => {
             Err(Failure::Usage("--bytes and --psnr: expected one picture and a file to write".into()))
@@ -51,7 +52,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
             folder.out().check(settings.names())?;
             let job = PicturesJob::new(settings)?;
             folder.store(job.settings())?;
-            go_on(Run::begin(folder, job), arguments.live, console, interrupt)
+            go_on(Run::begin(folder, job), live, console, interrupt)
         }
     }
 }
@@ -81,7 +82,7 @@ fn list(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 fn one(
     path: &Path,
     out: &Path,
-    arguments: &ImageFit,
+    (arguments, listener): (&ImageFit, Option<Listener>),
     method: &Method,
     console: &mut Console,
     interrupt: &Interrupt,
@@ -93,14 +94,14 @@ fn one(
         _ => Goal::Gaussians(method.count(&picture)),
     };
     let (trials, stop) = (goal.trials(), interrupt.watch());
-    let traces = arguments.live.live.then(TraceFolder::new).transpose()?;
+    let traces = listener.is_some().then(TraceFolder::new).transpose()?;
     let trace = traces.as_ref().map(|traces| Trace::new(traces, [method.steps, trials], stop)).transpose()?;
     let folder = traces.as_ref().map_or(out, TraceFolder::path);
     let drawing = |state: &Tensors| under_way(state, path, method);
     let (steps, names, showing) = (method.steps * trials, &report::CURVES, Showing::Drawing(&drawing));
     let followed = Followed { folder, steps, names, showing, stop };
-    let server = trace.is_some().then(|| Server::of_run(&path.display().to_string(), followed)).transpose()?;
-    let judged = live(server.as_ref(), console, |console| {
+    let server = listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
+    let judged = live(server, console, |console| {
         Search { path, picture: &picture, method, console, interrupt, trace }.reaching(goal)
     })?;
     atomic_write(out, |to| to.write_all(&judged.bytes))?;
@@ -112,7 +113,7 @@ fn one(
 /// Fits the pictures of a run to the last, or until Ctrl-C.
 fn go_on(
     mut run: Run<PicturesJob>,
-    follows: LiveFlag,
+    listener: Option<Listener>,
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
@@ -122,12 +123,12 @@ fn go_on(
     let drawing = |state: &Tensors| settings.drawn(state, &path);
     let (names, showing) = (&report::CURVES, Showing::Drawing(&drawing));
     let followed = Followed { folder: &path, steps: of, names, showing, stop };
-    let server = follows.live.then(|| Server::of_run(&path.display().to_string(), followed)).transpose()?;
-    if server.is_some() {
+    if listener.is_some() {
         run.folder.follow();
     }
+    let server = listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
     let mut progress = Progress::new("fit", done, of, console);
-    let complete = live(server.as_ref(), console, |console| {
+    let complete = live(server, console, |console| {
         run.advance(stop, |report| {
             let gaussians = report.scalar("gaussians").unwrap_or(0.0) as usize;
             let note = || format!("{}: {}", report.stage, settings.method.note(gaussians, report.loss));

@@ -10,7 +10,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, Progress, Threads, in_pool};
 use weaver_run::{Folder, Job, Kind, Run};
-use weaver_view_run::{Followed, Server, Showing, Visitors, live};
+use weaver_view_run::{Followed, Listener, Server, Showing, live};
 
 /// The folders of these runs.
 pub const KIND: Kind = Kind { command: "lidar", settings: "run.json", results: &[TRAJECTORY, KEYFRAMES, MAP] };
@@ -48,8 +48,8 @@ pub struct Lidar {
 /// Fails where scans cannot be read, settings make no sense, and results cannot be written.
 pub fn run(arguments: &Lidar, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || {
-        let run = opened(arguments)?;
-        advance(run, arguments, console, interrupt)
+        let listener = Listener::of(arguments.live)?;
+        advance(opened(arguments)?, listener, arguments, console, interrupt)
     })
 }
 
@@ -77,20 +77,22 @@ fn opened(arguments: &Lidar) -> Result<Run<LidarJob>, Failure> {
 
 fn advance(
     mut run: Run<LidarJob>,
+    listener: Option<Listener>,
     arguments: &Lidar,
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
     let [before, of] = run.job.steps();
     let (path, stop) = (run.folder.path().to_path_buf(), interrupt.watch());
-    let exhibit = arguments.live.live.then(|| beginning(&run.job, path.display().to_string())).transpose()?;
+    let exhibit = listener.is_some().then(|| beginning(&run.job, path.display().to_string())).transpose()?;
     let followed = Followed { folder: &path, steps: of, names: &CURVES, showing: Showing::Scene(&scene_of), stop };
-    let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
+    let shown = exhibit.as_ref().zip(listener);
+    let server = shown.map(|(exhibit, listener)| Server::new(exhibit, Some(followed), listener)).transpose()?;
     if server.is_some() {
         run.folder.follow();
     }
     let mut progress = Progress::new("lidar", before, of, console);
-    let complete = live(server.as_ref(), console, |console| {
+    let complete = live(server, console, |console| {
         run.advance(stop, |report| {
             let shown = || report.scalar("fitness").map_or(String::new(), |fitness| format!("fitness {fitness:.2}"));
             progress.at(report.step, report.of, shown, console);

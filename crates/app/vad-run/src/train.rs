@@ -5,14 +5,14 @@ use crate::checkpoint::{self, RunState};
 use crate::{MODEL, report};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress};
+use weaver_command::{Console, Failure, Interrupt, Progress};
 use weaver_io::safetensors::Tensors;
 use weaver_run::{Folder, Kind, Log, Recorder, Rhythm, Save};
 use weaver_vad::{
     Checkpoint, ConvolutionSizes, DeepMilSizes, Detector, EncoderKind, Error, Experts, Labels, Observe, Planted,
     Schedule, Snapshot, Splatting, StepReport, TrainingSet, UrDmuSizes, read_list,
 };
-use weaver_view_run::{Followed, Server, Showing, live};
+use weaver_view_run::{Followed, Listener, Server, Showing, live};
 
 /// The folders of these runs.
 pub const KIND: Kind = Kind { command: "vad", settings: "run.json", results: &[MODEL] };
@@ -20,6 +20,7 @@ pub const KIND: Kind = Kind { command: "vad", settings: "run.json", results: &[M
 const RHYTHM: Rhythm = Rhythm { log: Log::Every(1), save: Save::Seconds(20.0) };
 
 pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let live = Listener::of(arguments.live)?;
     let Some(path) = &arguments.resume else {
         let path = &arguments.out.as_deref().map_or_else(|| Folder::free(Path::new("runs"), "vad"), Path::to_path_buf);
         if path.join(MODEL).exists() {
@@ -28,7 +29,7 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
         let folder = Folder::claim(path, KIND, arguments.plan.features.iter().chain(&arguments.plan.list))?;
         let job = Job::new(arguments.plan.clone())?;
         folder.store(&job.plan)?;
-        return job.train((&folder, arguments.live), None, console, interrupt);
+        return job.train((&folder, live), None, console, interrupt);
     };
     if path.join(MODEL).exists() && !path.join(Folder::CHECKPOINT).exists() {
         return Err(weaver_run::Error::complete(path).into());
@@ -36,7 +37,7 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
     if !path.join(Folder::CHECKPOINT).exists() {
         let plan = Folder::settings(path, KIND, "a detector of anomalies")?;
         let folder = Folder::reopen(path, KIND)?;
-        return Job::new(plan)?.train((&folder, arguments.live), None, console, interrupt);
+        return Job::new(plan)?.train((&folder, live), None, console, interrupt);
     }
     let folder = Folder::reopen(path, KIND)?;
     let state = Tensors::read(folder.checkpoint_path())?;
@@ -57,7 +58,7 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
             "{features}: features and labels: expected those that the run began with, found others"
         )));
     }
-    job.train((&folder, arguments.live), Some((detector, from, kept.done)), console, interrupt)
+    job.train((&folder, live), Some((detector, from, kept.done)), console, interrupt)
 }
 
 /// A training, all that it needs at hand.
@@ -111,7 +112,7 @@ impl Job {
     /// Trains to the end, or until Ctrl-C; a page follows if the training is live.
     fn train(
         self,
-        (folder, follows): (&Folder, LiveFlag),
+        (folder, listener): (&Folder, Option<Listener>),
         from: Option<(Detector, Checkpoint, usize)>,
         console: &mut Console,
         interrupt: &Interrupt,
@@ -122,9 +123,9 @@ impl Job {
         let done = from.as_ref().map_or(0, |(.., done)| *done);
         let (path, stop) = (folder.path(), interrupt.watch());
         let followed = Followed { folder: path, steps: total, names: &[], showing: Showing::Curves, stop };
-        let server = follows.live.then(|| Server::of_run(&path.display().to_string(), followed)).transpose()?;
+        let server = listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
         let recorder = Recorder::open(folder, done, RHYTHM, stop)?;
-        let (trained, done, failure) = live(server.as_ref(), console, |console| {
+        let (trained, done, failure) = live(server, console, |console| {
             let progress = Progress::new("train", done, total, console);
             let mut watch = Watch { job: &self, recorder, progress, console, done, total, failure: None };
             let trained = match from {

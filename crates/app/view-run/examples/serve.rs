@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use weaver_view::Look;
-use weaver_view_run::{Exhibit, Server, Visitors};
+use weaver_view_run::{Exhibit, Listener, Server, Visitors};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if let Some(cameras) = arguments.next() {
         exhibit = exhibit.with_cameras(Path::new(&cameras), None)?;
     }
-    let server = Server::bind(&exhibit, None, Visitors::Here)?;
+    let server = Server::new(&exhibit, None, Listener::bind(Visitors::Here, None)?)?;
     println!("{}", server.address());
     server.run(&AtomicBool::new(false));
     Ok(())

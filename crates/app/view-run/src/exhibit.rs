@@ -1,8 +1,9 @@
 //! Scenes with their cameras and photos.
 
 use crate::{Error, Features};
+use std::collections::BTreeMap;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::{self, PosedOptions};
@@ -80,18 +81,16 @@ impl Exhibit {
     }
 
     /// Adds the cameras of a file: transforms.json, a folder with a COLMAP model, or a RealEstate10K file. Photos are those that it names,
-    /// or files of their names in `photos`. Held-out ones come first.
+    /// or files in `photos` by as much of the ends of their paths as is there. Held-out ones come first.
     ///
     /// # Errors
-    /// When the file cannot be read, or a distortion leaves no photo.
+    /// When the file cannot be read, a distortion leaves no photo, or two photos have one file in `photos`.
     pub fn with_cameras(mut self, file: &Path, photos: Option<&Path>) -> Result<Self, Error> {
         let mut frames = read_cameras(file)?;
         let held_out = held_out_names(file);
         frames.sort_by_key(|frame| !held_out.contains(&frame.name));
-        for frame in &mut frames {
-            if let (Some(folder), Some(name)) = (photos, Path::new(&frame.name).file_name()) {
-                frame.path = folder.join(name);
-            }
+        if let Some(folder) = photos {
+            take_from(folder, &mut frames)?;
         }
         self.shots =
             frames.iter().map(|frame| shot(frame, file, held_out.contains(&frame.name))).collect::<Result<_, _>>()?;
@@ -135,8 +134,8 @@ impl Exhibit {
 
     /// True if a shot has a photo.
     pub fn has_photo(&self, i: usize) -> bool {
-        let on_disk = || self.gallery.as_ref().and_then(|g| g.frames.get(i)).is_some_and(|frame| frame.path.is_file());
-        self.shots.get(i).is_some_and(|shot| shot.photo.is_some()) || on_disk()
+        let on_disk = || self.gallery.as_ref().and_then(|gallery| gallery.frame(i));
+        self.shots.get(i).is_some_and(|shot| shot.photo.is_some()) || on_disk().is_some()
     }
 
     /// One file with the scene, all cameras, and the photos of at most 32 of them: the held-out ones, then some of all others.
@@ -192,13 +191,42 @@ impl Exhibit {
 }
 
 impl Gallery {
+    /// The frame of a photo that is a regular file: the end of a pipe or of a device may never come.
+    fn frame(&self, i: usize) -> Option<&Frame> {
+        self.frames.get(i).filter(|frame| frame.path.is_file())
+    }
+
     /// A photo without distortion.
     fn photo(&self, i: usize) -> Option<Bitmap> {
-        let frame = self.frames.get(i)?.clone();
+        let frame = self.frame(i)?.clone();
         let options = PosedOptions { long_side: Some(LARGE), hold_out: HoldOut::Nothing, ..PosedOptions::default() };
         let photo = posed::load_frames(vec![frame], &self.file, &options).ok()?.pop()?.photo;
         Some(Bitmap { width: photo.camera.width, height: photo.camera.height, pixels: photo.rgb })
     }
+}
+
+/// Gives frames the files of a folder, each by the longest end of its path that is there.
+fn take_from(folder: &Path, frames: &mut [Frame]) -> Result<(), Error> {
+    let mut taken: BTreeMap<PathBuf, PathBuf> = BTreeMap::new();
+    for frame in frames {
+        let parts: Vec<Component> = frame.path.components().filter(|c| matches!(c, Component::Normal(_))).collect();
+        let ends = (0..parts.len()).map(|from| folder.join(parts[from..].iter().collect::<PathBuf>()));
+        let found = ends.clone().find(|file| file.is_file());
+        if let Some(file) = &found
+            && let Some(other) = taken.insert(file.clone(), frame.path.clone()).filter(|other| *other != frame.path)
+        {
+            return Err(Error::Io(weaver_io::Error::Invalid {
+                path: folder.into(),
+                place: format!("photos {} and {}", other.display(), frame.path.display()),
+                expected: "a file for each of them".into(),
+                found: format!("{} for both", file.display()),
+            }));
+        }
+        if let Some(file) = found.or_else(|| ends.last()) {
+            frame.path = file;
+        }
+    }
+    Ok(())
 }
 
 /// Names of photos that a transforms.json holds out.

@@ -15,7 +15,7 @@ pub use exhibit::{Exhibit, Gallery, Moving};
 pub use features::Features;
 pub use follow::{DrawingOf, FilmOf, Followed, SceneOf, Showing};
 pub use live::live;
-pub use server::{Server, Visitors};
+pub use server::{Listener, Server, Visitors};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

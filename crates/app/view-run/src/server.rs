@@ -1,40 +1,38 @@
 //! A server for the people at this machine, or, if that is asked for, for those in its network.
 
 mod answer;
+mod clients;
 mod guard;
+mod listener;
+mod request;
+mod visit;
+
+pub use listener::{Listener, Visitors};
 
 use crate::{Error, Exhibit, Followed, Showing};
 use answer::Answer;
+use clients::{Clients, Limits};
 use guard::Guard;
-use std::io::Read;
-use std::net::{Ipv4Addr, SocketAddr};
-use std::sync::Mutex;
+use request::Request;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
-use tiny_http::{Method, Request};
+use std::sync::{Mutex, TryLockError};
+use std::thread::{self, Thread};
+use std::time::{Duration, Instant};
+use visit::Visit;
 use weaver_io::{SceneFormat, write_gaussians_to};
 use weaver_view::{RunPage, ServedPage};
 
 /// Formats that scenes are saved in.
 const FORMATS: [&str; 3] = ["ply", "spz", "compressed"];
-/// Requests that are answered at the same time.
-const THREADS: usize = 4;
-/// Time after which threads look whether to end.
-const PATIENCE: Duration = Duration::from_millis(200);
-
-/// Who may ask the server.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Visitors {
-    /// Programs on this machine, which need the token to write.
-    #[default]
-    Here,
-    /// Everybody in the network who has the token.
-    Network,
-}
+/// Pauses between looks for clients: soon after one came, who rarely comes alone, and else.
+const PAUSES: [Duration; 2] = [Duration::from_millis(1), Duration::from_millis(20)];
+/// Time after a client for which others are expected.
+const SOON: Duration = Duration::from_secs(1);
 
 /// A server that shows one scene. It answers a fixed list of addresses, and reads no other files.
 pub struct Server<'a> {
-    http: tiny_http::Server,
+    listener: Listener,
     guard: Guard,
     exhibit: Option<&'a Exhibit>,
     followed: Option<Followed<'a>>,
@@ -50,14 +48,12 @@ impl std::fmt::Debug for Server<'_> {
 }
 
 impl<'a> Server<'a> {
-    /// A server that shows an exhibit, and follows a run if that is said. It listens at a free port, of the loopback alone unless for the
-    /// network. Nothing is answered before [`run`](Self::run).
+    /// A server that shows an exhibit, and follows a run if that is said. Nothing is answered before [`run`](Self::run).
     ///
     /// # Errors
-    /// When no port is to be had, or the page cannot be made.
-    pub fn bind(exhibit: &'a Exhibit, followed: Option<Followed<'a>>, visitors: Visitors) -> Result<Self, Error> {
-        let (http, guard) = listen(visitors)?;
-        let nonce = random()?;
+    /// When the page cannot be made.
+    pub fn new(exhibit: &'a Exhibit, followed: Option<Followed<'a>>, listener: Listener) -> Result<Self, Error> {
+        let (guard, nonce) = (Guard::of(&listener)?, random()?);
         let photo = |i: usize| exhibit.has_photo(i).then(|| format!("photo/{i}?token={}", guard.token));
         let report = exhibit.report.as_ref().map(|_| format!("report?token={}", guard.token));
         let page = ServedPage {
@@ -73,32 +69,52 @@ impl<'a> Server<'a> {
                 || followed.is_some_and(|followed| matches!(followed.showing, Showing::Film(_))),
         };
         let (html, policy) = (page.html(&exhibit.subject(), &exhibit.shots)?, page.policy());
-        Ok(Self { http, guard, exhibit: Some(exhibit), followed, page: html, policy, saving: Mutex::new(()) })
+        Ok(Self { listener, guard, exhibit: Some(exhibit), followed, page: html, policy, saving: Mutex::new(()) })
     }
 
-    /// A server that follows a run without a scene, for this machine alone: curves and the newest picture under a title.
+    /// A server that follows a run without a scene: curves and the newest picture under a title.
     ///
     /// # Errors
-    /// When no port is to be had.
-    pub fn of_run(title: &str, followed: Followed<'a>) -> Result<Self, Error> {
-        let (http, guard) = listen(Visitors::Here)?;
-        let nonce = random()?;
+    /// When the system has no random numbers.
+    pub fn of_run(title: &str, followed: Followed<'a>, listener: Listener) -> Result<Self, Error> {
+        let (guard, nonce) = (Guard::of(&listener)?, random()?);
         let page = RunPage { title, nonce: &nonce };
         let (page, policy) = (page.html(), page.policy());
-        Ok(Self { http, guard, exhibit: None, followed: Some(followed), page, policy, saving: Mutex::new(()) })
+        Ok(Self { listener, guard, exhibit: None, followed: Some(followed), page, policy, saving: Mutex::new(()) })
     }
 
-    /// The address to open, with the token.
+    /// The address to open on this machine, with the token.
     pub fn address(&self) -> String {
-        format!("http://127.0.0.1:{}/?token={}", self.guard.port, self.guard.token)
+        self.address_at("127.0.0.1")
     }
 
-    /// Answers until `stop` is set.
+    /// The address that others in the network open, if they may and this machine has one.
+    pub fn network_address(&self) -> Option<String> {
+        self.listener.host().map(|host| self.address_at(&host))
+    }
+
+    fn address_at(&self, host: &str) -> String {
+        format!("http://{host}:{}/?token={}", self.guard.port, self.guard.token)
+    }
+
+    /// Answers until `stop` is set. Clients who are still there then have a second to take what they asked for.
     pub fn run(&self, stop: &AtomicBool) {
-        std::thread::scope(|scope| {
-            for _ in 0..THREADS {
-                scope.spawn(|| self.answer_until(stop));
+        let clients = Clients::new(Limits::USUAL);
+        thread::scope(|scope| {
+            let mut last: Option<Instant> = None;
+            while !stop.load(Ordering::Relaxed) {
+                let Some(stream) = clients.has_seat().then(|| self.listener.accept()).flatten() else {
+                    let soon = last.is_some_and(|last| last.elapsed() < SOON);
+                    thread::park_timeout(if soon { PAUSES[0] } else { PAUSES[1] });
+                    continue;
+                };
+                last = Some(Instant::now());
+                let visit = clients.admit(stream);
+                // Neither a thread that the system does not give nor a panic ends more than this connection.
+                let receive = || drop(catch_unwind(AssertUnwindSafe(|| self.receive(visit))));
+                let _ = thread::Builder::new().spawn_scoped(scope, receive);
             }
+            clients.close();
         });
     }
 
@@ -106,49 +122,64 @@ impl<'a> Server<'a> {
     pub fn during<T>(&self, work: impl FnOnce() -> T) -> T {
         let done = AtomicBool::new(false);
         /// Ends the answering also when the work panics.
-        struct Ends<'b>(&'b AtomicBool);
+        struct Ends<'b>(&'b AtomicBool, Thread);
         impl Drop for Ends<'_> {
             fn drop(&mut self) {
                 self.0.store(true, Ordering::Relaxed);
+                self.1.unpark();
             }
         }
-        std::thread::scope(|scope| {
-            let ends = Ends(&done);
-            scope.spawn(|| self.run(&done));
+        thread::scope(|scope| {
+            let answering = scope.spawn(|| self.run(&done));
+            let ends = Ends(&done, answering.thread().clone());
             let result = work();
             drop(ends);
             result
         })
     }
 
-    fn answer_until(&self, stop: &AtomicBool) {
-        while !stop.load(Ordering::Relaxed) {
-            if let Ok(Some(mut request)) = self.http.recv_timeout(PATIENCE) {
-                let answer = self.answer(&mut request).unwrap_or_else(|error| Answer::text(500, error.to_string()));
-                // Somebody who went away needs no answer.
-                let _ = answer.send(request, &self.policy);
-            }
-        }
+    /// Answers a client, if it asks. One that goes away or is too slow needs no answer.
+    fn receive(&self, mut visit: Visit<'_>) {
+        let asked = Request::read(&mut visit).and_then(|request| {
+            let Some(mut request) = request else { return Ok(None) };
+            self.check(&request)?;
+            let body = request.body(&mut visit)?;
+            Ok(Some((request, body)))
+        });
+        let _ = match asked {
+            Ok(None) => Ok(()),
+            Err(refused) => visit.answer(&self.policy, || refused),
+            Ok(Some((request, body))) => visit.answer(&self.policy, || {
+                self.answer(&request, &body).unwrap_or_else(|error| Answer::text(500, error.to_string()))
+            }),
+        };
     }
 
-    fn answer(&self, request: &mut Request) -> Result<Answer, Error> {
-        let url = request.url().to_string();
-        let (path, query) = url.split_once('?').unwrap_or((&url, ""));
-        let writes = *request.method() == Method::Post;
-        if let Err(refused) = self.guard.check(request, query, writes) {
-            return Ok(refused);
+    /// Refuses before a byte of its body is read: who may not ask, and bodies that are not for saving.
+    fn check(&self, request: &Request) -> Result<(), Answer> {
+        let (path, query) = request.parts();
+        self.guard.check(request, query, request.method == "POST")?;
+        let savable = self.exhibit.filter(|exhibit| exhibit.file.is_some() && path == "/save");
+        let expected = savable.map_or(0, |exhibit| exhibit.gaussians.len() as u64);
+        if request.length == expected {
+            return Ok(());
         }
-        match (request.method(), path) {
-            (Method::Get, "/") => Ok(Answer::html(self.page.clone())),
-            (Method::Get, "/scene") => self.scene(query),
-            (Method::Get, "/alike") => Ok(self.alike(query)),
-            (Method::Get, "/progress") => self.progress(query),
-            (Method::Get, "/picture") => self.picture(),
-            (Method::Get, "/report") => self.report(),
-            (Method::Get, photo) if photo.starts_with("/photo/") => Ok(self.photo(&photo["/photo/".len()..])),
-            (Method::Post, "/save") => self.save(request, query),
-            (Method::Post, "/stop") => Ok(self.stop()),
-            (Method::Get | Method::Post, _) => Ok(Answer::nothing()),
+        Err(Answer::text(413, format!("expected a body of {expected} bytes")))
+    }
+
+    fn answer(&self, request: &Request, body: &[u8]) -> Result<Answer, Error> {
+        let (path, query) = request.parts();
+        match (request.method.as_str(), path) {
+            ("GET", "/") => Ok(Answer::html(self.page.clone())),
+            ("GET", "/scene") => self.scene(query),
+            ("GET", "/alike") => Ok(self.alike(query)),
+            ("GET", "/progress") => self.progress(query),
+            ("GET", "/picture") => self.picture(),
+            ("GET", "/report") => self.report(),
+            ("GET", photo) if photo.starts_with("/photo/") => Ok(self.photo(&photo["/photo/".len()..])),
+            ("POST", "/save") => self.save(body, query),
+            ("POST", "/stop") => Ok(self.stop()),
+            ("GET" | "POST", _) => Ok(Answer::nothing()),
             _ => Ok(Answer::text(405, "expected GET or POST")),
         }
     }
@@ -192,8 +223,8 @@ impl<'a> Server<'a> {
     }
 
     fn report(&self) -> Result<Answer, Error> {
-        let Some(path) = self.exhibit.and_then(|exhibit| exhibit.report.as_ref()) else { return Ok(Answer::nothing()) };
-        Ok(Answer::report(weaver_io::read_text(path)?))
+        let path = self.exhibit.and_then(|exhibit| exhibit.report.as_ref()).filter(|path| path.is_file());
+        Ok(path.map_or_else(|| Ok(Answer::nothing()), |path| weaver_io::read_text(path).map(Answer::report))?)
     }
 
     fn progress(&self, query: &str) -> Result<Answer, Error> {
@@ -209,41 +240,24 @@ impl<'a> Server<'a> {
     }
 
     /// Saves what is left: the body has a byte for each Gaussian, 1 where it is deleted.
-    fn save(&self, request: &mut Request, query: &str) -> Result<Answer, Error> {
+    fn save(&self, dropped: &[u8], query: &str) -> Result<Answer, Error> {
         let Some(exhibit) = self.exhibit.filter(|exhibit| exhibit.file.is_some()) else {
             return Ok(Answer::text(400, "this scene has no file to save beside"));
         };
-        let count = exhibit.gaussians.len();
         let name = guard::value(query, "format").unwrap_or_default();
         let Some(format) =
             FORMATS.iter().find(|format| **format == name).and_then(|name| name.parse::<SceneFormat>().ok())
         else {
             return Ok(Answer::text(400, format!("expected a format of {}", FORMATS.join(", "))));
         };
-        if request.body_length() != Some(count) {
-            return Ok(Answer::text(413, format!("expected {count} bytes, one for each Gaussian")));
+        let one = self.saving.try_lock();
+        if let Err(TryLockError::WouldBlock) = one {
+            return Ok(Answer::text(409, "something else is being saved"));
         }
-        let Ok(_one) = self.saving.try_lock() else { return Ok(Answer::text(409, "something else is being saved")) };
-        let mut dropped = Vec::new();
-        let read = request.as_reader().take(count as u64).read_to_end(&mut dropped);
-        if read.is_err() || dropped.len() != count {
-            return Ok(Answer::text(400, format!("expected {count} bytes, found {}", dropped.len())));
-        }
-        let path = exhibit.save(&dropped, format)?;
+        let path = exhibit.save(dropped, format)?;
         let kept = dropped.iter().filter(|byte| **byte == 0).count();
         Ok(Answer::text(200, format!("Saved {kept} Gaussians in {}.", path.display())))
     }
-}
-
-/// A port to listen at, and who is answered.
-fn listen(visitors: Visitors) -> Result<(tiny_http::Server, Guard), Error> {
-    let ip = if visitors == Visitors::Here { Ipv4Addr::LOCALHOST } else { Ipv4Addr::UNSPECIFIED };
-    let address = SocketAddr::from((ip, 0));
-    let failed = |message: String| Error::Bind { address: address.to_string(), message };
-    let http = tiny_http::Server::http(address).map_err(|error| failed(error.to_string()))?;
-    let port = http.server_addr().to_ip().map(|address| address.port());
-    let port = port.ok_or_else(|| failed("no port".into()))?;
-    Ok((http, Guard { port, token: random()?, visitors }))
 }
 
 /// 128 random bits as text.

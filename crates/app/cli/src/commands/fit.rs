@@ -16,7 +16,7 @@ use initial::Start;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weaver_command::{
-    Console, DeviceFlag, Failure, Interrupt, MOST_THREADS, Output, Rgb, background, choice, device, in_pool,
+    background, choice, device, in_pool, Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_THREADS, Output, Rgb,
 };
 use weaver_data::capture::HoldOut;
 use weaver_fit::{FitSettings, Rates, StrategyKind, bytes_per_step};
@@ -70,7 +70,7 @@ pub struct Fit {
     #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run", "if_complete"])]
     pub resume: Option<PathBuf>,
     /// Says what the run would take, measures a few seconds of it, and writes nothing
-    #[arg(long, help_heading = RUN)]
+    #[arg(long, help_heading = RUN, conflicts_with = "live")]
     pub dry_run: bool,
     /// Prints the result as JSON, and nothing else on standard output
     #[arg(long, help_heading = RUN)]
@@ -134,9 +134,8 @@ pub struct Fit {
     /// Writes no view.html, the page to look at the scene
     #[arg(long, help_heading = SCENE, conflicts_with = "resume")]
     pub no_html: bool,
-    /// Shows the fit in the browser while it goes on, at an address that is printed
-    #[arg(long, help_heading = RUN, conflicts_with = "dry_run")]
-    pub live: bool,
+    #[command(flatten)]
+    pub live: LiveFlag,
     /// Also LPIPS, with the weights in this safetensors file
     #[arg(long, value_name = "WEIGHTS", help_heading = SCENE)]
     pub lpips: Option<PathBuf>,

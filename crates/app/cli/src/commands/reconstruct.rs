@@ -8,10 +8,11 @@ use clap::{Args, ValueEnum};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_command::{Console, Failure, Interrupt, Output, Threads, in_pool};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, Threads, in_pool};
 use weaver_data::capture::HoldOut;
 use weaver_fit::FitSettings;
 use weaver_fit_run::{ByPhotos, Outcome, Pace, Run, RunError, RunSettings, plan};
+use weaver_view_run::Listener;
 
 /// Heading of the flags of a fit.
 const FIT: &str = "Fit";
@@ -61,9 +62,8 @@ pub struct Reconstruct {
     /// Writes no view.html, the page to look at the scene
     #[arg(long)]
     pub no_html: bool,
-    /// Shows the fit in the browser while it goes on, at an address that is printed
-    #[arg(long)]
-    pub live: bool,
+    #[command(flatten)]
+    pub live: LiveFlag,
     #[command(flatten)]
     pub clip: ClipFlags,
     #[command(flatten)]
@@ -113,6 +113,7 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
 
 fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let start = Instant::now();
+    let live = Listener::of(arguments.live)?;
     let out = match Run::claim(&arguments.out, &arguments.photos) {
         Err(RunError::Run(weaver_run::Error::RunExists { folder, .. })) => return Err(exists(&folder)),
         claimed => claimed?,
@@ -149,7 +150,7 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
         html: !arguments.no_html,
         ..RunSettings::new(capture, FitSettings::default())
     };
-    let (means, start) = (fit::Means::usual(arguments.live)?, Instant::now());
+    let (means, start) = (fit::Means::usual(live)?, Instant::now());
     let least_side = *sides.start();
     let size = Pace::long_side(&settings, sides, (minutes, ENOUGH_ROUNDS), means.rasterizer.clone())?;
     if size > least_side {

@@ -13,7 +13,7 @@ use weaver_trainer::{
     CURVES, ConfigSource, Error, Folder, Observer, Ranks, ResolvedConfig, StepReport, Summary, Training, claim_run,
     reclaim_run,
 };
-use weaver_view_run::{Followed, Server, Showing, live};
+use weaver_view_run::{Followed, Listener, Server, Showing, live};
 
 /// Headings of groups of flags.
 const CONFIGURATION: &str = "Configuration";
@@ -109,6 +109,7 @@ fn run_in(
         return Ok(());
     }
     let writes = !(arguments.dry_run || follows);
+    let listener = if follows { None } else { Listener::of(arguments.live)? };
     let joined = |mut session: Box<dyn Training>| -> Result<Option<Box<dyn Training>>, Failure> {
         if let Some(ranks) = ranks.filter(|_| !arguments.dry_run) {
             session.share(ranks.clone())?;
@@ -134,7 +135,7 @@ fn run_in(
             let Some(claimed) = &claimed else {
                 return dry_run(session, &config, console);
             };
-            train(session, claimed, arguments, console, interrupt)
+            train(session, claimed, arguments, listener, console, interrupt)
         });
     }
     let entry = registry.find(arguments.model.as_deref())?;
@@ -162,7 +163,7 @@ fn run_in(
             return dry_run(session, &config, console);
         };
         claimed.store_text(&config.toml)?;
-        train(session, claimed, arguments, console, interrupt)
+        train(session, claimed, arguments, listener, console, interrupt)
     })
 }
 
@@ -195,6 +196,7 @@ fn train(
     mut session: Box<dyn Training>,
     folder: &Folder,
     arguments: &Train,
+    listener: Option<Listener>,
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
@@ -210,9 +212,9 @@ fn train(
     let samples = RunFolder::at(folder.path()).samples_path();
     let (names, showing) = (&CURVES, Showing::Pictures(&samples));
     let followed = Followed { folder: folder.path(), steps: total, names, showing, stop };
-    let server = arguments.live.live.then(|| Server::of_run(&path, followed)).transpose()?;
+    let server = listener.map(|listener| Server::of_run(&path, followed, listener)).transpose()?;
     let progress = Progress::new("train", done, total, console);
-    let summary = live(server.as_ref(), console, |console| {
+    let summary = live(server, console, |console| {
         let mut shown = Shown { progress, label, total, console };
         let result = session.train(folder, &mut shown, stop);
         shown.progress.finish();

@@ -9,7 +9,7 @@ use weaver_fit_run::{Coverage, Outcome};
 use weaver_io::{Drawing, SceneFile, SceneFormat, read_scene, write_text};
 use weaver_lift_run::LiftedFile;
 use weaver_view::{HtmlOptions, Look};
-use weaver_view_run::{Exhibit, Features, Moving, Server, Visitors};
+use weaver_view_run::{Exhibit, Features, Listener, Moving, Server, Visitors};
 
 /// Scenes in folders, the best first: of fits and networks, of lidar runs, and a scene in many files.
 const RESULTS: [&str; 3] = ["scene.ply", MAP, "meta.json"];
@@ -26,13 +26,14 @@ const TOO_LARGE: f64 = 200.0;
 
 /// Shows a scene in the browser, or writes it as one HTML file.
 ///
-/// The page is served to this machine alone, at a free port. A folder of `fit`, `reconstruct` or `infer` is opened with its cameras, photos
-/// and report, one of `lidar` with its map and report, one of `dynamic train` with a slider for the time.
+/// The page is served to this machine alone, unless --host is said. A folder of `fit`, `reconstruct` or `infer` is opened with its cameras,
+/// photos and report, one of `lidar` with its map and report, one of `dynamic train` with a slider for the time.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver view scene
   splatweaver view scene.ply --cameras capture/transforms.json --open
-  splatweaver view scene.spz --html scene.html")]
+  splatweaver view scene.spz --html scene.html
+  splatweaver view scene --port 8080                  at a port that `ssh -L` can be told before")]
 pub struct View {
     /// A file of Gaussians, or the folder of a result
     #[arg(value_name = "SCENE")]
@@ -40,7 +41,7 @@ pub struct View {
     /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file [default: the transforms.json of the folder]
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
-    /// Folder with the photos of the cameras [default: where the cameras say that they are]
+    /// Folder with the photos of the cameras, found by the ends of their paths [default: where the cameras say that they are]
     #[arg(long, value_name = "DIR", requires = "cameras")]
     pub photos: Option<PathBuf>,
     /// Features that `lift` gave the Gaussians: the page shows what is like a point that is clicked [default: the lifted.safetensors of the folder]
@@ -70,6 +71,9 @@ pub struct View {
     /// Serves everybody in the network who has the address with its token
     #[arg(long, conflicts_with = "html")]
     pub host: bool,
+    /// Port that the page is served at [default: a free one]
+    #[arg(long, value_name = "N", conflicts_with = "html", value_parser = clap::value_parser!(u16).range(1..))]
+    pub port: Option<u16>,
     #[command(flatten)]
     pub threads: Threads,
     // Last: its heading would be that of what follows.
@@ -244,7 +248,11 @@ fn serve(exhibit: &Exhibit, arguments: &View, console: &mut Console, interrupt: 
     if arguments.host {
         console.note("warning: everybody in the network who has the address can look at the scene and save changed ones beside it");
     }
-    let server = Server::bind(exhibit, None, visitors)?;
+    let server = Server::new(exhibit, None, Listener::bind(visitors, arguments.port)?)?;
+    // First, for it opens here as well.
+    if let Some(address) = server.network_address() {
+        console.print(&address)?;
+    }
     console.print(&server.address())?;
     console.note("Ctrl-C ends the server");
     if arguments.open {

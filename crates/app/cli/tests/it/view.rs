@@ -114,6 +114,33 @@ fn a_server_shows_a_folder_until_it_is_interrupted() {
     interrupt(child);
 }
 
+/// A port that another program listens at is refused in one line, by runs before there is a folder; one that is free is kept.
+#[test]
+fn a_taken_port_is_refused_before_any_work() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    capture(folder);
+    scene(folder);
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port();
+    for line in ["fit capture -o run", "reconstruct capture -o run", "train --preset micro -o run"] {
+        let message = refused(folder, &format!("{line} --live --port {port}"), 1);
+        let expected = format!("127.0.0.1:{port}: expected a free port, found one where another program listens\n");
+        assert!(message.ends_with(&expected) && message.lines().count() == 1, "{message}");
+        assert!(!folder.join("run").exists(), "{line}");
+    }
+    refused(folder, "fit capture -o run --port 8080", 2);
+    refused(folder, "view scene.ply --port 0", 2);
+    refused(folder, &format!("view scene.ply --port {port}"), 1);
+    drop(taken);
+    let mut child = start(folder, &format!("view scene.ply --port {port}"));
+    let (address, _rest) = address(child.stdout.take().unwrap());
+    assert!(address.starts_with(&format!("http://127.0.0.1:{port}/?token=")), "{address}");
+    assert!(asked(&address, "GET", "/scene").0.contains("200"));
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
 /// Waits until a run that is followed tells its progress.
 fn progress(address: &str, expected: &str) -> String {
     let mut progress = String::new();

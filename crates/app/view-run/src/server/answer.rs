@@ -1,14 +1,11 @@
 //! Answers with the headers that every one has.
 
-use std::io::{self, Write};
-use tiny_http::{Method, Request, StatusCode};
-
 /// An answer, not yet sent.
 #[derive(Debug)]
 pub struct Answer {
     status: u16,
     kind: &'static str,
-    body: Vec<u8>,
+    pub body: Vec<u8>,
     /// Its content security policy; that of the page if `None`.
     policy: Option<&'static str>,
 }
@@ -37,22 +34,32 @@ impl Answer {
         Self::text(404, "nothing is here")
     }
 
-    /// Sends the answer, and asks the client to close the connection: of connections that stay open, tiny_http serves four, and lets those
-    /// that come at the same time wait for one of them to end.
-    pub fn send(self, request: Request, policy: &str) -> io::Result<()> {
-        let wants_body = *request.method() != Method::Head;
-        let (status, length) = (StatusCode(self.status), self.body.len());
-        let (kind, policy) = (self.kind, self.policy.unwrap_or(policy));
-        let mut writer = request.into_writer();
-        write!(
-            writer,
-            "HTTP/1.1 {} {}\r\nConnection: close\r\nContent-Length: {length}\r\nContent-Type: {kind}\r\n\
+    /// The bytes before the body. The connection ends after it.
+    pub fn head(&self, policy: &str) -> String {
+        let (status, reason, length, kind) = (self.status, reason(self.status), self.body.len(), self.kind);
+        let policy = self.policy.unwrap_or(policy);
+        format!(
+            "HTTP/1.1 {status} {reason}\r\nConnection: close\r\nContent-Length: {length}\r\nContent-Type: {kind}\r\n\
              Content-Security-Policy: {policy}\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
-             Cross-Origin-Resource-Policy: same-origin\r\nCache-Control: no-store\r\n\r\n",
-            status.0,
-            status.default_reason_phrase(),
-        )?;
-        writer.write_all(if wants_body { &self.body } else { &[] })?;
-        writer.flush()
+             Cross-Origin-Resource-Policy: same-origin\r\nCache-Control: no-store\r\n\r\n"
+        )
+    }
+}
+
+/// The words of a status.
+fn reason(status: u16) -> &'static str {
+    match status {
+        200 => "OK",
+        400 => "Bad Request",
+        403 => "Forbidden",
+        404 => "Not Found",
+        405 => "Method Not Allowed",
+        408 => "Request Timeout",
+        409 => "Conflict",
+        411 => "Length Required",
+        413 => "Content Too Large",
+        431 => "Request Header Fields Too Large",
+        503 => "Service Unavailable",
+        _ => "Internal Server Error",
     }
 }

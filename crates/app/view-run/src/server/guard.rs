@@ -1,8 +1,9 @@
 //! Who is answered.
 
-use super::Visitors;
 use super::answer::Answer;
-use tiny_http::Request;
+use super::listener::{Listener, Visitors};
+use super::request::Request;
+use crate::Error;
 
 /// Conditions that a request must meet.
 #[derive(Debug)]
@@ -13,22 +14,22 @@ pub struct Guard {
 }
 
 impl Guard {
+    /// The guard of a port, with a token of its own.
+    pub fn of(listener: &Listener) -> Result<Self, Error> {
+        Ok(Self { port: listener.port, token: super::random()?, visitors: listener.visitors })
+    }
+
     /// Refuses requests for other hosts, which pages from elsewhere make under names of their own, and those without the token where it
     /// is needed.
     pub fn check(&self, request: &Request, query: &str, writes: bool) -> Result<(), Answer> {
-        let header = |name: &str| {
-            let found =
-                request.headers().iter().find(|header| header.field.as_str().as_str().eq_ignore_ascii_case(name));
-            found.map(|header| header.value.as_str())
-        };
-        let host = header("host").unwrap_or_default();
+        let host = request.host.as_deref().unwrap_or_default();
         let own = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
         if self.visitors == Visitors::Here && !own.iter().any(|own| own == host) {
             return Err(Answer::text(403, "expected this machine as the host"));
         }
         let needed = writes || self.visitors == Visitors::Network;
         // A form of another page can bring a query, but no header.
-        let given = if writes { header("x-token") } else { header("x-token").or_else(|| value(query, "token")) };
+        let given = request.token.as_deref().or_else(|| value(query, "token").filter(|_| !writes));
         if needed && !given.is_some_and(|given| equal(given, &self.token)) {
             return Err(Answer::text(403, "expected the token of the address that was printed"));
         }

@@ -1,10 +1,10 @@
 //! Reports of runs in a browser.
 
 use crate::browser::Browser;
-use crate::server::exhibit;
+use crate::server::{exhibit, here};
 use weaver_io::Image;
 use weaver_run::Page;
-use weaver_view_run::{Exhibit, Server, Visitors};
+use weaver_view_run::{Exhibit, Server};
 
 #[test]
 fn a_report_compares_pictures_and_reads_curves() {
@@ -43,7 +43,7 @@ fn a_report_has_the_scene_within() {
     let view = exhibit(None).html(Default::default()).unwrap();
     Page::new("report").heading(1, "Report").embed("Look at the scene", "view.html", &view).write(&file).unwrap();
     let shown = Exhibit { report: Some(file.clone()), ..exhibit(None) };
-    let server = Server::bind(&shown, None, Visitors::Here).unwrap();
+    let server = Server::new(&shown, None, here()).unwrap();
     let (start, token) = server.address().split_once("/?").map(|(a, b)| (a.to_string(), b.to_string())).unwrap();
     server.during(|| {
         for address in [format!("file://{}", file.display()), format!("{start}/report?{token}")] {

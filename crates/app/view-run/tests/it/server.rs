@@ -4,9 +4,10 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 use weaver_scene::Gaussians;
 use weaver_view::Look;
-use weaver_view_run::{Exhibit, Features, Followed, Moving, Server, Showing, Visitors};
+use weaver_view_run::{Exhibit, Features, Followed, Listener, Moving, Server, Showing, Visitors};
 
 pub fn gaussians(n: usize) -> Gaussians {
     let at = |i: usize| [(i % 7) as f32 * 0.2 - 0.6, (i % 5) as f32 * 0.2 - 0.4, 2.0 + (i % 3) as f32 * 0.1];
@@ -24,12 +25,27 @@ pub fn exhibit(file: Option<PathBuf>) -> Exhibit {
     Exhibit { file, ..Exhibit::new("scene", gaussians(35), Look::default()) }
 }
 
-/// Status and body of a request of which every byte is given.
-fn ask(server: &Server<'_>, head: &str, body: &[u8]) -> (u16, String, Vec<u8>) {
-    let address = server.address();
-    let place = address.trim_start_matches("http://").split('/').next().unwrap();
-    let mut stream = TcpStream::connect(place).unwrap();
-    stream.write_all(head.replace("PLACE", place).as_bytes()).unwrap();
+/// A free port of this machine alone.
+pub fn here() -> Listener {
+    Listener::bind(Visitors::Here, None).unwrap()
+}
+
+/// Host and port of a server.
+pub fn place(server: &Server<'_>) -> String {
+    server.address().trim_start_matches("http://").split('/').next().unwrap().into()
+}
+
+/// A connection that waits for no answer for longer than half a minute.
+pub fn connect(server: &Server<'_>) -> TcpStream {
+    let stream = TcpStream::connect(place(server)).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    stream
+}
+
+/// Status, headers and body of a request of which every byte is given.
+pub fn ask(server: &Server<'_>, head: &str, body: &[u8]) -> (u16, String, Vec<u8>) {
+    let mut stream = connect(server);
+    stream.write_all(head.replace("PLACE", &place(server)).as_bytes()).unwrap();
     stream.write_all(body).unwrap();
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer).unwrap();
@@ -39,22 +55,22 @@ fn ask(server: &Server<'_>, head: &str, body: &[u8]) -> (u16, String, Vec<u8>) {
     (status, headers, answer[end + 4..].to_vec())
 }
 
-fn get(server: &Server<'_>, path: &str) -> (u16, String, Vec<u8>) {
+pub fn get(server: &Server<'_>, path: &str) -> (u16, String, Vec<u8>) {
     ask(server, &format!("GET {path} HTTP/1.1\r\nHost: PLACE\r\nConnection: close\r\n\r\n"), b"")
 }
 
-fn token(server: &Server<'_>) -> String {
+pub fn token(server: &Server<'_>) -> String {
     server.address().split_once("token=").unwrap().1.into()
 }
 
 #[test]
 fn features_are_compared_with_those_of_one_gaussian() {
     let plain = exhibit(None);
-    let server = Server::bind(&plain, None, Visitors::Here).unwrap();
+    let server = Server::new(&plain, None, here()).unwrap();
     server.during(|| assert_eq!(get(&server, "/alike?gaussian=0").0, 404));
     let features = Features::new((0..35).flat_map(|i| [1.0, i as f32]).collect(), 2);
     let exhibit = Exhibit { features: Some(features.clone()), ..plain };
-    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, None, here()).unwrap();
     server.during(|| {
         let (status, _, alike) = get(&server, "/alike?gaussian=3");
         assert_eq!((status, Some(alike)), (200, features.alike(3)));
@@ -64,7 +80,7 @@ fn features_are_compared_with_those_of_one_gaussian() {
     });
 }
 
-fn post(server: &Server<'_>, path: &str, token: &str, body: &[u8]) -> (u16, String) {
+pub fn post(server: &Server<'_>, path: &str, token: &str, body: &[u8]) -> (u16, String) {
     let head = format!(
         "POST {path} HTTP/1.1\r\nHost: PLACE\r\nX-Token: {token}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
         body.len()
@@ -77,13 +93,11 @@ fn post(server: &Server<'_>, path: &str, token: &str, body: &[u8]) -> (u16, Stri
 #[test]
 fn many_who_ask_at_once_are_all_answered() {
     let exhibit = exhibit(None);
-    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
-    let address = server.address();
-    let place = address.trim_start_matches("http://").split('/').next().unwrap();
+    let server = Server::new(&exhibit, None, here()).unwrap();
+    let place = place(&server);
     server.during(|| {
         let ask = |_| {
-            let mut stream = TcpStream::connect(place).unwrap();
-            stream.set_read_timeout(Some(std::time::Duration::from_secs(20))).unwrap();
+            let mut stream = connect(&server);
             write!(stream, "GET /scene HTTP/1.1\r\nHost: {place}\r\n\r\n").unwrap();
             stream
         };
@@ -104,7 +118,7 @@ fn many_who_ask_at_once_are_all_answered() {
 #[test]
 fn listed_addresses_are_answered_and_no_others() {
     let exhibit = exhibit(None);
-    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, None, here()).unwrap();
     server.during(|| {
         let (status, headers, page) = get(&server, "/");
         assert_eq!(status, 200);
@@ -138,7 +152,7 @@ fn listed_addresses_are_answered_and_no_others() {
 fn a_scene_that_moves_has_a_time() {
     let moving = Some(Moving::new(|time| gaussians(10 + (20.0 * time) as usize)));
     let exhibit = Exhibit { moving, ..exhibit(None) };
-    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, None, here()).unwrap();
     server.during(|| {
         let count = |path: &str| {
             let scene = get(&server, path).2;
@@ -152,7 +166,7 @@ fn a_scene_that_moves_has_a_time() {
 #[test]
 fn other_hosts_are_refused() {
     let exhibit = exhibit(None);
-    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, None, here()).unwrap();
     server.during(|| {
         for host in ["evil.example", "127.0.0.1", "127.0.0.1:1", "localhost.evil.example:80", ""] {
             let head = format!("GET / HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
@@ -165,7 +179,7 @@ fn other_hosts_are_refused() {
 #[test]
 fn the_network_needs_the_token_for_everything() {
     let exhibit = exhibit(None);
-    let server = Server::bind(&exhibit, None, Visitors::Network).unwrap();
+    let server = Server::new(&exhibit, None, Listener::bind(Visitors::Network, None).unwrap()).unwrap();
     server.during(|| {
         let token = token(&server);
         for path in ["/", "/scene", "/?token=", "/?token=00000000000000000000000000000000"] {
@@ -183,7 +197,7 @@ fn saving_takes_the_token_and_replaces_nothing() {
     let exhibit = exhibit(Some(file.clone()));
     weaver_io::write_gaussians(&file, &exhibit.gaussians).unwrap();
     let before = std::fs::read(&file).unwrap();
-    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, None, here()).unwrap();
     server.during(|| {
         let token = token(&server);
         let mut dropped = vec![0; 35];
@@ -218,7 +232,7 @@ fn a_run_without_a_scene_has_pictures_alone() {
     let samples = folder.path().join("samples");
     let followed =
         Followed { folder: folder.path(), steps: 5, names: &[], showing: Showing::Pictures(&samples), stop: &stop };
-    let server = Server::of_run("run", followed).unwrap();
+    let server = Server::of_run("run", followed, here()).unwrap();
     server.during(|| {
         let (status, headers, page) = get(&server, "/");
         assert!(status == 200 && page.starts_with(b"<!doctype html>") && headers.contains("script-src 'nonce-"));
@@ -240,6 +254,6 @@ fn a_run_without_a_scene_has_pictures_alone() {
 #[test]
 fn tokens_differ() {
     let exhibit = exhibit(None);
-    let [a, b] = [0, 1].map(|_| token(&Server::bind(&exhibit, None, Visitors::Here).unwrap()));
+    let [a, b] = [0, 1].map(|_| token(&Server::new(&exhibit, None, here()).unwrap()));
     assert!(a != b && a.len() == 32);
 }

@@ -1,7 +1,7 @@
 //! Pages of the server in a browser.
 
 use crate::browser::Browser;
-use crate::server::{exhibit, gaussians};
+use crate::server::{exhibit, gaussians, here};
 use serde_json::json;
 use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_geometry::{Camera, Intrinsics, Pose};
@@ -9,14 +9,14 @@ use weaver_io::Image;
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
 use weaver_scene::Gaussians;
-use weaver_view_run::{Exhibit, Features, Followed, Moving, Server, Showing, Visitors};
+use weaver_view_run::{Exhibit, Features, Followed, Moving, Server, Showing};
 
 #[test]
 fn what_is_deleted_and_saved_is_read_back() {
     let Some(browser) = Browser::start("what_is_deleted_and_saved") else { return };
     let folder = tempfile::tempdir().unwrap();
     let exhibit = exhibit(Some(folder.path().join("scene.ply")));
-    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, None, here()).unwrap();
     server.during(|| {
         browser.open_page(&server.address());
         browser.value("splatweaver.selection.change((flag, i) => (i < 5 ? 1 : 0))");
@@ -46,7 +46,7 @@ fn photos_of_a_camera_file_stand_beside_renders() {
     weaver_io::Transforms { frames: frames.into(), test_filenames, ..Default::default() }.write(&file).unwrap();
     let exhibit = exhibit(None).with_cameras(&file, None).unwrap();
     assert_eq!(exhibit.shots.iter().map(|shot| shot.held_out).collect::<Vec<_>>(), [true, false]);
-    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, None, here()).unwrap();
     server.during(|| {
         browser.open_page(&server.address());
         browser.press(&["n"]);
@@ -78,7 +78,7 @@ fn a_page_follows_a_run_and_ends_it() {
         state.insert("n", &[1], vec![n]);
         state.write(folder.path().join(Folder::CHECKPOINT)).unwrap();
     };
-    let server = Server::bind(&exhibit, Some(followed), Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, Some(followed), here()).unwrap();
     server.during(|| {
         log("{\"step\":1,\"loss\":0.9,\"psnr\":12}\n{\"step\":2,\"loss\":0.5,\"psnr\":14.5}\n");
         browser.open_page(&server.address());
@@ -109,7 +109,7 @@ fn a_scene_that_moves_is_shown_at_any_time() {
         scene
     };
     let exhibit = Exhibit { moving: Some(Moving::new(at)), ..Exhibit::new("film", at(0.5), Default::default()) };
-    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, None, here()).unwrap();
     server.during(|| {
         browser.open_page(&server.address());
         browser.value("splatweaver.selection.change((flag, i) => (i < 5 ? 2 : 0))");
@@ -138,7 +138,7 @@ fn a_large_scene_is_shown_before_all_is_there() {
     let faintest = |scene: &Gaussians| scene.opacity_logits.iter().copied().fold(f32::INFINITY, f32::min);
     assert_eq!((exhibit.has_beginning(), beginning.len()), (true, 20_834));
     assert!(faintest(&beginning) >= faintest(&exhibit.gaussians));
-    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, None, here()).unwrap();
     server.during(|| {
         // Numbers of Gaussians as scenes are put in place of each other.
         browser.open_page(&server.address());
@@ -169,7 +169,7 @@ fn a_run_is_followed_at_any_time_of_its_film() {
         state.insert("n", &[1], vec![n]);
         state.write(folder.path().join(Folder::CHECKPOINT)).unwrap();
     };
-    let server = Server::bind(&exhibit, Some(followed), Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, Some(followed), here()).unwrap();
     server.during(|| {
         save(20);
         browser.open_page(&server.address());
@@ -190,7 +190,7 @@ fn a_click_shows_and_selects_what_is_alike() {
     let row = |i: usize| [[1.0, 0.0], [0.0, 2.0], [0.6, 0.8]][i % 3];
     let features = Features::new((0..35).flat_map(row).collect(), 2);
     let exhibit = Exhibit { features: Some(features.clone()), ..exhibit(None) };
-    let server = Server::bind(&exhibit, None, Visitors::Here).unwrap();
+    let server = Server::new(&exhibit, None, here()).unwrap();
     server.during(|| {
         browser.open_page(&server.address());
         assert!(browser.is("document.getElementById('alike').disabled"));
@@ -219,7 +219,7 @@ fn a_run_without_a_scene_shows_curves_and_pictures() {
     let followed =
         Followed { folder: folder.path(), steps: 9, names: &names, showing: Showing::Pictures(&samples), stop: &stop };
     let log = |text: &str| std::fs::write(folder.path().join(Folder::LOG), text).unwrap();
-    let server = Server::of_run("run </h1><script>document.title='taken'</script>", followed).unwrap();
+    let server = Server::of_run("run </h1><script>document.title='taken'</script>", followed, here()).unwrap();
     server.during(|| {
         browser.resize(360, 640, true);
         browser.open(&server.address());

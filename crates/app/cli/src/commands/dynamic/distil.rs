@@ -5,6 +5,7 @@ use clap::Args;
 use std::path::PathBuf;
 use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, Threads};
 use weaver_dynamic_run::{Run, Stage};
+use weaver_view_run::Listener;
 
 /// Trains one expert on: by photos where the gate believes it, by the mixture elsewhere; writes a new run folder.
 #[derive(Args, Debug)]
@@ -37,6 +38,7 @@ pub struct DynamicDistil {
 }
 
 pub fn run(arguments: &DynamicDistil, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let live = Listener::of(arguments.live)?;
     let run = Run::open(&arguments.run)?;
     let index = run.settings().expert(&arguments.expert)?;
     let steps = arguments.steps as usize;
@@ -46,5 +48,5 @@ pub fn run(arguments: &DynamicDistil, console: &mut Console, interrupt: &Interru
     };
     let by = format!("training the expert {} on, {how}", arguments.expert);
     let tensors = run.tensors();
-    derive(&run, &arguments.run, (vec![stage], by), (&arguments.out, arguments.live), tensors, (console, interrupt))
+    derive(&run, &arguments.run, (vec![stage], by), (&arguments.out, live), tensors, (console, interrupt))
 }

@@ -5,6 +5,7 @@ use clap::Args;
 use std::path::PathBuf;
 use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, Progress, Threads};
 use weaver_dynamic_run::{KeepBy, Run, Stage};
+use weaver_view_run::Listener;
 
 /// Leaves out the Gaussians that are worth least, trains the router on, and writes a new run folder.
 #[derive(Args, Debug)]
@@ -34,6 +35,7 @@ pub struct DynamicPrune {
 }
 
 pub fn run(arguments: &DynamicPrune, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let live = Listener::of(arguments.live)?;
     let run = Run::open(&arguments.run)?;
     let mut progress = Progress::new("prune", 0, run.training().len(), console);
     let observe = |done, all| progress.at(done, all, String::new, console);
@@ -41,5 +43,5 @@ pub fn run(arguments: &DynamicPrune, console: &mut Console, interrupt: &Interrup
     progress.finish();
     let stages = vec![Stage::Router { steps: arguments.steps as usize }];
     let by = format!("keeping {} of the Gaussians by {}", arguments.keep, arguments.by);
-    derive(&run, &arguments.run, (stages, by), (&arguments.out, arguments.live), tensors, (console, interrupt))
+    derive(&run, &arguments.run, (stages, by), (&arguments.out, live), tensors, (console, interrupt))
 }

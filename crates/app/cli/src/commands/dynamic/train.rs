@@ -8,7 +8,7 @@ use weaver_command::{Console, Failure, Interrupt, LiveFlag, MOST_SEED, Output, P
 use weaver_dynamic_run::{DerivedFrom, ExpertKind, FilmSource, Preset, Run, RunSettings, Stage};
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
-use weaver_view_run::{Followed, Server, Showing, Visitors, live};
+use weaver_view_run::{Followed, Listener, Server, Showing, live};
 
 /// Trains experts one after the other, then their router, and writes a run folder: model.safetensors, logs, report.html.
 ///
@@ -80,8 +80,9 @@ const SAVE_EVERY: f64 = 60.0;
 const SIZE: [usize; 2] = [96, 72];
 
 pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let live = Listener::of(arguments.live)?;
     if let Some(folder) = &arguments.resume {
-        return finish(Run::resume(folder)?, (folder, arguments.live), console, interrupt);
+        return finish(Run::resume(folder)?, (folder, live), console, interrupt);
     }
     let size = arguments.long_side.map(|size| size as usize);
     let film = match &arguments.data {
@@ -110,7 +111,7 @@ pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrup
         derived_from: None,
     };
     let out = arguments.out.as_deref().map_or_else(|| Folder::free(Path::new("runs"), "dynamic"), Path::to_path_buf);
-    begin((&out, arguments.live), settings, None, console, interrupt)
+    begin((&out, live), settings, None, console, interrupt)
 }
 
 /// A run that comes out of another.
@@ -118,7 +119,7 @@ pub fn derive(
     run: &Run,
     from: &Path,
     (stages, by): (Vec<Stage>, String),
-    (out, live): (&Path, LiveFlag),
+    (out, live): (&Path, Option<Listener>),
     tensors: Tensors,
     (console, interrupt): (&mut Console, &Interrupt),
 ) -> Result<(), Failure> {
@@ -128,7 +129,7 @@ pub fn derive(
 }
 
 fn begin(
-    (folder, live): (&Path, LiveFlag),
+    (folder, live): (&Path, Option<Listener>),
     settings: RunSettings,
     init: Option<Tensors>,
     console: &mut Console,
@@ -150,20 +151,21 @@ fn begin(
 
 fn finish(
     mut run: Run,
-    (folder, follows): (&Path, LiveFlag),
+    (folder, listener): (&Path, Option<Listener>),
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
     let [done, steps] = run.steps();
     let (scenes, stop) = (run.scenes(), interrupt.watch());
-    let exhibit = follows.live.then(|| exhibit(&run, run.expert_at_hand(), folder)).transpose()?;
+    let exhibit = listener.is_some().then(|| exhibit(&run, run.expert_at_hand(), folder)).transpose()?;
     let followed = Followed { folder, steps, names: &[], showing: Showing::Film(&scenes), stop };
-    let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
+    let shown = exhibit.as_ref().zip(listener);
+    let server = shown.map(|(exhibit, listener)| Server::new(exhibit, Some(followed), listener)).transpose()?;
     if server.is_some() {
         run.follow();
     }
     let mut progress = Progress::new("train", done, steps, console);
-    let complete = live(server.as_ref(), console, |console| {
+    let complete = live(server, console, |console| {
         run.advance(stop, |report| {
             let shown = || format!("{}, loss {:.4}", report.stage, report.loss);
             progress.at(report.step, report.of, shown, console);

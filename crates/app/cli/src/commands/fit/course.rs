@@ -11,7 +11,7 @@ use weaver_fit_run::{CURVES, Folder, Initial, Outcome, Run, RunSettings, Views, 
 use weaver_kernels::ranks::{Alone, Ranks};
 use weaver_trainer::evaluate::load_lpips;
 use weaver_view::Look;
-use weaver_view_run::{Exhibit, Followed, Server, Showing, Visitors, live};
+use weaver_view_run::{Exhibit, Followed, Listener, Server, Showing, live};
 
 /// The page to look at a scene.
 pub const VIEW: &str = "view.html";
@@ -27,8 +27,8 @@ pub struct Means {
     pub initial: Start,
     /// The processes that share the steps.
     pub ranks: Arc<dyn Ranks>,
-    /// A page in the browser follows the fit.
-    pub live: bool,
+    /// Where a page in the browser follows the fit, if one does.
+    pub live: Option<Listener>,
 }
 
 impl Means {
@@ -36,11 +36,12 @@ impl Means {
         let ranks = ranks.cloned().unwrap_or_else(|| Arc::new(Alone));
         let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
         let rasterizer = device::rasterizer(&arguments.device)?;
-        Ok(Self { judge, rasterizer, initial: Start::of(arguments.init.as_deref())?, ranks, live: arguments.live })
+        let live = Listener::of(arguments.live)?;
+        Ok(Self { judge, rasterizer, initial: Start::of(arguments.init.as_deref())?, ranks, live })
     }
 
     /// Those of a fit about which nothing is said.
-    pub fn usual(live: bool) -> Result<Self, Failure> {
+    pub fn usual(live: Option<Listener>) -> Result<Self, Failure> {
         let rasterizer = device::rasterizer(&DeviceFlag::default())?;
         let (judge, initial, ranks) = (Judge::default(), Start::default(), Arc::new(Alone));
         Ok(Self { judge, rasterizer, initial, ranks, live })
@@ -115,7 +116,7 @@ fn covered(run: &Run, console: &mut Console) {
 /// Goes on to the end; a page follows if the fit is live.
 pub fn finish(
     mut run: Run,
-    (folder, follows): (&Path, bool),
+    (folder, listener): (&Path, Option<Listener>),
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<Outcome, Failure> {
@@ -128,15 +129,16 @@ pub fn finish(
         folder.display()
     ));
     let stop = interrupt.watch();
-    let exhibit = follows.then(|| exhibit(&run, folder)).transpose()?;
-    if follows {
+    let exhibit = listener.is_some().then(|| exhibit(&run, folder)).transpose()?;
+    if listener.is_some() {
         run.follow();
     }
     let followed = Followed { folder, steps, names: &CURVES, showing: Showing::Scene(&gaussians_of), stop };
-    let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
+    let shown = exhibit.as_ref().zip(listener);
+    let server = shown.map(|(exhibit, listener)| Server::new(exhibit, Some(followed), listener)).transpose()?;
     let mut progress = Progress::new("fit", run.fit().steps_done(), steps, console);
     let (mut psnr, mut held_out, start) = (None, None, Instant::now());
-    let advanced = live(server.as_ref(), console, |console| {
+    let advanced = live(server, console, |console| {
         run.advance(stop, |report| {
             // Smoothed over about fifty photos.
             let [last, gaussians] = ["psnr", "gaussians"].map(|name| report.scalar(name).unwrap_or(f64::NAN));

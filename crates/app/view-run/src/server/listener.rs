@@ -1,0 +1,84 @@
+//! Ports that pages are served at.
+
+use crate::Error;
+use std::io::ErrorKind;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
+use weaver_command::LiveFlag;
+
+/// Who may ask a server.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Visitors {
+    /// Programs on this machine, which need the token to write.
+    #[default]
+    Here,
+    /// Everybody in the network who has the token.
+    Network,
+}
+
+/// A port to serve a page at, which may be taken long before there is a page.
+#[derive(Debug)]
+pub struct Listener {
+    socket: TcpListener,
+    pub(super) port: u16,
+    pub(super) visitors: Visitors,
+}
+
+impl Listener {
+    /// Takes a port, a free one if none is said: of the loopback alone, or of the network.
+    ///
+    /// # Errors
+    /// When the port is not to be had.
+    pub fn bind(visitors: Visitors, port: Option<u16>) -> Result<Self, Error> {
+        let ip = if visitors == Visitors::Here { Ipv4Addr::LOCALHOST } else { Ipv4Addr::UNSPECIFIED };
+        let address = SocketAddr::from((ip, port.unwrap_or(0)));
+        let bound = || {
+            let socket = TcpListener::bind(address)?;
+            socket.set_nonblocking(true)?;
+            Ok((socket.local_addr()?.port(), socket))
+        };
+        let (port, socket) = bound().map_err(|error: std::io::Error| Error::Bind {
+            address: address.to_string(),
+            message: match error.kind() {
+                ErrorKind::AddrInUse => "expected a free port, found one where another program listens".into(),
+                _ => error.to_string(),
+            },
+        })?;
+        Ok(Self { socket, port, visitors })
+    }
+
+    /// The port of a run that a page follows, if one does.
+    ///
+    /// # Errors
+    /// When the port is not to be had.
+    pub fn of(flag: LiveFlag) -> Result<Option<Self>, Error> {
+        flag.live.then(|| Self::bind(Visitors::Here, flag.port)).transpose()
+    }
+
+    /// The next client, if one waits.
+    pub(super) fn accept(&self) -> Option<TcpStream> {
+        let (stream, _) = self.socket.accept().ok()?;
+        stream.set_nonblocking(false).ok()?;
+        Some(stream)
+    }
+
+    /// This machine as others in its network call it: its address, else its name.
+    pub(super) fn host(&self) -> Option<String> {
+        (self.visitors == Visitors::Network).then(|| address().map(|ip| ip.to_string()).or_else(name)).flatten()
+    }
+}
+
+/// The address that this machine has towards the network. A datagram socket is connected to one of the addresses kept for documentation,
+/// which sends nothing.
+fn address() -> Option<IpAddr> {
+    let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
+    socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;
+    let ip = socket.local_addr().ok()?.ip();
+    (!ip.is_loopback() && !ip.is_unspecified()).then_some(ip)
+}
+
+/// The name of this machine, where the system keeps it in a file.
+fn name() -> Option<String> {
+    let files = ["/proc/sys/kernel/hostname", "/etc/hostname"];
+    let names = files.iter().filter_map(|file| std::fs::read_to_string(file).ok());
+    names.map(|name| name.trim().to_string()).find(|name| !name.is_empty())
+}
