@@ -10,5 +10,6 @@ pub(crate) mod folder;
 pub(crate) mod json;
 pub(crate) mod mapped_file;
 pub(crate) mod memory;
+pub(crate) mod natural_order;
 pub(crate) mod output_folder;
 pub(crate) mod unfinished;
