@@ -21,7 +21,7 @@ mod video;
 mod webp;
 
 pub use ffmpeg::end_all as end_programs;
-pub use weaver_command::{Console, Interrupt};
+pub use weaver_command::{Console, Interrupt, printable};
 
 pub use command_line::{Flag, flags};
 pub use failure_kind::FailureKind;

@@ -8,7 +8,7 @@ use crate::results::{KEYFRAMES, MAP, Summary, TRAJECTORY, write};
 use crate::{LidarJob, LidarPlan};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress, Threads, in_pool};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress, ShellCommand, Threads, in_pool};
 use weaver_run::{Folder, Job, Kind, Run};
 use weaver_view_run::{Followed, Server, Showing, Visitors, live};
 
@@ -81,7 +81,7 @@ fn advance(
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
     let [before, of] = run.job.steps();
-    let (path, stop) = (run.folder.path().to_path_buf(), interrupt.watch());
+    let (path, stop) = (run.folder.path().to_path_buf(), interrupt.watch_after("this scan"));
     let exhibit = arguments.live.live.then(|| beginning(&run.job, path.display().to_string())).transpose()?;
     let followed = Followed { folder: &path, steps: of, names: &CURVES, showing: Showing::Scene(&scene_of), stop };
     let server = exhibit.as_ref().map(|it| Server::bind(it, Some(followed), Visitors::Here)).transpose()?;
@@ -100,8 +100,8 @@ fn advance(
     remark(&run.job, before, console);
     let [done, of] = run.job.steps();
     if !complete && !run.job.ended() {
-        let folder = run.folder.path().display();
-        console.note(&format!("saved at scan {done} of {of}; to go on: splatweaver lidar --resume {folder}"));
+        let resume = ShellCommand::new("splatweaver lidar --resume").path(run.folder.path());
+        console.note(&format!("saved at scan {done} of {of}; to go on: {resume}"));
         return Ok(());
     }
     if run.job.ended() {

@@ -11,3 +11,5 @@ pub(crate) mod json;
 pub(crate) mod mapped_file;
 pub(crate) mod memory;
 pub(crate) mod output_folder;
+pub(crate) mod shell;
+pub(crate) mod written;

@@ -28,6 +28,8 @@ pub use files::file::{file_length, read_bytes, read_part, read_text, write_text}
 pub use files::folder::{check_writable, create_folder, list_files, list_folders, path_in_utf8, relative_path};
 pub use files::memory::{available_memory, peak_mb};
 pub use files::output_folder::{OutputFolder, check_output_file};
+pub use files::shell::ShellCommand;
+pub use files::written::written;
 pub use gaussians::ply;
 pub use gaussians::{
     Blocks, Chained, Changed, Drawing, OpenScene, SCENE_FORMATS, SceneFile, SceneFormat, open_scene, read_gaussians,

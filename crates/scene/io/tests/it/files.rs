@@ -1,4 +1,4 @@
-use weaver_io::{Appender, check_writable, create_folder, list_files, read_text, relative_path, write_text};
+use weaver_io::{Appender, Checksum, check_writable, create_folder, list_files, read_text, relative_path, write_text};
 
 #[test]
 fn lists_sorted_files_of_some_extensions() {
@@ -98,4 +98,22 @@ fn relative_paths_keep_the_name_of_the_file() {
     let named = at("photos").join(std::ffi::OsStr::from_bytes(b"\xff.jpg"));
     let message = relative_path(at("out"), named).unwrap_err().to_string();
     assert!(message.contains("photos") && message.contains("expected UTF-8"), "{message}");
+}
+
+/// The checksum of a file that is read a part at a time is that of its bytes, whatever its length.
+#[test]
+fn files_have_the_checksum_of_their_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("file");
+    let part = 1 << 16;
+    for length in [0, 1, 7, 8, 9, part - 1, part, part + 1, 3 * part + 13] {
+        let bytes: Vec<u8> = (0..length).map(|i: usize| (i.wrapping_mul(0x9e37_79b9) >> 7) as u8).collect();
+        std::fs::write(&path, &bytes).unwrap();
+        let [mut whole, mut parts] = [Checksum::default(); 2];
+        whole.bytes(&bytes);
+        parts.file(&path).unwrap();
+        assert_eq!(whole, parts, "{length} bytes");
+    }
+    let message = Checksum::default().file(folder.path().join("gone")).unwrap_err().to_string();
+    assert!(message.contains("gone"), "{message}");
 }
