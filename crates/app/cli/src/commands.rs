@@ -75,22 +75,23 @@ impl Command {
         let resumed = |out: &PathBuf, json, threads| {
             Some(Self::Fit(fit::Fit { resume: Some(out.clone()), json, threads, ..fit::Fit::default() }))
         };
-        let unit = |complete: &CompleteFlag, out: &PathBuf, inputs: &[PathBuf], (figures, json), resume| {
-            let (out, inputs) = (out.clone(), inputs.to_vec());
-            complete.if_complete.map(|IfComplete::Skip| Unit { out, inputs, figures, json, resume })
+        let unit = |complete: &CompleteFlag, out: &PathBuf, inputs: Vec<PathBuf>, (figures, json), resume| {
+            complete.if_complete.map(|IfComplete::Skip| Unit { out: out.clone(), inputs, figures, json, resume })
         };
         Ok(match self {
             Self::Reconstruct(it) => {
                 let resume = resumed(&it.out, it.json, it.threads.threads);
-                unit(&it.complete, &it.out, &it.photos, (Folder::SUMMARY, it.json), resume)
+                unit(&it.complete, &it.out, it.photos.clone(), (Folder::SUMMARY, it.json), resume)
             }
-            Self::Cameras(it) => unit(&it.complete, &it.out, &it.photos, (CamerasSummary::NAME, it.json), None),
-            Self::Infer(it) => unit(&it.complete, &it.out, &it.photos, (infer::FIGURES, it.json), None),
+            Self::Cameras(it) => {
+                unit(&it.complete, &it.out, it.photos.clone(), (CamerasSummary::NAME, it.json), None)
+            }
+            Self::Infer(it) => unit(&it.complete, &it.out, it.read(), (infer::FIGURES, it.json), None),
             Self::Fit(it) if it.complete.if_complete.is_some() => {
                 let out =
                     it.out.as_ref().ok_or_else(|| Failure::Usage("--if-complete: expected --out with it".into()))?;
                 let resume = resumed(out, it.json, it.threads);
-                unit(&it.complete, out, it.capture.as_slice(), (Folder::SUMMARY, it.json), resume)
+                unit(&it.complete, out, it.read(), (Folder::SUMMARY, it.json), resume)
             }
             _ => None,
         })

@@ -115,6 +115,19 @@ fn size(text: &str) -> Result<[usize; 2], String> {
     }
 }
 
+impl Infer {
+    /// Files and folders that have a say in the results.
+    pub fn read(&self) -> Vec<PathBuf> {
+        let run = self.run.as_deref().map(|run| RunFolder::at(run).checkpoint_path());
+        let cameras = match &self.cameras {
+            Some(CameraChoice::File(path)) => Some(path),
+            _ => None,
+        };
+        let named = [&self.weights, &self.light.light, &self.light.to].into_iter().flatten();
+        self.photos.iter().chain(&run).chain(cameras).chain(named).cloned().collect()
+    }
+}
+
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || infer(arguments, console, interrupt))
 }

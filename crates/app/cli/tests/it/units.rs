@@ -178,6 +178,21 @@ fn a_unit_takes_no_other_fit_for_its_own() {
     assert!(!path("out/unit.json").exists());
 }
 
+/// Files of settings and of a start have a say in a unit's results, as the capture has.
+#[test]
+fn a_unit_is_of_all_that_it_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    capture::colmap(&path("capture"), 6);
+    let config = path("fit.toml");
+    std::fs::write(&config, "sh_degree = 1\n").unwrap();
+    let more = ["--config", config.to_str().unwrap()];
+    quick(&path("capture"), &path("out"), &more).fine();
+    assert!(quick(&path("capture"), &path("out"), &more).fine().stderr.contains("nothing to do"));
+    std::fs::write(&config, "sh_degree = 0\n").unwrap();
+    quick(&path("capture"), &path("out"), &more).refused(2, &["of other inputs or settings"]);
+}
+
 /// A name with a line break makes no line of its own in a list of commands, where a line is a unit of work.
 #[cfg(unix)]
 #[test]
