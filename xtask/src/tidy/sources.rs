@@ -123,12 +123,22 @@ pub fn check(source: &Source, package: &str, faults: &mut Vec<String>) {
         if code.starts_with("//") {
             continue;
         }
+        if package != "xtask" && is_command_with_holes(code) {
+            let rule = "ShellCommand quotes the words of a command that is printed";
+            faults.push(format!("{place}:{}: {rule}", number + 1));
+        }
         for rule in RULES.iter().filter(|r| !r.free.contains(&package) && !r.except.contains(&place)) {
             if rule.patterns.iter().any(|p| code.contains(p)) {
                 faults.push(format!("{place}:{}: {} does not belong into {package}", number + 1, rule.what));
             }
         }
     }
+}
+
+/// True if a line has a command of the program's within a text, and in it a place for a value.
+fn is_command_with_holes(code: &str) -> bool {
+    let mut commands = code.split("splatweaver ").skip(1);
+    commands.any(|rest| !rest.starts_with('{') && rest.split(['"', '`', ';']).next().unwrap_or(rest).contains('{'))
 }
 
 /// Letters that the name of a test may have; a sentence is its doc comment.
@@ -189,6 +199,16 @@ pub fn check_comments(source: &Source, faults: &mut Vec<String>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn printed_commands_have_no_holes() {
+        for code in [r#"format!("to go on: splatweaver fit --resume {folder}")"#, "\"`splatweaver info {}` tells\""] {
+            assert!(is_command_with_holes(code), "{code}");
+        }
+        for code in [r#"format!("{file}: `splatweaver view` needs {n}")"#, r#"format!("  splatweaver {example}")"#] {
+            assert!(!is_command_with_holes(code), "{code}");
+        }
+    }
 
     #[test]
     fn comments_begin_with_a_noun_or_a_verb() {

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use settings::Settings;
 use std::path::PathBuf;
 use table::{Coded, Row, page, table};
-use weaver_command::{Console, Failure, Interrupt, Progress};
+use weaver_command::{Console, Failure, Interrupt, Progress, ShellCommand};
 use weaver_io::check_output_file;
 use weaver_run::{Folder, Job, Run};
 
@@ -52,7 +52,7 @@ pub fn run(arguments: &BenchCompress, console: &mut Console, interrupt: &Interru
     let path = folder.path().to_path_buf();
     let mut run = Run::resume(folder, job)?;
     run.job.write(&run.folder)?;
-    let ([done, all], stop) = (run.job.steps(), interrupt.watch());
+    let ([done, all], stop) = (run.job.steps(), interrupt.watch_after("this step"));
     let mut progress = Progress::new("bench", done, all, console);
     let complete = run.advance(stop, |report| {
         progress.at(report.step, report.of, || report.stage.clone(), console);
@@ -60,7 +60,8 @@ pub fn run(arguments: &BenchCompress, console: &mut Console, interrupt: &Interru
     });
     progress.finish();
     if !complete? {
-        return console.print(&format!("saved; `splatweaver bench compress --resume {}` goes on", path.display()));
+        let resume = ShellCommand::new("splatweaver bench compress --resume").path(path);
+        return console.print(&format!("saved; to go on: {resume}"));
     }
     run.folder.report(&page(run.job.rows()))?;
     run.folder.summarize(&figures(&inputs, run.job.rows()))?;

@@ -206,6 +206,25 @@ fn frames(
     Ok(names)
 }
 
+/// Describes a clip in a line, by its first picture.
+///
+/// # Errors
+/// When there is no ffmpeg, or it does not read the file.
+pub fn info(clip: &Path) -> Result<String, Failure> {
+    let name = clip.display();
+    let start = beginning(clip).map_err(|error| Failure::message(format!("{name}: {error}")))?;
+    if LISTS.iter().any(|list| start.starts_with(list)) {
+        return Err(Failure::message(format!("{name}: expected a clip, found a list of other files")));
+    }
+    let (mut pictures, mut picture) = (Pictures::of(clip, &[0])?, Picture::default());
+    if !pictures.next(&mut picture)? {
+        pictures.finish()?;
+        return Err(Failure::message(format!("{name}: expected a clip, found no pictures")));
+    }
+    let about = about_how_many(clip).map_or(String::new(), |count| format!(", about {count} pictures"));
+    Ok(format!("clip of {}x{} pixels{about}", picture.width, picture.height))
+}
+
 /// Measures every frame of a clip.
 fn measured(clip: &Path, console: &mut Console) -> Result<Vec<Measured>, Failure> {
     let mut pictures = Pictures::small(clip, MEASURED)?;

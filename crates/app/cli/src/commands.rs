@@ -26,6 +26,8 @@ use crate::flags::{CompleteFlag, IfComplete};
 use clap::Subcommand;
 use std::path::PathBuf;
 use weaver_command::{Console, Failure, Interrupt, Output};
+use weaver_data::CamerasSummary;
+use weaver_run::Folder;
 
 /// Makes the commands of their table: the enum that clap parses into, the groups of the help, and the call.
 macro_rules! table {
@@ -56,6 +58,10 @@ pub struct Unit {
     pub out: PathBuf,
     /// Files and folders that it reads.
     pub inputs: Vec<PathBuf>,
+    /// The file in the folder that has what `--json` prints.
+    pub figures: &'static str,
+    /// Figures are to be printed.
+    pub json: bool,
     /// The command that goes on with a fit which was begun in the folder, if it makes one.
     pub resume: Option<Command>,
 }
@@ -69,23 +75,23 @@ impl Command {
         let resumed = |out: &Output, json, threads| {
             Some(Self::Fit(fit::Fit { resume: Some(out.to_path_buf()), json, threads, ..fit::Fit::default() }))
         };
-        let unit = |complete: &CompleteFlag, out: &Output, inputs: &[PathBuf], resume| {
-            complete.if_complete.map(|IfComplete::Skip| Unit {
-                out: out.to_path_buf(),
-                inputs: inputs.to_vec(),
-                resume,
-            })
+        let unit = |complete: &CompleteFlag, out: &Output, inputs: Vec<PathBuf>, (figures, json), resume| {
+            complete.if_complete.map(|IfComplete::Skip| Unit { out: out.to_path_buf(), inputs, figures, json, resume })
         };
         Ok(match self {
             Self::Reconstruct(it) => {
-                unit(&it.complete, &it.out, &it.photos, resumed(&it.out, it.json, it.threads.threads))
+                let resume = resumed(&it.out, it.json, it.threads.threads);
+                unit(&it.complete, &it.out, it.photos.clone(), (Folder::SUMMARY, it.json), resume)
             }
-            Self::Cameras(it) => unit(&it.complete, &it.out, &it.photos, None),
-            Self::Infer(it) => unit(&it.complete, &it.out, &it.photos, None),
+            Self::Cameras(it) => {
+                unit(&it.complete, &it.out, it.photos.clone(), (CamerasSummary::NAME, it.json), None)
+            }
+            Self::Infer(it) => unit(&it.complete, &it.out, it.read(), (infer::FIGURES, it.json), None),
             Self::Fit(it) if it.complete.if_complete.is_some() => {
                 let out =
                     it.out.as_ref().ok_or_else(|| Failure::Usage("--if-complete: expected --out with it".into()))?;
-                unit(&it.complete, out, it.capture.as_slice(), resumed(out, it.json, it.threads))
+                let resume = resumed(out, it.json, it.threads);
+                unit(&it.complete, out, it.read(), (Folder::SUMMARY, it.json), resume)
             }
             _ => None,
         })

@@ -21,7 +21,7 @@ mod units;
 mod video;
 mod webp;
 
-pub use weaver_command::{Console, Interrupt};
+pub use weaver_command::{Console, Interrupt, printable};
 
 pub use command_line::{Flag, flags};
 pub use failure_kind::FailureKind;

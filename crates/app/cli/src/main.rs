@@ -20,7 +20,8 @@ fn main() -> ExitCode {
             weaver_cli::leave();
             process::exit(INTERRUPTED);
         }
-        say("stopping; again to stop at once");
+        let after = INTERRUPT.awaited().map_or(String::new(), |part| format!(" after {part}"));
+        say(&format!("stopping{after}; again to stop at once"));
     };
     if let Err(error) = ctrlc::set_handler(handler) {
         say(&format!("note: Ctrl-C will not save anything: {error}"));
@@ -46,5 +47,5 @@ fn handle_file_size_limit() {
 
 /// A line on standard error; not `eprintln!`, which panics when standard error is closed.
 fn say(line: &str) {
-    let _ = writeln!(io::stderr(), "{line}");
+    let _ = writeln!(io::stderr(), "{}", weaver_cli::printable(line));
 }

@@ -22,21 +22,19 @@ const fn replaced(command: &'static str, word: &'static str, value: &'static str
     Old { command, word, value: Some(value), now }
 }
 
-const OLD: [Old; 24] = [
+const OLD: [Old; 22] = [
     renamed("fit", "--size", &["--long-side"]),
     renamed("fit", "--views", &["--max-photos"]),
     renamed("fit", "--all", &["--hold-out", "none"]),
     replaced("fit", "--poses", "refine", &["--refine-cameras"]),
     replaced("fit", "--poses", "fixed", &["--set", "poses.refine=false"]),
     replaced("fit", "--init", "network", &["--init", "built-in"]),
-    renamed("eval", "--size", &["--long-side"]),
     renamed("eval", "--look", &["--light-of"]),
     renamed("eval", "--plain", &["--as-taken"]),
     renamed("compare", "--size", &["--long-side"]),
     renamed("align", "--size", &["--long-side"]),
     renamed("align", "--refine-intrinsics", &["--refine-focal"]),
     renamed("infer", "--look", &["--light"]),
-    renamed("infer", "--frames", &["--light-steps"]),
     renamed("dynamic train", "--size", &["--long-side"]),
     renamed("dynamic train", "--all", &["--hold-out", "none"]),
     renamed("dynamic distil", "--plain", &["--photos-alone"]),
@@ -143,6 +141,22 @@ mod tests {
             assert_eq!(found, words(today) as Vec<OsString>, "{before}");
             assert_eq!(notes.is_empty(), before == today, "{notes:?}");
             assert!(crate::parses(found).is_ok(), "{before}");
+        }
+    }
+
+    /// An old name is no flag of today's, and stands for one that the command has.
+    #[test]
+    fn old_names_stand_for_flags_that_there_are() {
+        let flags = crate::flags();
+        let has = |command: &str, word: &str| {
+            flags.iter().any(|flag| flag.command == command && word.strip_prefix("--") == Some(&flag.name))
+        };
+        for Old { command, word, value, now } in OLD.iter().filter(|old| old.command != SWITCH) {
+            assert!(has(command, now[0]), "{command} {}", now[0]);
+            assert!(value.is_some() || !has(command, word), "{command} {word} is a flag of today's");
+        }
+        for Old { word: command, now, .. } in OLD.iter().filter(|old| old.command == SWITCH) {
+            assert!(has(command, now[0]), "{command} {}", now[0]);
         }
     }
 }

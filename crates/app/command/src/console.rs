@@ -1,9 +1,10 @@
 //! The output streams of a command.
 
 use crate::failure::Failure;
+use crate::printable::printable;
 use std::io::Write;
 
-/// The two streams of a command.
+/// The two streams of a command. What is printed by its methods is [printable].
 pub struct Console<'a> {
     /// For results.
     pub stdout: &'a mut (dyn Write + Send),
@@ -36,18 +37,41 @@ impl<'a> Console<'a> {
 
     /// Prints a line of the result on standard output.
     pub fn print(&mut self, text: &str) -> Result<(), Failure> {
-        let written = writeln!(self.stdout, "{}", text.trim_end()).and_then(|()| self.stdout.flush());
+        let written = writeln!(self.stdout, "{}", printable(text.trim_end())).and_then(|()| self.stdout.flush());
         written.map_err(Failure::output)
     }
 
     /// Prints a line on standard error. A failure to write it is ignored: the work goes on.
     pub fn note(&mut self, text: &str) {
-        let _ = writeln!(self.stderr, "{text}");
+        let _ = writeln!(self.stderr, "{}", printable(text));
     }
 }
 
 impl std::fmt::Debug for Console<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Console").field("terminal", &self.terminal).finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Control characters of file names do not reach the terminal, and JSON stays the same JSON.
+    #[test]
+    fn names_do_not_steer_the_terminal() {
+        let (mut out, mut err) = (Vec::new(), Vec::new());
+        let mut console = Console::new(&mut out, &mut err, true);
+        let name = "a\u{1b}]0;title\u{7}\u{9b}2J\r\u{7f}.ply";
+        console.note(&format!("warning: {name}\n\tsecond line"));
+        console.print(&format!("{name}\n")).unwrap();
+        console.print(&serde_json::json!({ "file": name }).to_string()).unwrap();
+        let [out, err] = [out, err].map(|bytes| String::from_utf8(bytes).unwrap());
+        let escaped = r"a\u001b]0;title\u0007\u009b2J\u000d\u007f.ply";
+        assert_eq!(err, format!("warning: {escaped}\n\tsecond line\n"));
+        let (text, json) = out.trim_end().split_once('\n').unwrap();
+        assert_eq!(text, escaped);
+        assert!(!json.contains(char::is_control), "{json:?}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(json).unwrap()["file"], name);
     }
 }

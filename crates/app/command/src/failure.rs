@@ -1,5 +1,6 @@
 //! Failures of a command: a one-line message and an exit code.
 
+use crate::printable::{one_line, printable};
 use crate::too_little::TooLittle;
 use std::error::Error;
 use std::io;
@@ -73,14 +74,15 @@ impl Failure {
 
     /// The message, in one line, causes or else the remedy included.
     pub fn line(&self) -> Option<String> {
-        match self {
-            Self::OutputClosed => None,
-            Self::Usage(message) => Some(message.clone()),
-            Self::Error(error) => Some(match Advice::of(error.as_ref()) {
+        let text = match self {
+            Self::OutputClosed => return None,
+            Self::Usage(message) => message.clone(),
+            Self::Error(error) => match Advice::of(error.as_ref()) {
                 None => joined(error.as_ref()),
                 Some(advice) => advised(&error.to_string(), advice),
-            }),
-        }
+            },
+        };
+        Some(printable(&one_line(&text)).into_owned())
     }
 }
 
@@ -110,7 +112,7 @@ fn flag(setting: &str) -> String {
     }
 }
 
-/// The error and its causes in one line, without causes that its text already contains and without decoration.
+/// The error and its causes, without causes that its text already contains.
 fn joined(error: &dyn Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
@@ -121,8 +123,7 @@ fn joined(error: &dyn Error) -> String {
         }
         cause = error.source();
     }
-    let lines = text.lines().map(str::trim).filter(|line| line.chars().any(char::is_alphanumeric));
-    lines.collect::<Vec<_>>().join("; ")
+    text
 }
 
 #[cfg(test)]
@@ -144,6 +145,22 @@ mod tests {
         let failure = Failure::from(outer);
         assert_eq!(failure.line().unwrap(), "line 1; key: a.ply: disk full");
         assert_eq!(failure.exit_code(), 1);
+    }
+
+    /// A name with a line break or an escape leaves an error one line of plain text, of whatever kind it is.
+    #[test]
+    fn errors_are_one_line_of_plain_text() {
+        let message = "a\n\u{1b}[2Jb.ply: expected x";
+        let source = io::Error::from(io::ErrorKind::NotFound);
+        for failure in [
+            Failure::Usage(message.into()),
+            Failure::message(message),
+            weaver_io::Error::Io { path: message.into(), source }.into(),
+            weaver_io::OutputFolder::claim(message, "x", ["/"]).unwrap_err().into(),
+        ] {
+            let line = failure.line().unwrap();
+            assert!(line.contains(r"a; \u001b[2Jb.ply: expected x") && !line.contains(char::is_control), "{line:?}");
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Ctrl-C: the first saves and ends, the second ends at once.
 
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A request to stop, passed from the signal handler to the running job.
@@ -7,12 +8,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub struct Interrupt {
     requested: AtomicBool,
     watched: AtomicBool,
+    /// The end that a stop waits for.
+    awaited: OnceLock<&'static str>,
 }
 
 impl Interrupt {
     /// No stop is requested yet.
     pub const fn new() -> Self {
-        Self { requested: AtomicBool::new(false), watched: AtomicBool::new(false) }
+        Self { requested: AtomicBool::new(false), watched: AtomicBool::new(false), awaited: OnceLock::new() }
     }
 
     /// Asks the job to stop. False when the job does not watch for requests (it has nothing to save) or was asked before.
@@ -23,6 +26,18 @@ impl Interrupt {
     /// True if a stop was requested.
     pub fn is_requested(&self) -> bool {
         self.requested.load(Ordering::Relaxed)
+    }
+
+    /// The flag that a job promises to check from now on, after each `part` of its work, such as a step. A stop waits for the end of that, which
+    /// is [said](Self::awaited).
+    pub fn watch_after(&self, part: &'static str) -> &AtomicBool {
+        let _ = self.awaited.set(part);
+        self.watch()
+    }
+
+    /// The part of the work whose end a stop waits for; `None` of jobs that end at once.
+    pub fn awaited(&self) -> Option<&'static str> {
+        self.awaited.get().copied()
     }
 
     /// The flag that a job promises to check from now on.
@@ -44,5 +59,15 @@ mod tests {
         assert!(!flag.load(Ordering::Relaxed));
         assert!(interrupt.request() && flag.load(Ordering::Relaxed));
         assert!(!interrupt.request());
+    }
+
+    /// A job whose parts take long says which end a stop waits for.
+    #[test]
+    fn a_stop_says_what_it_waits_for() {
+        let interrupt = Interrupt::new();
+        assert_eq!(interrupt.awaited(), None);
+        interrupt.watch_after("this step");
+        assert!(interrupt.request());
+        assert_eq!(interrupt.awaited(), Some("this step"));
     }
 }

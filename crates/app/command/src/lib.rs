@@ -12,10 +12,10 @@ mod flags;
 mod interrupt;
 pub mod memory;
 mod output;
+mod printable;
 mod progress;
 mod threads;
 mod too_little;
-mod words;
 
 pub use console::{Console, Part};
 pub use drawing::DrawingOptions;
@@ -24,9 +24,10 @@ pub use failure::Failure;
 pub use flags::{DeviceFlag, LiveFlag, MOST_SEED, MOST_THREADS, Threads, choice, rows_and_columns};
 pub use interrupt::Interrupt;
 pub use output::Output;
+pub use printable::printable;
 pub use progress::{Progress, duration};
 pub use threads::in_pool;
-pub use words::quoted;
+pub use weaver_io::ShellCommand;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

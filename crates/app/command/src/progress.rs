@@ -1,5 +1,6 @@
 //! Progress of a command: a bar on a terminal, a line every few seconds elsewhere.
 
+use crate::printable::printable;
 use crate::{Console, Part};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt::Write;
@@ -40,7 +41,7 @@ impl Progress {
         }
         if let Some(bar) = &self.bar {
             bar.set_length(total as u64);
-            bar.set_message(note());
+            bar.set_message(printable(&note()).into_owned());
             bar.set_position(done as u64);
             return;
         }

@@ -36,6 +36,11 @@ const KIND: Kind = Kind {
 };
 
 impl Run {
+    /// The command that the record of written files names.
+    pub const COMMAND: &str = KIND.command;
+    /// The file of settings. A folder that has it holds a run.
+    pub const SETTINGS: &str = KIND.settings;
+
     /// Claims a folder for a run that reads these files and folders. Meant to be called before any other work.
     ///
     /// # Errors

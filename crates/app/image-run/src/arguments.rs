@@ -28,8 +28,8 @@ pub enum ImageCommand {
 
 /// Fits Gaussians to a picture and writes them as a .wgi file, or to several, into a folder.
 ///
-/// Alpha is composited over black; numbers of 16 bits are taken to 8. Ctrl-C ends the fit of a file, and what there is is written; in a
-/// folder it saves, and --resume goes on to the same bits.
+/// Alpha is composited over black; numbers of 16 bits are taken to 8. Ctrl-C ends the fit of a file: what there is is written, unless the
+/// file is there already, which then stays. In a folder it saves, and --resume goes on to the same bits.
 #[derive(Args, Debug)]
 #[command(group(ArgGroup::new("size").args(["ratio", "gaussians", "bytes", "psnr"])))]
 #[command(after_help = "Examples:

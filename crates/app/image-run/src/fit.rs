@@ -9,7 +9,7 @@ use crate::state::under_way;
 use crate::trace::{Trace, TraceFolder};
 use crate::{read, report};
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, Progress};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress, ShellCommand};
 use weaver_io::safetensors::Tensors;
 use weaver_io::{atomic_write, list_photos};
 use weaver_run::{Folder, Job, Run};
@@ -93,7 +93,7 @@ fn one(
         (_, Some(decibels)) => Goal::Decibels(decibels),
         _ => Goal::Gaussians(method.count(&picture)),
     };
-    let (trials, stop) = (goal.trials(), interrupt.watch());
+    let (trials, stop) = (goal.trials(), interrupt.watch_after("this step"));
     let traces = listener.is_some().then(TraceFolder::new).transpose()?;
     let trace = traces.as_ref().map(|traces| Trace::new(traces, [method.steps, trials], stop)).transpose()?;
     let folder = traces.as_ref().map_or(out, TraceFolder::path);
@@ -101,11 +101,24 @@ fn one(
     let (steps, names, showing) = (method.steps * trials, &report::CURVES, Showing::Drawing(&drawing));
     let followed = Followed { folder, steps, names, showing, stop };
     let server = listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
-    let judged = live(server, console, |console| {
-        Search { path, picture: &picture, method, console, interrupt, trace }.reaching(goal)
+    let (judged, early) = live(server, console, |console| {
+        let mut search = Search { path, picture: &picture, method, console, interrupt, trace, early: None };
+        let judged = search.reaching(goal)?;
+        Ok::<_, Failure>((judged, search.early))
     })?;
+    if let Some(at) = &early {
+        let name = out.display();
+        // What is there may be a fit that came to its end.
+        if out.symlink_metadata().is_ok() {
+            return Err(Failure::message(format!("{name}: stopped at {at}; the file that is there stays as it is")));
+        }
+        console.note(&format!(
+            "{name}: stopped at {at}, the fit so far is written; one whose --out is a folder can go on, by --resume"
+        ));
+    }
     atomic_write(out, |to| to.write_all(&judged.bytes))?;
-    let asked = if let Goal::Gaussians(asked) = goal { asked } else { 0 };
+    // Of a fit that was stopped the number says nothing about the picture.
+    let asked = if let (Goal::Gaussians(asked), None) = (goal, &early) { asked } else { 0 };
     note_shortfall(path, asked, judged.row.gaussians, judged.row.reset, console);
     console.print(&judged.row.line(out))
 }
@@ -119,7 +132,8 @@ fn go_on(
 ) -> Result<(), Failure> {
     run.job.write(&run.folder)?;
     let [done, of] = run.job.steps();
-    let (settings, path, stop) = (run.job.settings().clone(), run.folder.path().to_path_buf(), interrupt.watch());
+    let (settings, path) = (run.job.settings().clone(), run.folder.path().to_path_buf());
+    let stop = interrupt.watch_after("this step");
     let drawing = |state: &Tensors| settings.drawn(state, &path);
     let (names, showing) = (&report::CURVES, Showing::Drawing(&drawing));
     let followed = Followed { folder: &path, steps: of, names, showing, stop };
@@ -141,10 +155,11 @@ fn go_on(
     for (row, asked) in run.job.take_news() {
         read::note_shortfall(&row.picture, asked, row.gaussians, row.reset, console);
     }
-    let folder = path.display();
     if !complete {
-        return console.print(&format!("saved; `splatweaver image fit --resume {folder}` goes on"));
+        let resume = ShellCommand::new("splatweaver image fit --resume").path(path);
+        return console.print(&format!("saved; to go on: {resume}"));
     }
+    let folder = path.display();
     let page = report::of_run(run.job.rows(), &run.folder)?;
     run.folder.report(&page)?;
     run.folder.summarize(&run.job.rows())?;

@@ -7,6 +7,7 @@ mod arguments;
 mod bench;
 mod draw;
 mod fit;
+mod info;
 mod job;
 mod measure;
 mod others;
@@ -18,6 +19,7 @@ mod state;
 mod trace;
 
 pub use arguments::Pictures;
+pub use info::info;
 
 use arguments::ImageCommand;
 use weaver_command::{Console, Failure, Interrupt, in_pool};

@@ -40,6 +40,8 @@ pub struct Search<'a, 'b> {
     pub interrupt: &'a Interrupt,
     /// Of fits that a page follows.
     pub trace: Option<Trace<'a>>,
+    /// Place where the search was stopped before its end.
+    pub early: Option<String>,
 }
 
 impl Search<'_, '_> {
@@ -71,7 +73,8 @@ impl Search<'_, '_> {
             if let Some(trace) = &mut self.trace {
                 trace.record(at, fit.state())?;
             }
-            if self.stopped() {
+            if self.stopped() && !fit.is_done() {
+                self.early = Some(format!("step {} of {steps}", at.step));
                 break;
             }
         }
@@ -84,7 +87,7 @@ impl Search<'_, '_> {
     fn within(&mut self, bytes: usize) -> Result<Judged, Failure> {
         let mut best: Option<Judged> = None;
         let mut count = 8.0 * bytes as f64 / BITS;
-        for _ in 0..TRIALS {
+        for number in 1..=TRIALS {
             let trial = self.trial(self.bounded(count))?;
             let found = trial.row.bytes;
             // Two parts in a thousand below, so that the next one is not above again.
@@ -93,18 +96,19 @@ impl Search<'_, '_> {
             if fits && best.as_ref().is_none_or(|best| best.row.bytes < found) {
                 best = Some(trial);
             }
-            if self.stopped() || (fits && found as f64 > 0.99 * bytes as f64) {
+            let reached = fits && found as f64 > 0.99 * bytes as f64;
+            if self.ends(reached, number) {
                 break;
             }
         }
-        best.ok_or_else(|| Failure::message(format!("--bytes {bytes}: expected a length that a fit has, found none")))
+        best.ok_or_else(|| self.missed(format!("--bytes {bytes}: expected a length that a fit has, found none")))
     }
 
     /// The smallest trial of at least so many decibels.
     fn at_least(&mut self, decibels: f64) -> Result<Judged, Failure> {
         let mut best: Option<Judged> = None;
         let (mut count, mut highest) = (self.picture.gaussians_for(50.0) as f64, f64::NEG_INFINITY);
-        for _ in 0..TRIALS {
+        for number in 1..=TRIALS {
             let trial = self.trial(self.bounded(count))?;
             let missing = decibels - trial.row.psnr;
             highest = highest.max(trial.row.psnr);
@@ -113,15 +117,28 @@ impl Search<'_, '_> {
             if reached && best.as_ref().is_none_or(|best| trial.row.bytes < best.row.bytes) {
                 best = Some(trial);
             }
-            if self.stopped() || (reached && missing > -0.1) {
+            if self.ends(reached && missing > -0.1, number) {
                 break;
             }
         }
         best.ok_or_else(|| {
-            Failure::message(format!(
-                "--psnr {decibels}: expected a fit that reaches it, found {highest:.2} dB at most"
-            ))
+            self.missed(format!("--psnr {decibels}: expected a fit that reaches it, found {highest:.2} dB at most"))
         })
+    }
+
+    /// True if the search ends after the trial of this number, its goal being reached or not.
+    fn ends(&mut self, reached: bool, number: usize) -> bool {
+        let stopped = self.stopped();
+        if stopped && !reached && number < TRIALS {
+            self.early.get_or_insert_with(|| format!("fit {number} of at most {TRIALS}"));
+        }
+        stopped || reached
+    }
+
+    /// The failure of a search that found nothing; `reason` where it was not stopped.
+    fn missed(&self, reason: String) -> Failure {
+        let stopped = |at: &String| format!("{}: stopped at {at}, before a fit came near the goal", self.path.display());
+        Failure::message(self.early.as_ref().map_or(reason, stopped))
     }
 
     fn bounded(&self, count: f64) -> usize {

@@ -8,7 +8,7 @@ use crate::results::{KEYFRAMES, MAP, Summary, TRAJECTORY, write};
 use crate::{LidarJob, LidarPlan, LidarRunError};
 use clap::{Args, Command};
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, Progress, Threads, in_pool};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, Progress, ShellCommand, Threads, in_pool};
 use weaver_run::{Folder, Job, Kind, Run};
 use weaver_view_run::{Followed, Listener, Server, Showing, live};
 
@@ -101,7 +101,7 @@ fn advance(
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
     let [before, of] = run.job.steps();
-    let (path, stop) = (run.folder.path().to_path_buf(), interrupt.watch());
+    let (path, stop) = (run.folder.path().to_path_buf(), interrupt.watch_after("this scan"));
     let exhibit = listener.is_some().then(|| beginning(&run.job, path.display().to_string())).transpose()?;
     let followed = Followed { folder: &path, steps: of, names: &CURVES, showing: Showing::Scene(&scene_of), stop };
     let shown = exhibit.as_ref().zip(listener);
@@ -121,8 +121,8 @@ fn advance(
     remark(&run.job, before, console);
     let [done, of] = run.job.steps();
     if !complete && !run.job.ended() {
-        let folder = run.folder.path().display();
-        console.note(&format!("saved at scan {done} of {of}; to go on: splatweaver lidar --resume {folder}"));
+        let resume = ShellCommand::new("splatweaver lidar --resume").path(run.folder.path());
+        console.note(&format!("saved at scan {done} of {of}; to go on: {resume}"));
         return Ok(());
     }
     if run.job.ended() {

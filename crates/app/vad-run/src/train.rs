@@ -5,7 +5,7 @@ use crate::checkpoint::{self, RunState};
 use crate::{MODEL, report};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, Progress};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress, ShellCommand};
 use weaver_io::safetensors::Tensors;
 use weaver_run::{Folder, Kind, Log, Recorder, Rhythm, Save};
 use weaver_vad::{
@@ -121,7 +121,7 @@ impl Job {
         let ([normal, abnormal], classes) = (self.videos(), self.set.classes.len());
         console.note(&format!("{normal} normal and {abnormal} abnormal videos, {classes} classes; {total} steps"));
         let done = from.as_ref().map_or(0, |(.., done)| *done);
-        let (path, stop) = (folder.path(), interrupt.watch());
+        let (path, stop) = (folder.path(), interrupt.watch_after("this step"));
         let followed = Followed { folder: path, steps: total, names: &[], showing: Showing::Curves, stop };
         let server = listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
         let recorder = Recorder::open(folder, done, RHYTHM, stop)?;
@@ -138,10 +138,8 @@ impl Job {
         failure.map_or(Ok(()), Err)?;
         let detector = match trained {
             Err(Error::Stopped { .. }) => {
-                let folder = folder.path().display();
-                console.note(&format!(
-                    "saved at step {done} of {total}; to go on: splatweaver vad train --resume {folder}"
-                ));
+                let resume = ShellCommand::new("splatweaver vad train --resume").path(folder.path());
+                console.note(&format!("saved at step {done} of {total}; to go on: {resume}"));
                 return Ok(());
             }
             Err(error @ (Error::Stage { .. } | Error::State(_))) => {

@@ -12,4 +12,6 @@ pub(crate) mod mapped_file;
 pub(crate) mod memory;
 pub(crate) mod natural_order;
 pub(crate) mod output_folder;
+pub(crate) mod shell;
 pub(crate) mod unfinished;
+pub(crate) mod written;

@@ -9,16 +9,18 @@ use crate::gaussians::ply::{Table, is_scene};
 use crate::gaussians::sog::META;
 use crate::pictures::photo_file::EXTENSIONS;
 use crate::safetensors::Mapped;
-use crate::{Background, Error, Image, OpenScene, Result, SceneFormat, Transforms, open_scene};
+use crate::{Background, Error, Image, LidarScan, Npy, Npz, OpenScene, Result, SceneFormat, Transforms};
+use crate::{list_photos, open_scene, read_lidar_scan};
 use std::fmt::Display;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 
-/// Describes a file, or a folder with a COLMAP model: its format, how much it holds, and ranges of values.
+/// Describes a file or a folder: its format, how much it holds, and ranges of values.
 ///
-/// Supports photos (JPEG, PNG, TIFF, WebP), Gaussians in every [format](crate::SCENE_FORMATS), PLY point clouds, safetensors, transforms.json, COLMAP
-/// models (a folder, a scene with `sparse/0`, or one of the files) and RealEstate10K camera files.
+/// Supports photos (JPEG, PNG, TIFF, WebP) and folders of them, Gaussians in every [format](crate::SCENE_FORMATS), PLY point clouds, scans of lidars
+/// (.bin, .pcd), NPY and NPZ, safetensors, transforms.json, COLMAP models (a folder, a scene with `sparse/0`, or one of the files) and RealEstate10K
+/// camera files.
 pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();
     if std::fs::metadata(path).map_err(Error::io(path))?.is_dir() {
@@ -28,7 +30,7 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
         if path.join(META).is_file() {
             return scene(path);
         }
-        return Ok(model(&Model::read(colmap::model_folder(path))?));
+        return folder(path);
     }
     let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("").to_lowercase();
     let (stem, extension) = name.rsplit_once('.').unwrap_or((&name, ""));
@@ -48,8 +50,51 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
         ("images", "bin" | "txt") => Ok(images(&colmap::read_images(path)?)),
         ("points3d", "bin" | "txt") => Ok(points(&colmap::read_points(path)?)),
         (_, "txt") => Ok(clip(&Clip::read(path)?)),
+        (_, "bin" | "pcd") => Ok(scan(&read_lidar_scan(path)?)),
+        (_, "npy") => Ok(format!("NPY, an array of {:?}", Npy::open(path)?.shape())),
+        (_, "npz") => arrays(&Npz::open(path)?),
         _ => Err(Error::invalid(path, "file name", "a known extension", format!("{extension:?}"))),
     }
+}
+
+/// A folder without weights or a scene.
+fn folder(path: &Path) -> Result<String> {
+    let place = colmap::model_folder(path);
+    if ["cameras.bin", "cameras.txt"].iter().any(|name| place.join(name).is_file()) {
+        return Ok(model(&Model::read(place)?));
+    }
+    let file = path.join("transforms.json");
+    if file.is_file() {
+        return info(file);
+    }
+    let photos = list_photos(path)?;
+    match photos.first() {
+        Some(first) => Ok(format!("{} photos; the first, {}: {}", photos.len(), first.display(), image(first)?)),
+        None => {
+            let expected = "a run, a COLMAP model, transforms.json, meta.json, model.safetensors or photos";
+            Err(Error::invalid(path, "folder", expected, "none of them"))
+        }
+    }
+}
+
+fn scan(scan: &LidarScan) -> String {
+    let LidarScan { points, times } = scan;
+    let mut lines = format!("scan of a lidar, {} points", points.len());
+    for (axis, name) in ["forward", "left", "up"].iter().enumerate() {
+        // Points that the sensor did not see may be NaN.
+        let values = points.iter().map(|point| f64::from(point[axis])).filter(|x| x.is_finite());
+        lines += &format!("\n{name:<8} {} m", Range::of(values));
+    }
+    lines + if times.is_empty() { "" } else { "\nwith the time of each point" }
+}
+
+fn arrays(file: &Npz) -> Result<String> {
+    let names = file.names();
+    let mut lines = format!("NPZ, {} arrays", names.len());
+    for name in names.iter().take(20) {
+        lines += &format!("\n{name} {:?}", file.array(name)?.shape());
+    }
+    Ok(lines)
 }
 
 fn image(path: &Path) -> Result<String> {

@@ -35,7 +35,7 @@ pub fn run(arguments: &ConvertWeights, console: &mut Console, interrupt: &Interr
     let mut checkpoint = TorchCheckpoint::open(&arguments.file)?;
     let planned = checkpoint.tensors()?;
     let total = planned.len();
-    let stop = interrupt.watch();
+    let stop = interrupt.watch_after("this tensor");
     let mut progress = Progress::new("convert", 0, total, console);
     let mut done = 0;
     let written = write_weights(&arguments.out, &Default::default(), &planned, |tensor, out| {

@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 use weaver_align::Method;
-use weaver_command::{Console, DeviceFlag, Failure, Progress, Threads, choice, device, in_pool};
+use weaver_command::{Console, DeviceFlag, Failure, Progress, ShellCommand, Threads, choice, device, in_pool};
 use weaver_inference::RunFolder;
 use weaver_splat::Renderer;
 use weaver_trainer::{
@@ -189,9 +189,11 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     for (name, mut run) in runs {
         if run.step < run.planned {
             let (done, planned) = (run.step, run.planned);
-            console.note(&format!(
-                "warning: {name} is at step {done} of {planned}; to go on: splatweaver train --resume {name}"
-            ));
+            let resume = match arguments.weights {
+                None => format!("; to go on: {}", ShellCommand::new("splatweaver train --resume").path(&name)),
+                Some(_) => String::new(),
+            };
+            console.note(&format!("warning: {name} is at step {done} of {planned}{resume}"));
         }
         *run.predictor.renderer() = Renderer::new(rasterizer.clone());
         run.predictor = refined(run.predictor, &arguments.refine, &[], rasterizer.clone())?;

@@ -173,6 +173,15 @@ fn pause(text: &str) -> Result<f64, String> {
 /// Time for a run when nothing is said about it, minutes.
 const MINUTES: f64 = 2.0;
 
+impl Fit {
+    /// Files and folders that have a say in the results.
+    pub fn read(&self) -> Vec<PathBuf> {
+        let init = Start::of(self.init.as_deref()).ok().and_then(|start| start.file());
+        let named = [&self.capture, &self.config, &self.lpips, &init].into_iter().flatten();
+        named.cloned().collect()
+    }
+}
+
 pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     together(console, |ranks, console| {
         in_pool(arguments.threads.map(usize::from), || fit(arguments, ranks, console, interrupt))

@@ -20,6 +20,8 @@ use weaver_io::write_text;
 use weaver_splat::Renderer;
 use weaver_view::HtmlOptions;
 
+/// The file of what `--json` prints.
+pub const FIGURES: &str = "infer.json";
 /// Heading of flags.
 const PUBLISHED: &str = "With --weights";
 
@@ -77,6 +79,8 @@ pub struct Infer {
     #[arg(long)]
     pub masks: bool,
     #[command(flatten)]
+    pub clip: ClipFlags,
+    #[command(flatten)]
     pub matching: MatchingFlags,
     #[command(flatten)]
     pub density: DensityFlags,
@@ -111,6 +115,19 @@ fn size(text: &str) -> Result<[usize; 2], String> {
     }
 }
 
+impl Infer {
+    /// Files and folders that have a say in the results.
+    pub fn read(&self) -> Vec<PathBuf> {
+        let run = self.run.as_deref().map(|run| RunFolder::at(run).checkpoint_path());
+        let cameras = match &self.cameras {
+            Some(CameraChoice::File(path)) => Some(path),
+            _ => None,
+        };
+        let named = [&self.weights, &self.light.light, &self.light.to].into_iter().flatten();
+        self.photos.iter().chain(&run).chain(cameras).chain(named).cloned().collect()
+    }
+}
+
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || infer(arguments, console, interrupt))
 }
@@ -126,10 +143,10 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     let read = arguments.photos.iter().chain(&files).chain(&arguments.weights);
     let out = OutputFolder::claim(&arguments.out, "infer", read.chain(&cameras))?;
     let rasterizer = device::rasterizer(&arguments.device)?;
-    let photos = clip::photos(&arguments.photos, ClipFlags::default(), &out, console)?;
+    let photos = clip::photos(&arguments.photos, arguments.clip, &out, console)?;
     let mut images = photos.paths.clone();
     check_prediction_folder(&out, &images)?;
-    out.check([VIEW])?;
+    out.check([VIEW, FIGURES])?;
     let built_in = arguments.run.is_none() && arguments.weights.is_none();
     let estimating = asked || built_in && arguments.cameras.is_none();
     if estimating {
@@ -183,10 +200,12 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     if viewed {
         write_text(out.file(VIEW)?, &view::exhibit(&Seen::of(out.path()))?.html(HtmlOptions::default())?)?;
     }
+    let PredictReport { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
+    let figures = json!({"gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks});
+    let figures = serde_json::to_string_pretty(&figures)?;
+    write_text(out.file(FIGURES)?, &format!("{figures}\n"))?;
     if arguments.json {
-        let PredictReport { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
-        let result = json!({"gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks});
-        return console.print(&serde_json::to_string_pretty(&result)?);
+        return console.print(&figures);
     }
     let file = |name: &str| arguments.out.join(name).display().to_string();
     let result = match report.psnr {
@@ -282,7 +301,7 @@ fn published(
         };
         // Before the first file is written, Ctrl-C ends the process at once; afterward, once all files are written.
         published::run(weights, images, &options, out, tell, || {
-            interrupt.watch();
+            interrupt.watch_after("all files are written");
         })
     })?;
     if interrupt.watch().load(Ordering::Relaxed) {

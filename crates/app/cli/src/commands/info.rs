@@ -1,16 +1,24 @@
 //! `splatweaver info`.
 
+mod json;
+mod run;
+
+use crate::clip;
 use clap::Args;
+use json::of_json;
+use run::{SETTINGS, of_run_folder};
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, device};
 use weaver_inference::{Checkpoint, RunFolder};
-use weaver_io::TorchCheckpoint;
-use weaver_trainer::Summary;
+use weaver_io::{TorchCheckpoint, read_part, read_text};
 
-/// Describes a file: images, files of Gaussians, safetensors, PyTorch checkpoints, transforms.json, COLMAP, RealEstate10K, TOML,
-/// summary.json, and folders of runs.
+/// Describes a file or a folder.
+///
+/// Files: photos, clips, pictures of `image fit` (.wgi), scenes in every format, safetensors, PyTorch checkpoints, NPY, NPZ, transforms.json, COLMAP,
+/// RealEstate10K, scans of lidars (.bin, .pcd), TOML, and JSON of results. Folders: runs of train, fit, reconstruct, lidar, image fit, dynamic, vad and
+/// bench compress, COLMAP models, captures, weights, photos.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver info scene.ply
@@ -20,7 +28,7 @@ use weaver_trainer::Summary;
   splatweaver info capture/sparse/0
   splatweaver info --devices")]
 pub struct Info {
-    /// The file, a run's folder, or a folder with a COLMAP model
+    /// The file, or the folder of a run, of a capture, of weights or of photos
     #[arg(required_unless_present = "devices")]
     pub file: Option<PathBuf>,
     /// Lists what Gaussians can be drawn on, for --device of other commands
@@ -44,14 +52,45 @@ fn described(path: &Path) -> Result<String, Failure> {
     if run.config_path().is_file() {
         return of_run(&run);
     }
+    if path.join(SETTINGS).is_file() {
+        return of_run_folder(path);
+    }
     let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().to_lowercase());
     match name.rsplit_once('.').map_or("", |(_, extension)| extension) {
         "toml" => of_toml(path),
         "ckpt" | "pt" | "pth" => of_torch(path),
-        "bin" if !["cameras.bin", "images.bin", "points3d.bin"].contains(&name.as_str()) => of_torch(path),
-        "json" if name == "summary.json" => of_summary(path),
+        "bin" if !["cameras.bin", "images.bin", "points3d.bin"].contains(&name.as_str()) => of_bin(path),
+        "json" if is_of_results(path)? => of_json(path),
+        "wgi" => weaver_image_run::info(path),
+        _ if path.is_file() && clip::is_clip(path) => clip::info(path),
         _ => Ok(weaver_io::info(path)?),
     }
+}
+
+/// True if JSON is no file of cameras, of a scene or of an index of weights.
+fn is_of_results(path: &Path) -> Result<bool, Failure> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    if name == "meta.json" || name.ends_with(".index.json") {
+        return Ok(false);
+    }
+    // What is no JSON is told by those who read cameras, with its place.
+    let value: Option<Value> = serde_json::from_str(&read_text(path)?).ok();
+    Ok(name == "summary.json" || value.is_some_and(|value| value.get("frames").is_none()))
+}
+
+/// A checkpoint of PyTorch, or a scan of a lidar.
+fn of_bin(path: &Path) -> Result<String, Failure> {
+    const ZIP: &[u8] = b"PK";
+    if read_part(path, 0..ZIP.len() as u64).is_ok_and(|start| start == ZIP) {
+        return of_torch(path);
+    }
+    weaver_io::info(path).map_err(|error| match error {
+        weaver_io::Error::Invalid { path, place, expected, found } => {
+            let expected = format!("a checkpoint of PyTorch 1.6 or later (a ZIP archive), or a scan of a lidar: {expected}");
+            weaver_io::Error::Invalid { path, place, expected, found }.into()
+        }
+        error => error.into(),
+    })
 }
 
 fn of_run(run: &RunFolder) -> Result<String, Failure> {
@@ -64,7 +103,7 @@ fn of_run(run: &RunFolder) -> Result<String, Failure> {
         text.push_str("no checkpoint\n");
     }
     if run.summary_path().is_file() {
-        text.push_str(&of_summary(&run.summary_path())?);
+        text.push_str(&of_json(&run.summary_path())?);
     }
     Ok(text)
 }
@@ -104,20 +143,4 @@ fn of_torch(path: &Path) -> Result<String, Failure> {
         let _ = writeln!(text, "{remark}");
     }
     Ok(text)
-}
-
-/// The outcome of a training run, or of whatever else writes such a file.
-fn of_summary(path: &Path) -> Result<String, Failure> {
-    let wrong = |e: serde_json::Error| Failure::message(format!("{}: {e}", path.display()));
-    let value: Value = serde_json::from_str(&weaver_io::read_text(path)?).map_err(wrong)?;
-    if let Ok(Summary { steps, planned, parameters, seconds, checksum, evaluation, seed, .. }) =
-        serde_json::from_value(value.clone())
-    {
-        let mut text = format!("summary.json: {steps} of {planned} steps, seed {seed}, {parameters} parameters\n");
-        let _ = writeln!(text, "last session: {seconds:.0} s; checksum of the weights: {checksum}");
-        let _ = writeln!(text, "{}", evaluation.map_or("not evaluated yet".into(), |evaluation| evaluation.table()));
-        return Ok(text);
-    }
-    let keys = value.as_object().into_iter().flatten();
-    Ok(keys.fold("summary.json\n".to_string(), |text, (key, value)| format!("{text}{key}: {value}\n")))
 }

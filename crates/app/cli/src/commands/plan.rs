@@ -2,17 +2,20 @@
 
 use super::{Command, fit};
 use crate::command_line::CommandLine;
+use crate::flags::CameraChoice;
 use clap::Args;
 use serde::Deserialize;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, quoted};
+use weaver_command::{Console, Failure, ShellCommand};
+use weaver_data::capture::has_cameras;
+use weaver_io::list_photos;
 
 /// Expands a list of captures into one command a line, each a unit of work for any engine, with the time and memory that it takes.
 ///
 /// The list is a TOML file: `[[work]]` with `command` (reconstruct, fit, cameras or infer), `inputs` (captures or folders of photos; a last part `*`
-/// stands for every folder), `out` (each result goes to OUT/NAME) and `flags`. Lines end in a comment with minutes and megabytes where these are known;
+/// stands for every folder that the command can be given), `out` (each result goes to OUT/NAME) and `flags`. Lines end in a comment with minutes and megabytes where these are known;
 /// every command is checked, and nothing is written. Minutes of a fit of so many steps are measured with --measure.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
@@ -56,9 +59,17 @@ struct Work {
     flags: Vec<String>,
 }
 
+/// An input of a command.
+struct Input {
+    path: PathBuf,
+    /// True if a `*` stands for it.
+    found: bool,
+}
+
 /// A unit of work.
 struct Unit {
     words: Vec<String>,
+    line: ShellCommand,
     minutes: Option<f64>,
     megabytes: Option<f64>,
 }
@@ -69,22 +80,21 @@ pub fn run(arguments: &Plan, console: &mut Console) -> Result<(), Failure> {
         let lines = error.to_string();
         Failure::Usage(format!("{}: {}", path.display(), lines.split_whitespace().collect::<Vec<_>>().join(" ")))
     })?;
-    let units = units(path, list, arguments.measure)?;
+    let units = units(path, list, arguments.measure, console)?;
     if arguments.json {
-        let unit = |Unit { words, minutes, megabytes }: &Unit| json!({ "command": words, "minutes": minutes, "megabytes": megabytes });
+        let unit = |Unit { words, minutes, megabytes, .. }: &Unit| json!({ "command": words, "minutes": minutes, "megabytes": megabytes });
         return console.print(&serde_json::to_string_pretty(&units.iter().map(unit).collect::<Vec<_>>())?);
     }
-    for Unit { words, minutes, megabytes } in &units {
-        let line = words.iter().map(quoted).collect::<Vec<_>>().join(" ");
+    for Unit { line, minutes, megabytes, .. } in &units {
         let minutes = minutes.map(|minutes| format!("{} min", (100.0 * minutes).round() / 100.0));
         let megabytes = megabytes.map(|megabytes| format!("{megabytes:.0} MB"));
         let known: Vec<String> = minutes.into_iter().chain(megabytes).collect();
-        console.print(&if known.is_empty() { line } else { format!("{line}  # {}", known.join(", ")) })?;
+        console.print(&if known.is_empty() { line.to_string() } else { format!("{line}  # {}", known.join(", ")) })?;
     }
     Ok(())
 }
 
-fn units(path: &Path, list: List, measure: bool) -> Result<Vec<Unit>, Failure> {
+fn units(path: &Path, list: List, measure: bool, console: &mut Console) -> Result<Vec<Unit>, Failure> {
     let wrong = |place: String, told: &str| Failure::Usage(format!("{}: {place}: {told}", path.display()));
     let (mut units, mut outs) = (Vec::new(), BTreeSet::new());
     for (i, Work { command, inputs, out, flags }) in list.work.into_iter().enumerate() {
@@ -92,34 +102,46 @@ fn units(path: &Path, list: List, measure: bool) -> Result<Vec<Unit>, Failure> {
             let expected = format!("expected reconstruct, fit, cameras or infer, found `{command}`");
             return Err(wrong(format!("work.{i}.command"), &expected));
         }
-        for input in expanded(&inputs)? {
+        for Input { path: input, found } in expanded(&inputs)? {
             let out = out.join(input.file_stem().unwrap_or_default());
-            if !outs.insert(out.clone()) {
-                let expected =
-                    format!("expected inputs of different names, found two whose results go to {}", out.display());
-                return Err(wrong(format!("work.{i}.inputs"), &expected));
-            }
-            let [input, out] = [&input, &out].map(|path| path.display().to_string());
-            let mut words =
-                ["splatweaver", &command, &input, "-o", &out, "--if-complete", "skip"].map(String::from).to_vec();
+            let names = [&input, &out].map(|path| path.display().to_string());
+            let mut words = ["splatweaver", &command, &names[0], "-o", &names[1], "--if-complete", "skip"]
+                .map(String::from)
+                .to_vec();
             words.extend(flags.iter().cloned());
             let parsed = CommandLine::of(&words).map_err(|error| {
                 let text = error.render().to_string();
                 wrong(format!("work.{i}"), text.lines().next().unwrap_or_default().trim_start_matches("error: "))
             })?;
+            if let Some(reason) = found.then(|| unfit(&input, &parsed.command)).flatten() {
+                console.note(&format!("left out: {:?}: {reason}", names[0]));
+                continue;
+            }
+            let line = words[1..].iter().fold(ShellCommand::new("splatweaver"), ShellCommand::word);
+            if !line.is_posix() {
+                // Engines take a line for a unit of work.
+                let found = words.iter().find(|word| word.contains(char::is_control)).cloned().unwrap_or_default();
+                let expected = format!("expected words without line breaks and other control characters, found {found:?}");
+                return Err(wrong(format!("work.{i}"), &expected));
+            }
+            if !outs.insert(out.clone()) {
+                let expected =
+                    format!("expected inputs of different names, found two whose results go to {}", out.display());
+                return Err(wrong(format!("work.{i}.inputs"), &expected));
+            }
             let (minutes, megabytes) = estimate(&parsed.command, measure)?;
-            units.push(Unit { words, minutes, megabytes });
+            units.push(Unit { words, line, minutes, megabytes });
         }
     }
     Ok(units)
 }
 
 /// The inputs, in order; a last part `*` stands for every folder there.
-fn expanded(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+fn expanded(inputs: &[PathBuf]) -> Result<Vec<Input>, Failure> {
     let mut all = Vec::new();
     for input in inputs {
         let Some(parent) = input.to_str().and_then(|text| text.strip_suffix('*')).map(Path::new) else {
-            all.push(input.clone());
+            all.push(Input { path: input.clone(), found: false });
             continue;
         };
         let entries =
@@ -127,9 +149,26 @@ fn expanded(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         let mut folders: Vec<PathBuf> = entries.filter_map(Result::ok).map(|entry| entry.path()).collect();
         folders.retain(|path| path.is_dir());
         folders.sort();
-        all.append(&mut folders);
+        all.extend(folders.into_iter().map(|path| Input { path, found: true }));
     }
     Ok(all)
+}
+
+/// Why a folder that a `*` stands for is nothing that the command can be given; `None` where it is.
+fn unfit(input: &Path, command: &Command) -> Option<&'static str> {
+    let is_plain = |name: &str| !name.contains(char::is_control);
+    if !input.to_str().is_some_and(is_plain) {
+        return Some("its name has control characters, or is no UTF-8");
+    }
+    let cameras = has_cameras(input).unwrap_or(false);
+    let photos = [input.to_path_buf(), input.join("images")];
+    let photos = || photos.iter().any(|folder| list_photos(folder).is_ok_and(|photos| !photos.is_empty()));
+    match command {
+        Command::Fit(it) if it.cameras != Some(CameraChoice::Estimated) => {
+            (!cameras).then_some("no capture: no file of cameras")
+        }
+        _ => (!cameras && !photos()).then_some("no capture and no folder of photos"),
+    }
 }
 
 /// Minutes and megabytes of a command, where they are known before it begins.

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, Threads, in_pool};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, ShellCommand, Threads, in_pool};
 use weaver_data::capture::HoldOut;
 use weaver_fit::FitSettings;
 use weaver_fit_run::{ByPhotos, Outcome, Pace, Run, RunError, RunSettings, plan};
@@ -176,7 +176,8 @@ fn exists(folder: &Path) -> Failure {
     Failure::Usage(if outcome.is_some_and(|outcome| outcome.steps >= outcome.planned) {
         format!("{path}: a finished scene is there already; give another --out")
     } else {
-        format!("{path}: a fit was begun there and did not come to its end; to go on: splatweaver fit --resume {path}")
+        let resume = ShellCommand::new("splatweaver fit --resume").path(folder);
+        format!("{path}: a fit was begun there and did not come to its end; to go on: {resume}")
     })
 }
 

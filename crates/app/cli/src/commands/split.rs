@@ -4,7 +4,7 @@ use crate::flags::hold_out;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Output, fraction, quoted};
+use weaver_command::{Console, Failure, Output, ShellCommand, fraction, quoted};
 use weaver_data::OutputFolder;
 use weaver_data::capture::HoldOut;
 use weaver_fit_run::blocks::{BlockCount, BlockFile, Split as Cut, SplitOptions, split};
@@ -61,6 +61,12 @@ fn gigabytes(text: &str) -> Result<f64, String> {
 }
 
 pub fn run(arguments: &Split, console: &mut Console) -> Result<(), Failure> {
+    let is_plain = |name: &str| !name.contains(char::is_control);
+    if !arguments.out.to_str().is_some_and(is_plain) {
+        // Shells and engines take a line for a command.
+        let expected = "expected a name of UTF-8 without line breaks and other control characters";
+        return Err(Failure::Usage(format!("--out: {expected}, found {:?}", arguments.out)));
+    }
     let out = OutputFolder::claim(&arguments.out, "split", [&arguments.capture])?;
     let count = match (arguments.blocks, arguments.memory) {
         (Some(blocks), _) => BlockCount::Exactly(blocks.into()),
@@ -91,25 +97,19 @@ pub fn run(arguments: &Split, console: &mut Console) -> Result<(), Failure> {
             "background": found.background,
         }))?);
     }
-    found.blocks.iter().try_for_each(|block| console.print(&command(&found, block, arguments)))
+    found.blocks.iter().try_for_each(|block| console.print(&command(&found, block, arguments).to_string()))
 }
 
 /// The command that fits a block.
-fn command(found: &Cut, block: &BlockFile, arguments: &Split) -> String {
+fn command(found: &Cut, block: &BlockFile, arguments: &Split) -> ShellCommand {
     let folder = arguments.out.join(block.folder());
-    let place = |name: &str| quoted(folder.join(name).display().to_string());
     let [r, g, b] = found.background;
-    let mut line = format!(
-        "splatweaver fit {} -o {} --gaussians {} --background {r:.3},{g:.3},{b:.3}",
-        place(BlockFile::CAPTURE),
-        place(BlockFile::FIT),
-        block.gaussians
-    );
-    if let Some(side) = arguments.long_side {
-        line += &format!(" --long-side {side}");
-    }
-    if arguments.masks {
-        line += " --masks";
-    }
-    line
+    let fit = ShellCommand::new("splatweaver fit").path(folder.join(BlockFile::CAPTURE));
+    let fit = fit.then("-o").path(folder.join(BlockFile::FIT)).then("--gaussians").word(block.gaussians.to_string());
+    let fit = fit.then("--background").word(format!("{r:.3},{g:.3},{b:.3}"));
+    let fit = match arguments.long_side {
+        Some(side) => fit.then("--long-side").word(side.to_string()),
+        None => fit,
+    };
+    if arguments.masks { fit.then("--masks") } else { fit }
 }

@@ -5,8 +5,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weaver_command::{
-    Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_SEED, MOST_THREADS, Output, Progress, device, duration,
-    in_pool,
+    device, duration, in_pool, Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_SEED, MOST_THREADS, Output, Progress, ShellCommand,
 };
 use weaver_inference::RunFolder;
 use weaver_trainer::{
@@ -176,10 +175,13 @@ fn check_trace(arguments: &Train, config: &ResolvedConfig) -> Result<(), Failure
 fn dry_run(session: Box<dyn Training>, config: &ResolvedConfig, console: &mut Console) -> Result<(), Failure> {
     console.print(session.plan().trim_end())?;
     let path = std::env::temp_dir().join(format!("splatweaver-dry-run-{}", std::process::id()));
+    // With a folder for temporary files that is not there.
+    let made: Vec<&Path> = path.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists()).skip(1).collect();
     let folder = claim_run(&path, config)?;
     let measured = session.dry_run(&folder);
     drop(folder);
     std::fs::remove_dir_all(&path)?;
+    made.into_iter().try_for_each(std::fs::remove_dir)?;
     let measured = measured?;
     console.print(&measured.to_string())?;
     // Stages differ; the shortest batch gains least.
@@ -208,7 +210,7 @@ fn train(
     console.note(&format!("run folder {path}"));
     let (done, total) = session.steps();
     let label = session.labeler();
-    let stop = interrupt.watch();
+    let stop = interrupt.watch_after("this step");
     let samples = RunFolder::at(folder.path()).samples_path();
     let (names, showing) = (&CURVES, Showing::Pictures(&samples));
     let followed = Followed { folder: folder.path(), steps: total, names, showing, stop };
@@ -226,8 +228,8 @@ fn train(
 fn report(summary: &Summary, folder: &Folder, json: bool, console: &mut Console) -> Result<(), Failure> {
     let Summary { steps, planned, .. } = summary;
     if steps < planned {
-        let path = folder.path().display();
-        console.note(&format!("saved at step {steps} of {planned}; to go on: splatweaver train --resume {path}"));
+        let resume = ShellCommand::new("splatweaver train --resume").path(folder.path());
+        console.note(&format!("saved at step {steps} of {planned}; to go on: {resume}"));
         return Ok(());
     }
     let memory = weaver_io::peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.1} MB of memory"));

@@ -413,3 +413,24 @@ fn a_manifest_is_not_followed() {
         assert!(!folder.join("out").exists(), "{name}");
     }
 }
+
+/// A network is given at most so many frames of a clip; where there is no clip, there are none to count.
+#[test]
+fn a_network_is_given_so_many_frames() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    if has_ffmpeg("a_network_is_given_so_many_frames") {
+        clip(folder, 30);
+        let done = run(folder, "infer clip.mp4 -o result --cameras predicted --frames 3 --no-html");
+        assert!(done.status.success(), "{}", said(&done));
+        let count = fs::read_dir(folder.join("result/frames")).unwrap().count();
+        assert!((2..=3).contains(&count), "{count} frames");
+        let text = said(&run(folder, "info clip.mp4"));
+        assert!(text.starts_with("clip of 192x144 pixels, about 30 pictures"), "{text}");
+    }
+    let photo = weaver_io::Image::filled(32, 32, [0.5; 3]);
+    photo.write_png(folder.join("a.png")).unwrap();
+    let done = run(folder, "infer a.png -o other --cameras predicted --frames 3");
+    let text = said(&done);
+    assert!(done.status.code() == Some(2) && text.contains("--frames: expected a clip, found photos"), "{text}");
+}

@@ -117,3 +117,64 @@ fn a_scene_is_written_in_every_format() {
     splatweaver(&[&"convert", &named("bad.spz"), &named("a.spz")]).refused(1, &["bad.spz"]);
     assert!(!named("a.spz").exists());
 }
+
+/// A run of any command is described by its folder: what was asked for, how far it came, what it wrote.
+#[test]
+fn runs_of_every_command_are_described() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in ["fit", "lidar", "image fit", "dynamic", "vad", "bench compress"] {
+        let path = folder.path().join(command);
+        let out = weaver_io::OutputFolder::claim(&path, command, [""; 0]).unwrap();
+        let write = |name: &str, text: &str| weaver_io::write_text(out.file(name).unwrap(), text).unwrap();
+        write("run.json", "{\"seed\": 7, \"nothing\": null, \"scans\": \"street\", \"fit\": {\"a\": 1, \"b\": 2}}");
+        let described = splatweaver(&[&"info", &path]).fine().stdout;
+        for part in [&*format!("run of `{command}`"), "seed: 7", "scans: \"street\"", "fit: 2 keys", "no step logged yet"] {
+            assert!(described.contains(part), "{command}: {part}: {described}");
+        }
+        assert!(!described.contains("nothing") && !described.contains("summary"), "{described}");
+        write("metrics.jsonl", "{\"step\": 1, \"loss\": 2.0}\n{\"step\": 20, \"loss\": 1.0}\n");
+        write("trajectory.txt", "");
+        // Of `image fit`, a list.
+        write("summary.json", "[{\"psnr\": 31.5}]");
+        let described = splatweaver(&[&"info", &path]).fine().stdout;
+        for part in ["20 steps logged, no checkpoint", "files: trajectory.txt", "summary.json\n{\"psnr\":31.5}"] {
+            assert!(described.contains(part), "{command}: {part}: {described}");
+        }
+    }
+}
+
+/// Scans, pictures of Gaussians and JSON of results are described, and errors say what was expected of a file or folder.
+#[test]
+fn scans_pictures_and_results_are_described() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    weaver_io::write_lidar_scan(path("1.bin"), &[[1.0, 2.0, 3.0]]).unwrap();
+    let says = |name: &str| splatweaver(&[&"info", &path(name)]).fine().stdout;
+    assert!(says("1.bin").starts_with("scan of a lidar, 1 points"), "{}", says("1.bin"));
+    std::fs::write(path("2.bin"), [1; 13]).unwrap();
+    splatweaver(&[&"info", &path("2.bin")]).refused(1, &["2.bin", "PyTorch", "or a scan of a lidar", "13 bytes"]);
+    std::fs::write(path("cameras.json"), "{\"confidence\": \"good\", \"points\": 5}").unwrap();
+    assert!(says("cameras.json").contains("confidence: \"good\"\npoints: 5"), "{}", says("cameras.json"));
+    std::fs::write(path("bad.json"), "{").unwrap();
+    splatweaver(&[&"info", &path("bad.json")]).refused(1, &["bad.json", "JSON"]);
+    let image = weaver_io::Image::filled(32, 24, [0.2, 0.4, 0.6]);
+    std::fs::create_dir(path("photos")).unwrap();
+    image.write_png(path("photos/a.png")).unwrap();
+    assert!(says("photos").starts_with("1 photos"), "{}", says("photos"));
+    splatweaver(&[&"image", &"fit", &path("photos/a.png"), &"-o", &path("a.wgi"), &"--steps", &"1"]).fine();
+    assert!(says("a.wgi").starts_with("picture of 32x24 pixels, "), "{}", says("a.wgi"));
+    std::fs::create_dir(path("nothing")).unwrap();
+    splatweaver(&[&"info", &path("nothing")]).refused(1, &["nothing: folder: expected a run, a COLMAP model"]);
+}
+
+/// Names of files reach the terminal without what steers it, in results, notes and errors.
+#[test]
+fn names_of_files_do_not_steer_the_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a\u{1b}[31m\u{7}.ply");
+    let missing = splatweaver(&[&"info", &path]).refused(1, &[r"a\u001b[31m\u0007.ply"]);
+    weaver_io::write_gaussians(&path, &splats()).unwrap();
+    let said = splatweaver(&[&"convert", &path, &folder.path().join("b\u{1b}c.splat")]).fine();
+    let all = [missing.stderr, said.stdout, said.stderr].concat();
+    assert!(all.contains(r"b\u001bc.splat") && !all.contains(['\u{1b}', '\u{7}']), "{all:?}");
+}

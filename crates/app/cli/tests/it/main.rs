@@ -32,6 +32,7 @@ mod mesh;
 #[cfg(feature = "mpi")]
 mod mpi;
 mod outputs;
+mod pasted;
 mod plan;
 mod process;
 mod published;

@@ -46,6 +46,17 @@ fn the_plan_is_what_is_then_measured() {
     }
 }
 
+/// A dry run makes no folder for temporary files that stays, where `TMPDIR` names one that is not there.
+#[test]
+fn a_dry_run_leaves_no_folder_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_splatweaver"));
+    command.current_dir(folder.path()).args(TRAIN).args(["--steps", "1", "--dry-run"]);
+    let output = command.env("TMPDIR", folder.path().join("not/there")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
 #[test]
 fn a_trace_holds_a_step_of_each_stage() {
     let folder = tempfile::tempdir().unwrap();

@@ -83,6 +83,7 @@ fn a_training_that_is_interrupted_goes_on() {
     let done = interrupted(folder, &line, "parts", 35);
     let said = text(&done.stderr);
     assert!(done.status.success() && said.contains("to go on: splatweaver vad train --resume parts"), "{said}");
+    assert!(said.contains("stopping after this step; again to stop at once"), "{said}");
     let error = refused(folder, &line, 2);
     assert!(error.contains("go on with it by --resume"), "{error}");
     printed(folder, "vad train --resume parts --threads 2");

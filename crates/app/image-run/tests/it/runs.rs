@@ -61,7 +61,7 @@ fn a_stopped_run_goes_on_to_the_same_bits() {
         }
         let line = told_by(here, words, &interrupt).unwrap();
         thread.join().unwrap();
-        if !line.contains("goes on") {
+        if !line.contains("to go on: splatweaver image fit --resume ") {
             break;
         }
         (words, stops) = ("fit --resume @parts", stops + 1);
@@ -95,4 +95,43 @@ fn what_makes_no_run_is_refused() {
     refused(here, "fit @in @a.png -o @out", "expected a name of its own");
     refused(here, "fit --resume @in", "in/run.json");
     refused(here, "fit --resume @out --steps 3", "cannot be used with");
+}
+
+/// A fit of one file that is stopped leaves a file that is there as it is, says that it ended early, and does not blame the picture.
+#[test]
+fn a_stopped_fit_keeps_the_finished_file() {
+    let folder = folder();
+    let here = folder.path();
+    told(here, "fit @in/a.png -o @a.wgi --gaussians 30 --steps 40");
+    let before = bytes(here, "a.wgi");
+    let stopped = Interrupt::new();
+    stopped.watch();
+    stopped.request();
+    for goal in ["--gaussians 900", "--bytes 1000", "--psnr 20"] {
+        let words = format!("fit @in/a.png -o @a.wgi --steps 4000 {goal}");
+        let failure = told_by(here, &words, &stopped).unwrap_err();
+        let line = failure.line().unwrap();
+        assert!(line.contains("stopped at step 1 of 4000") && failure.exit_code() == 1, "{goal}: {line}");
+        assert_eq!(bytes(here, "a.wgi"), before, "{goal}");
+    }
+    let line = told_by(here, "fit @in/a.png -o @b.wgi --gaussians 900 --steps 4000", &stopped).unwrap();
+    assert!(line.contains("stopped at step 1 of 4000, the fit so far is written"), "{line}");
+    assert!(!line.contains("there is no more to show") && here.join("b.wgi").exists(), "{line}");
+    let words = "fit @in/a.png -o @c.wgi --psnr 90 --steps 4000";
+    let line = told_by(here, words, &stopped).unwrap_err().line().unwrap();
+    assert!(line.contains("stopped at step 1") && !here.join("c.wgi").exists(), "{line}");
+    // The last step is the end.
+    told_by(here, "fit @in/a.png -o @a.wgi --gaussians 30 --steps 1", &stopped).unwrap();
+    assert_ne!(bytes(here, "a.wgi"), before);
+}
+
+/// A .wgi file is described by its size and its Gaussians.
+#[test]
+fn a_file_is_described() {
+    let folder = folder();
+    let here = folder.path();
+    told(here, "fit @in/a.png -o @a.wgi --gaussians 30 --steps 4");
+    let text = weaver_image_run::info(&here.join("a.wgi")).unwrap();
+    assert!(text.starts_with("picture of 60x40 pixels, 30 Gaussians, "), "{text}");
+    assert!(weaver_image_run::info(&here.join("in/a.png")).is_err());
 }

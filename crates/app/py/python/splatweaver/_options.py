@@ -80,6 +80,7 @@ class FitOptions(_Matching, total=False):
 class InferOptions(_Matching, total=False):
     #: "skip": complete results stay as they are, what was begun goes on.
     if_complete: str
+    frames: int
     size: Union[int, str]
     keep_aspect: bool
     geometry: bool

@@ -4,7 +4,7 @@ use super::roll::{Roll, Take};
 use crate::Error;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use weaver_io::{list_files, list_folders, list_photos, llff};
+use weaver_io::{ShellCommand, list_files, list_folders, list_photos, llff};
 
 pub(super) const CAMERAS: &str = "poses_bounds.npy";
 /// Prefix of the names of cameras.
@@ -73,20 +73,14 @@ fn frames(folder: &Path, name: &str, names: &[String]) -> Result<Vec<PathBuf>, E
     if !video.is_file() {
         return Err(Error::unexpected(&camera, "frames", "photos in it or in its folder images", "none"));
     }
-    let [to, from] = [&camera, &video].map(|path| quoted(path));
+    let make = ShellCommand::new("mkdir -p").path(&camera);
+    let cut = ShellCommand::new("ffmpeg -i").path(&video).path(camera.join("%04d.png"));
     let others = match names.len() {
         0 | 1 => String::new(),
         n => format!("; likewise for the others of {n} cameras"),
     };
-    let expected = format!("its frames as photos: `mkdir -p {to} && ffmpeg -i {from} {to}/%04d.png`{others}");
+    let expected = format!("its frames as photos: `{make} && {cut}`{others}");
     Err(Error::unexpected(&video, "frames", expected, "a video alone"))
-}
-
-/// A path as shells take it for one word.
-fn quoted(path: &Path) -> String {
-    let text = path.display().to_string();
-    let plain = |c: char| c.is_alphanumeric() || "/._-".contains(c);
-    if text.chars().all(plain) { text } else { format!("'{}'", text.replace('\'', r"'\''")) }
 }
 
 fn listed(names: &[String]) -> String {

@@ -1,6 +1,13 @@
 //! Checksums of content.
 
+use crate::{Error, Result};
 use std::fmt;
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::Path;
+
+/// Bytes of a file that are read at once: a whole number of words.
+const PART: usize = 1 << 16;
 
 /// FNV-1a by whole words: tells content that was changed or exchanged, not content that was forged.
 ///
@@ -34,6 +41,33 @@ impl Checksum {
     /// Adds bytes and how many they are.
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.word(bytes.len() as u64);
+        self.part(bytes);
+    }
+
+    /// Adds the content of a file as [`bytes`](Self::bytes) does, a part at a time.
+    ///
+    /// # Errors
+    /// When it cannot be read to the length that it has.
+    pub fn file(&mut self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        let mut read = || -> io::Result<()> {
+            let mut file = File::open(path)?;
+            let mut left = file.metadata()?.len();
+            self.word(left);
+            let mut buffer = vec![0; PART];
+            while left > 0 {
+                let part = &mut buffer[..left.min(PART as u64) as usize];
+                file.read_exact(part)?;
+                self.part(part);
+                left -= part.len() as u64;
+            }
+            Ok(())
+        };
+        read().map_err(Error::io(path))
+    }
+
+    /// Adds bytes that others follow only if these are whole words.
+    fn part(&mut self, bytes: &[u8]) {
         let (words, rest) = bytes.as_chunks();
         words.iter().for_each(|word| self.word(u64::from_le_bytes(*word)));
         rest.iter().for_each(|byte| self.word(u64::from(*byte)));

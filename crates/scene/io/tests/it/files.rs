@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 use std::cmp::Ordering;
 use weaver_io::{
-    Appender, check_writable, create_folder, list_files, natural_order, read_text, relative_path, write_text,
+    Appender, Checksum, check_writable, create_folder, list_files, natural_order, read_text, relative_path, write_text,
 };
 
 #[test]
@@ -118,4 +118,22 @@ proptest! {
         let [a, b] = numbers.map(|[a, b]| format!("scan{a:03}-{b:03}.bin"));
         prop_assert_eq!(order(&a, &b), a.cmp(&b));
     }
+}
+
+/// The checksum of a file that is read a part at a time is that of its bytes, whatever its length.
+#[test]
+fn files_have_the_checksum_of_their_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("file");
+    let part = 1 << 16;
+    for length in [0, 1, 7, 8, 9, part - 1, part, part + 1, 3 * part + 13] {
+        let bytes: Vec<u8> = (0..length).map(|i: usize| (i.wrapping_mul(0x9e37_79b9) >> 7) as u8).collect();
+        std::fs::write(&path, &bytes).unwrap();
+        let [mut whole, mut parts] = [Checksum::default(); 2];
+        whole.bytes(&bytes);
+        parts.file(&path).unwrap();
+        assert_eq!(whole, parts, "{length} bytes");
+    }
+    let message = Checksum::default().file(folder.path().join("gone")).unwrap_err().to_string();
+    assert!(message.contains("gone"), "{message}");
 }

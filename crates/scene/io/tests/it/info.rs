@@ -1,6 +1,6 @@
 use crate::shared;
 use weaver_io::safetensors::Tensors;
-use weaver_io::{Drawing, Image, info, write_scene};
+use weaver_io::{Drawing, Image, info, write_lidar_scan, write_npy, write_scene};
 use weaver_scene::Gaussians;
 
 #[test]
@@ -59,4 +59,22 @@ fn describes_real_files() {
         let text = info(path).unwrap();
         assert!(text.contains(expected) && text.lines().count() < 40, "{text}");
     }
+}
+
+/// Folders are what they hold, scans and arrays are described, and a folder of nothing is no missing file of COLMAP's.
+#[test]
+fn folders_scans_and_arrays_are_described() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let message = info(folder.path()).unwrap_err().to_string();
+    assert!(message.contains("folder: expected a run, a COLMAP model") && message.contains("none of them"), "{message}");
+    write_lidar_scan(path("a.bin"), &[[1.0, 2.0, 3.0], [4.0, f32::NAN, 5.0]]).unwrap();
+    let text = info(path("a.bin")).unwrap();
+    assert!(text.starts_with("scan of a lidar, 2 points\nforward  1.0000 to 4.0000, mean 2.5000 m"), "{text}");
+    assert!(text.contains("\nleft     2.0000 to 2.0000"), "{text}");
+    write_npy(path("a.npy"), &[2, 3], &[0.0; 6]).unwrap();
+    assert_eq!(info(path("a.npy")).unwrap(), "NPY, an array of [2, 3]");
+    Image::filled(3, 2, [1.0, 0.5, 0.0]).write_png(path("a.png")).unwrap();
+    let text = info(folder.path()).unwrap();
+    assert!(text.starts_with("1 photos; the first, ") && text.contains("image, 3x2 pixels"), "{text}");
 }

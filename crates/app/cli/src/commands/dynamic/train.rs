@@ -4,7 +4,7 @@ use super::eval;
 use super::looks::exhibit;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, MOST_SEED, Output, Progress, Threads, choice, duration};
+use weaver_command::{Console, Failure, Interrupt, LiveFlag, MOST_SEED, Output, Progress, ShellCommand, Threads, choice, duration};
 use weaver_dynamic_run::{DerivedFrom, ExpertKind, FilmSource, Preset, Run, RunSettings, Stage};
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
@@ -156,7 +156,7 @@ fn finish(
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
     let [done, steps] = run.steps();
-    let (scenes, stop) = (run.scenes(), interrupt.watch());
+    let (scenes, stop) = (run.scenes(), interrupt.watch_after("this step"));
     let exhibit = listener.is_some().then(|| exhibit(&run, run.expert_at_hand(), folder)).transpose()?;
     let followed = Followed { folder, steps, names: &[], showing: Showing::Film(&scenes), stop };
     let shown = exhibit.as_ref().zip(listener);
@@ -172,13 +172,13 @@ fn finish(
         })
     })?;
     progress.finish();
-    let folder = folder.display();
     if !complete {
         let [done, steps] = run.steps();
-        console
-            .note(&format!("saved at step {done} of {steps}; to go on: splatweaver dynamic train --resume {folder}"));
+        let resume = ShellCommand::new("splatweaver dynamic train --resume").path(folder);
+        console.note(&format!("saved at step {done} of {steps}; to go on: {resume}"));
         return Ok(());
     }
+    let folder = folder.display();
     let evaluation = eval::judge(&run, console)?;
     let seconds: f64 = evaluation.seconds.iter().sum();
     console.note(&format!("{steps} steps done in {}: {folder}", duration(seconds)));

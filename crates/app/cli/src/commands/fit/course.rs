@@ -5,7 +5,7 @@ use super::initial::Start;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Progress, device, duration, memory};
+use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Progress, ShellCommand, device, duration, memory};
 use weaver_fit::{FitRasterizer, Judge, Quality, gaussians_of};
 use weaver_fit_run::{CURVES, Folder, Initial, Outcome, Run, RunSettings, Views, plan};
 use weaver_kernels::ranks::{Alone, Ranks};
@@ -128,7 +128,7 @@ pub fn finish(
         run.held_out().len(),
         folder.display()
     ));
-    let stop = interrupt.watch();
+    let stop = interrupt.watch_after("this step");
     let exhibit = listener.is_some().then(|| exhibit(&run, folder)).transpose()?;
     if listener.is_some() {
         run.follow();
@@ -192,8 +192,8 @@ pub fn print(outcome: &Outcome, folder: &Path, json: bool, console: &mut Console
     }
     if outcome.steps < outcome.planned {
         let (done, planned) = (outcome.steps, outcome.planned);
-        let folder = folder.display();
-        console.note(&format!("ended at step {done} of {planned}; to go on: splatweaver fit --resume {folder}"));
+        let resume = ShellCommand::new("splatweaver fit --resume").path(folder);
+        console.note(&format!("ended at step {done} of {planned}; to go on: {resume}"));
     }
     if json {
         return console.print(&serde_json::to_string_pretty(outcome)?);

@@ -41,6 +41,15 @@ impl Start {
         }
     }
 
+    /// The file that it is read from; of a trained network its weights.
+    pub fn file(&self) -> Option<PathBuf> {
+        match self {
+            Self::File(path) => Some(path.clone()),
+            Self::Network(folder) => folder.as_ref().map(RunFolder::checkpoint_path),
+            Self::Here(_) => None,
+        }
+    }
+
     /// The start as the run's settings name it.
     pub fn kind(&self) -> Initial {
         match self {

@@ -1,0 +1,20 @@
+//! The record of a folder, read by others than its writer.
+
+use std::fs;
+use weaver_io::{OutputFolder, write_text, written};
+
+/// A record is read while another command has the folder; a cut line and names that lead elsewhere are left out.
+#[test]
+fn a_record_is_read_without_a_claim() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(written(folder.path()).unwrap().is_empty());
+    let out = OutputFolder::claim(folder.path(), "fit", [""; 0]).unwrap();
+    write_text(out.file("sparse/0/a \"b\".bin").unwrap(), "").unwrap();
+    let found = written(folder.path()).unwrap();
+    assert_eq!(found.into_iter().collect::<Vec<_>>(), [("sparse/0/a \"b\".bin".to_string(), "fit".to_string())]);
+    drop(out);
+    let record = folder.path().join("written.jsonl");
+    let lines = "{\"by\":\"fit\",\"file\":\"../thesis.txt\"}\n{\"by\":\"fit\",\"file\":\"/etc/motd\"}\n{\"by\":\"fit\",\"file\":\"a.p";
+    fs::write(&record, fs::read_to_string(&record).unwrap() + lines).unwrap();
+    assert_eq!(written(folder.path()).unwrap().len(), 1);
+}
