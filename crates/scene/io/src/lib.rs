@@ -28,10 +28,11 @@ pub use files::file::{file_length, read_bytes, read_part, read_text, write_text}
 pub use files::folder::{check_writable, create_folder, list_files, list_folders, path_in_utf8, relative_path};
 pub use files::memory::{available_memory, peak_mb};
 pub use files::output_folder::{OutputFolder, check_output_file};
+pub use files::staged::Staged;
 pub use gaussians::ply;
 pub use gaussians::{
     Blocks, Chained, Changed, Drawing, OpenScene, SCENE_FORMATS, SceneFile, SceneFormat, open_scene, read_gaussians,
-    read_gaussians_from, read_scene, scene_bytes, write_blocks, write_gaussians, write_gaussians_to, write_scene,
+    read_gaussians_from, read_scene, scene_bytes, spz_step, write_blocks, write_gaussians, write_gaussians_to, write_scene,
 };
 pub use info::info;
 pub use lidar::poses::{TrajectoryFile, TrajectoryFormat};
