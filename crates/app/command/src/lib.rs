@@ -23,7 +23,7 @@ pub use failure::Failure;
 pub use flags::{DeviceFlag, LiveFlag, MOST_SEED, MOST_THREADS, Threads, choice, rows_and_columns};
 pub use interrupt::Interrupt;
 pub use progress::{Progress, duration};
-pub use threads::in_pool;
+pub use threads::{cores, fewer_threads, in_pool, pool_size};
 pub use words::quoted;
 
 /// The example of the README, compiled and run.
