@@ -35,6 +35,9 @@ pub struct CommandLine {
     /// The command's words that have a say in its results.
     #[arg(skip)]
     pub settings: String,
+    /// Threads that were asked for.
+    #[arg(skip)]
+    pub threads: Option<usize>,
 }
 
 /// Arguments without a say in results: the folder for these, how fast they come, and what is said of them.
@@ -44,7 +47,8 @@ impl CommandLine {
     /// Parses the words of a command line, whose first is the program's name.
     pub fn of(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Self, clap::Error> {
         let matches = Self::grouped().try_get_matches_from(words)?;
-        Ok(Self { settings: settings(&matches), ..Self::from_arg_matches(&matches)? })
+        let (settings, threads) = (settings(&matches), threads(&matches));
+        Ok(Self { settings, threads, ..Self::from_arg_matches(&matches)? })
     }
 
     /// The program, whose help lists the commands in groups.
@@ -79,6 +83,12 @@ fn settings(matches: &ArgMatches) -> String {
         format!("{id} {:?}\n", values.collect::<Vec<_>>())
     };
     given.fold(format!("{name}\n"), |text, id| text + &line(id))
+}
+
+/// The threads that a command, or a second word of it, is asked to use.
+fn threads(matches: &ArgMatches) -> Option<usize> {
+    let asked = matches.try_get_one::<u16>("threads").ok().flatten().map(|count| usize::from(*count));
+    asked.or_else(|| threads(matches.subcommand()?.1))
 }
 
 /// A flag of a command.

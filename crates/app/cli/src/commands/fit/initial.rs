@@ -6,6 +6,7 @@ use weaver_data::capture::{self, CaptureOptions};
 use weaver_fit::init;
 use weaver_fit_run::{Initial, RunSettings};
 use weaver_inference::{RunFolder, predict_capture};
+use weaver_io::Blocks as _;
 use weaver_scene::Gaussians;
 
 /// Where Gaussians begin.
@@ -31,7 +32,14 @@ impl Start {
             Some("dense") => Ok(Self::Here(Initial::Dense)),
             Some("random") => Ok(Self::Here(Initial::Random)),
             Some("built-in") => Ok(Self::Network(None)),
-            Some(path) if Path::new(path).is_file() => Ok(Self::File(path.into())),
+            Some(path) if Path::new(path).is_file() => {
+                // Before photos are matched.
+                if weaver_io::open_scene(path)?.gaussians.len() == 0 {
+                    let expected = "expected Gaussians to begin with, found an empty scene";
+                    return Err(Failure::message(format!("--init {path}: {expected}")));
+                }
+                Ok(Self::File(path.into()))
+            }
             Some(path) if RunFolder::at(path).checkpoint_path().exists() => {
                 Ok(Self::Network(Some(RunFolder::at(path))))
             }
