@@ -62,8 +62,8 @@ pub struct FitSettings {
 
 /// The most steps, which the command line takes, too.
 const MOST_STEPS: usize = u32::MAX as usize;
-/// The most Gaussians.
-const MOST_GAUSSIANS: usize = 100_000_000;
+/// The most Gaussians, whose bytes can be counted.
+const MOST_GAUSSIANS: usize = 1 << 48;
 /// The most halvings: a photo of 65,536 pixels is then one.
 const MOST_HALVINGS: usize = 16;
 

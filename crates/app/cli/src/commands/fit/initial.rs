@@ -6,7 +6,6 @@ use weaver_data::capture::{self, CaptureOptions};
 use weaver_fit::init;
 use weaver_fit_run::{Initial, RunSettings};
 use weaver_inference::{RunFolder, predict_capture};
-use weaver_io::Blocks as _;
 use weaver_scene::Gaussians;
 
 /// Where Gaussians begin.
