@@ -39,6 +39,9 @@ pub struct CommandLine {
     /// The command's paths.
     #[arg(skip)]
     pub paths: Paths,
+    /// Threads that were asked for.
+    #[arg(skip)]
+    pub threads: Option<usize>,
 }
 
 /// Arguments without a say in results: the folder for these, how fast they come, and what is said of them.
@@ -48,8 +51,8 @@ impl CommandLine {
     /// Parses the words of a command line, whose first is the program's name.
     pub fn of(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Self, clap::Error> {
         let matches = Self::grouped().try_get_matches_from(words)?;
-        let (settings, paths) = (settings(&matches), Paths::of(&matches));
-        Ok(Self { settings, paths, ..Self::from_arg_matches(&matches)? })
+        let (settings, paths, threads) = (settings(&matches), Paths::of(&matches), threads(&matches));
+        Ok(Self { settings, paths, threads, ..Self::from_arg_matches(&matches)? })
     }
 
     /// The program, whose help lists the commands in groups.
@@ -84,6 +87,12 @@ fn settings(matches: &ArgMatches) -> String {
         format!("{id} {:?}\n", values.collect::<Vec<_>>())
     };
     given.fold(format!("{name}\n"), |text, id| text + &line(id))
+}
+
+/// The threads that a command, or a second word of it, is asked to use.
+fn threads(matches: &ArgMatches) -> Option<usize> {
+    let asked = matches.try_get_one::<u16>("threads").ok().flatten().map(|count| usize::from(*count));
+    asked.or_else(|| threads(matches.subcommand()?.1))
 }
 
 /// A flag of a command.

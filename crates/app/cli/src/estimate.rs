@@ -7,7 +7,7 @@ use std::time::Instant;
 use weaver_command::{Console, Failure, duration, memory};
 use weaver_data::capture::HoldOut;
 use weaver_data::{
-    CamerasSummary, Doubt, EstimatePhotosOptions, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos,
+    Doubt, EstimatePhotosOptions, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos,
 };
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Pose, Similarity};
@@ -24,6 +24,10 @@ const ELSEWHERE: f64 = 5.0;
 const ROUNDS: usize = 5;
 /// Bytes that a photo takes while it is matched with hundreds of others, as measured of 250 and of 1000.
 const MATCHED: u64 = 3_300_000;
+/// The shortest time that a fit takes, minutes.
+const SHORTEST: f64 = 0.05;
+/// The least share of the time that is the fit's, whatever matching took.
+const SHARE: f64 = 0.5;
 /// Names of photos in a message, at most.
 const NAMED: usize = 8;
 
@@ -49,7 +53,6 @@ pub fn estimated(
     let start = Instant::now();
     let Photos { paths: photos, sequence, .. } = photos;
     EstimatedPhotos::check(out, photos)?;
-    out.check([CamerasSummary::NAME])?;
     memory::check(MATCHED * photos.len() as u64, "fewer photos at once take less")?;
     console.note(&format!("cameras: matching {} photos", photos.len()));
     let options = EstimatePhotosOptions { sequence: *sequence, ..flags.into() };
@@ -60,7 +63,6 @@ pub fn estimated(
         return Err(Failure::message(format!("cameras: {}", refusal(&found))));
     }
     let photos_written = found.write(out)?;
-    found.summary().write(out)?;
     let e = &found.estimate;
     console.note(&format!(
         "cameras: {placed} of {} photos placed, {} points, off by {:.2} pixels in the median; focal length {:.3}{} of the longer side; {}",
@@ -118,6 +120,19 @@ pub fn estimated_capture(
     estimated(photos, &located, flags, &folder, console)?;
     photos.settle(out)?;
     Ok(folder.path().join("transforms.json"))
+}
+
+/// Minutes that are the fit's of those of a command that began at `start` and has estimated cameras since.
+pub fn minutes_of_fit(minutes: f64, start: Instant) -> f64 {
+    (minutes - start.elapsed().as_secs_f64() / 60.0).max(SHARE * minutes).max(SHORTEST)
+}
+
+/// Says where cameras took so much of the time that the fit exceeds it.
+pub fn note_share(minutes: f64, start: Instant, console: &mut Console) {
+    let (spent, fit) = (start.elapsed().as_secs_f64(), 60.0 * minutes_of_fit(minutes, start));
+    if spent + fit > 60.0 * minutes + 0.5 {
+        console.note(&format!("cameras took {spent:.0} s; the fit gets {fit:.0} s all the same"));
+    }
 }
 
 /// The folder `cameras` of a result, a capture of its own.

@@ -4,7 +4,7 @@ use crate::command_line::CommandLine;
 use crate::{FailureKind, Refusal, units};
 use clap::{Arg, ArgAction, CommandFactory};
 use std::ffi::OsString;
-use weaver_command::{Console, Failure, Interrupt};
+use weaver_command::{Console, Failure, Interrupt, fewer_threads};
 use weaver_kernels::simd;
 
 /// A command and its settings: what the command line and the Python package make, and what runs.
@@ -71,6 +71,7 @@ impl Request {
     pub(crate) fn carry_out(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
         simd::requested_level().map_err(Failure::Usage)?;
         self.0.paths.check()?;
+        fewer_threads(self.0.threads).iter().for_each(|note| console.note(note));
         units::run(&self.0.command, &self.0.settings, console, interrupt)
     }
 

@@ -26,8 +26,9 @@ pub use interrupt::Interrupt;
 pub use output::Output;
 pub use printable::printable;
 pub use progress::{Progress, duration};
-pub use threads::in_pool;
+pub use threads::{cores, fewer_threads, in_pool, pool_size};
 pub use weaver_io::ShellCommand;
+pub use words::quoted;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -1,5 +1,6 @@
 //! The optimization of a capture, as a job in steps.
 
+use crate::keeping::Keeping;
 use crate::loaded::{Loaded, load};
 use crate::{RunError, RunFile, RunSettings};
 use std::path::Path;
@@ -18,6 +19,8 @@ pub(crate) struct Fitting {
     pub judge: Judge,
     /// The processes that share the steps.
     pub ranks: Arc<dyn Ranks>,
+    /// The pace, where the run is to end in its time. One that goes on after a stop leaves out what it has written down, and no more.
+    pub keeping: Option<Keeping>,
     /// Seconds of earlier sessions.
     before: f64,
     started: Instant,
@@ -32,9 +35,39 @@ pub(crate) const HELD_OUT: &str = "held_out";
 /// Where a checkpoint has the seconds that were spent before it.
 const SECONDS: &str = "seconds";
 
+/// What processes that share a run do next, as the first one says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Next {
+    /// Nothing more.
+    End,
+    /// A step.
+    Step,
+    /// [Leaves out](Fit::leave_out) steps.
+    LeaveOut(usize),
+}
+
+impl Next {
+    fn number(self) -> u64 {
+        match self {
+            Self::End => 0,
+            Self::Step => 1,
+            Self::LeaveOut(kept) => 1 + kept.max(1) as u64,
+        }
+    }
+
+    /// That of a number that processes have agreed about.
+    pub fn of(number: u64) -> Self {
+        match number {
+            0 => Self::End,
+            1 => Self::Step,
+            more => Self::LeaveOut(more as usize - 1),
+        }
+    }
+}
+
 impl Fitting {
     pub fn new(settings: RunSettings, capture: Loaded, judge: Judge, started: Instant) -> Self {
-        Self { settings, capture, judge, ranks: Arc::new(Alone), before: 0.0, started }
+        Self { settings, capture, judge, ranks: Arc::new(Alone), keeping: None, before: 0.0, started }
     }
 
     /// The job of the run in a folder, which says `file` of itself, at its beginning.
@@ -70,9 +103,24 @@ impl Fitting {
         Ok(())
     }
 
-    /// Tells the other processes to take one more step, or that there is none.
-    pub fn announce(&self, more: bool) {
-        self.ranks.agreed(more.into());
+    /// Tells the other processes what comes next.
+    pub fn announce(&self, next: Next) {
+        self.ranks.agreed(next.number());
+    }
+
+    /// Leaves out steps where the run would not end in its time.
+    fn keep_pace(&mut self, folder: &Folder) -> Result<(), RunError> {
+        let now = self.seconds();
+        let Some(keeping) = &mut self.keeping else { return Ok(()) };
+        let fit = &mut self.capture.fit;
+        if let Some(kept) = keeping.kept(fit.settings(), fit.steps_done(), now) {
+            fit.leave_out(kept);
+            self.settings.fit.thinned = fit.settings().thinned.clone();
+            self.announce(Next::LeaveOut(kept));
+            // Whoever goes on from an earlier checkpoint leaves out the same.
+            self.store(folder)?;
+        }
+        Ok(())
     }
 
     pub fn fit(&self) -> &Fit {
@@ -99,14 +147,15 @@ impl Job for Fitting {
     }
 
     fn step(&mut self) -> Result<StepReport, RunError> {
-        self.announce(true);
+        self.announce(Next::Step);
+        let before = self.fit().steps_done();
         let weaver_fit::StepReport { step, loss, psnr, gaussians, pairs, .. } = self.capture.fit.step()?;
         let mut scalars = vec![
             Scalar::mean("psnr", psnr),
             Scalar::last("gaussians", gaussians as f64),
             Scalar::mean("pairs", pairs as f64 / 1e6),
         ];
-        scalars.extend(self.look()?.map(|psnr| Scalar::last(HELD_OUT, psnr)));
+        scalars.extend(self.look(before)?.map(|psnr| Scalar::last(HELD_OUT, psnr)));
         Ok(StepReport { step, of: self.steps()[1], loss, scalars, ..StepReport::default() })
     }
 
@@ -121,6 +170,10 @@ impl Job for Fitting {
         self.capture.fit.restore(state)?;
         self.before = state.metadata.get(SECONDS).and_then(|s| s.parse().ok()).unwrap_or(0.0);
         Ok(())
+    }
+
+    fn stepped(&mut self, folder: &Folder) -> Result<(), RunError> {
+        self.keep_pace(folder)
     }
 
     fn rhythm(&self) -> Rhythm {

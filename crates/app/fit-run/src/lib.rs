@@ -22,6 +22,7 @@ mod coverage;
 mod error;
 mod fitting;
 mod judged;
+mod keeping;
 mod loaded;
 mod looks;
 mod maps;

@@ -7,6 +7,7 @@ use crate::start::{Seen, Start};
 use crate::{ByPhotos, Coverage, Initial, RunError, RunSettings};
 use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto};
+use weaver_data::some_of;
 use weaver_fit::{ColorAgreement, Fit, FitRasterizer, FitSettings, Rates, mean_color};
 use weaver_geometry::Camera;
 use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
@@ -50,10 +51,11 @@ pub(crate) fn load(
     let mut capture = posed::load(&settings.capture, &settings.posed_options())?;
     let sources = Sources::of(&capture);
     let (mut training, mut held_out, mut visible) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut origins, mut held_out_origins) = (Vec::new(), Vec::new());
+    let (mut origins, mut held_out_origins, mut masked) = (Vec::new(), Vec::new(), Vec::new());
     for PosedPhoto { photo, frame, held_out: out, visible: sees } in capture.photos {
         // The optimization leaves out photos without a pixel that counts.
         if photo.is_masked() {
+            masked.push(photo.name);
             continue;
         }
         let (photos, places) = if out { (&mut held_out, &mut held_out_origins) } else { (&mut training, &mut origins) };
@@ -110,6 +112,10 @@ pub(crate) fn load(
         settings.fit.rates.means = Rates::means_on_surfaces(sides.max().unwrap_or_default());
     }
     let mut remarks = capture.remarks;
+    if !masked.is_empty() {
+        let have = if masked.len() == 1 { "is" } else { "are" };
+        remarks.push(format!("{} {have} left out: masks cover all of it", some_of(&masked)));
+    }
     if settings.init == Initial::Auto && capture.points.is_empty() {
         remarks.push(format!(
             "{}: no points: Gaussians begin at random, which costs quality; `splatweaver cameras` finds points",

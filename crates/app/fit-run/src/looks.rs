@@ -25,14 +25,14 @@ impl Fitting {
         LOOKS * self.looked_at().len()
     }
 
-    /// Mean PSNR of held-out photos, dB, after a step that is followed by a look.
+    /// Mean PSNR of held-out photos, dB, after a step of the number `before` that is followed by a look.
     ///
     /// # Errors
     /// When the rasterizer refuses.
-    pub fn look(&mut self) -> Result<Option<f64>, RunError> {
+    pub fn look(&mut self, before: usize) -> Result<Option<f64>, RunError> {
         let [done, steps] = self.steps();
         let photos = self.looked_at();
-        if photos.is_empty() || done * LOOKS / steps == (done - 1) * LOOKS / steps {
+        if photos.is_empty() || done * LOOKS / steps == before * LOOKS / steps {
             return Ok(None);
         }
         let Loaded { fit, held_out, .. } = &mut self.capture;

@@ -13,6 +13,9 @@ pub struct Outcome {
     pub steps: usize,
     /// Steps of the whole run.
     pub planned: usize,
+    /// Those of the steps that were left out, so that the run ended in its time ([`FitSettings::thinned`](weaver_fit::FitSettings::thinned)).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub left_out: usize,
     /// Seconds from the start to the written scene, loading included.
     pub seconds: f64,
     /// Gaussians.
@@ -48,6 +51,14 @@ pub struct Outcome {
     /// Training photos that are met far worse than the others: they may not belong to the scene.
     #[serde(rename = "strangers")]
     pub outliers: Vec<String>,
+    /// Results that could not be made, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub missing: Vec<String>,
+}
+
+/// True of a count that is not worth a word.
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 impl Outcome {

@@ -45,7 +45,7 @@ impl Pace {
         let capture = load(&mut settings, given, rasterizer)?;
         let loading = started.elapsed().as_secs_f64();
         let mut job = Fitting::new(settings, capture, Judge::default(), started);
-        let results = job.seconds_of_results()?;
+        let results = job.seconds_of_results()?.iter().sum();
         let steps = Rehearsal::of(&mut job.capture.fit, REHEARSAL)?;
         Ok(Self { loading, steps, results })
     }

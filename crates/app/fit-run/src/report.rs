@@ -51,6 +51,9 @@ pub fn page(
             outcome.outliers.join(", ")
         ));
     }
+    if !outcome.missing.is_empty() {
+        page.warning(&format!("Not all results could be made: {}.", outcome.missing.join("; ")));
+    }
     if run.fit().photos() < FEW {
         page.warning(&format!(
             "The scene was fitted to {} photos only: from elsewhere it may look different from what is there.",

@@ -21,12 +21,13 @@ use weaver_sfm::carried;
 /// Decibels below the median from which a photo is an outlier.
 const OUTLIER: f64 = 8.0;
 /// The folder of masks of what photos alone show.
-const TRANSIENTS: &str = "transients";
+pub(crate) const TRANSIENTS: &str = "transients";
 /// Steps that locate a held-out photo.
 const LOCATE: usize = 30;
 
 impl Run {
-    /// Writes scene, cameras, summary and report.
+    /// Writes scene, cameras, summary and report, then the page to look at the scene and further formats, which take nothing of the others with them
+    /// if they cannot be written. A scene that no page can hold has none, which [`Outcome::missing`] says.
     ///
     /// # Errors
     /// When a file cannot be written, or the rasterizer refuses.
@@ -42,23 +43,28 @@ impl Run {
         let gaussians = job.fit().gaussians();
         let drawing = Drawing::antialiased(job.fit().raster_settings().antialiased);
         write_scene(out.file("scene.ply")?, &gaussians, drawing)?;
-        for format in &job.settings.formats {
-            write_scene(out.file(file_of_scene(format))?, &gaussians, drawing)?;
-        }
         let test_cameras = job.held_out_cameras()?;
         job.write_cameras(&test_cameras, out)?;
-        let look = job.settings.html.then(|| view::page(job, &gaussians, &test_cameras)).transpose()?;
-        if let Some(look) = &look {
-            write_text(out.file(view::FILE)?, look)?;
-        }
+        let look = job.settings.html.then(|| view::page(job, &gaussians, &test_cameras)).transpose();
+        let missing = look.as_ref().err().map(|error| format!("{}: {error}", view::FILE));
+        let look = look.unwrap_or_default();
         let seconds = job.seconds();
         let train = job.judge_training()?;
         let test = job.judge_held_out(&test_cameras)?;
-        let outcome = job.outcome(seconds, &train, &test);
+        let outcome = Outcome { missing: Vec::from_iter(missing), ..job.outcome(seconds, &train, &test) };
         job.write_transients(folder.out())?;
         folder.summarize(&outcome)?;
         let mut page = report::page(job, &outcome, look.as_deref(), (&train, &test))?;
         folder.report(page.curves(&folder.records()?, &report::CURVES))?;
+        match &look {
+            Some(look) => write_text(out.file(view::FILE)?, look)?,
+            // One of an earlier end of the run.
+            None if job.settings.html => out.remove(view::FILE)?,
+            None => {}
+        }
+        for format in &job.settings.formats {
+            write_scene(out.file(file_of_scene(format))?, &gaussians, drawing)?;
+        }
         Ok(outcome)
     }
 }
@@ -75,6 +81,7 @@ impl Fitting {
         Outcome {
             steps: self.fit().steps_done(),
             planned: self.settings.fit.steps,
+            left_out: self.settings.fit.left_out(self.fit().steps_done()),
             seconds,
             gaussians: self.fit().population().len(),
             size: [camera.width, camera.height],
@@ -89,6 +96,7 @@ impl Fitting {
             transients: self.transients(),
             coverage: self.capture.coverage.clone(),
             outliers: outliers(train),
+            missing: Vec::new(),
         }
     }
 
@@ -224,9 +232,9 @@ impl Fitting {
         held_out.iter().zip(cameras).enumerate().map(judged).collect()
     }
 
-    /// Seconds that looks and results will take, from judging one photo now; with a budget full of Gaussians and pictures for the
+    /// Seconds that looks and that results will take, from judging one photo now; with a budget full of Gaussians and pictures for the
     /// report it takes longer than with the few that there are.
-    pub(crate) fn seconds_of_results(&mut self) -> Result<f64, RunError> {
+    pub(crate) fn seconds_of_results(&mut self) -> Result<[f64; 2], RunError> {
         let camera = self.fit().camera(0);
         let mut seconds = 0.0;
         // The first photo meets cold memory.
@@ -237,7 +245,7 @@ impl Fitting {
             seconds = start.elapsed().as_secs_f64();
         }
         let views = self.fit().photos() + self.capture.held_out.len();
-        Ok(0.3 + 1.3 * seconds * (views + self.looks()) as f64)
+        Ok([1.3 * seconds * self.looks() as f64, 0.3 + 1.3 * seconds * views as f64])
     }
 }
 

@@ -1,14 +1,16 @@
 //! A fit of a capture, under way.
 
 use crate::compressed;
-use crate::fitting::{Fitting, INIT};
+use crate::fitting::{Fitting, INIT, Next};
+use crate::keeping::Keeping;
 use crate::loaded::load;
+use crate::results::TRANSIENTS;
 use crate::{Coverage, Matching, RunError, RunFile, RunSettings};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
-use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Judge, steps_in};
+use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Judge, in_time, steps_in};
 use weaver_io::SceneFormat;
 use weaver_io::safetensors::Tensors;
 use weaver_kernels::ranks::{Alone, Ranks, agreed_text};
@@ -46,7 +48,9 @@ impl Run {
     /// # Errors
     /// As [`Folder::claim`].
     pub fn claim<P: AsRef<Path>>(folder: &Path, inputs: impl IntoIterator<Item = P>) -> Result<Folder, RunError> {
-        Ok(Folder::claim(folder, KIND, inputs)?)
+        let folder = Folder::claim(folder, KIND, inputs)?;
+        folder.out().check_folder(TRANSIENTS)?;
+        Ok(folder)
     }
 
     /// Claims a folder and begins a run in it: [`claim`](Self::claim), with the capture as what is read, and [`begin`](Self::begin).
@@ -66,8 +70,8 @@ impl Run {
     /// Begins a run in a folder that was [claimed](Self::claim). `given` are the Gaussians of [`Initial::Given`](crate::Initial::Given); `rasterizer` draws.
     ///
     /// With [`RunSettings::minutes`], the number of steps is chosen now, such that the run, results included, ends in time if
-    /// the machine goes on as fast, but for [`RunSettings::least_steps`] and [`RunSettings::most_rounds`]; it is written down, so that the run
-    /// can be repeated to the same bits.
+    /// the machine goes on as fast, but for [`RunSettings::least_steps`] and [`RunSettings::most_rounds`]. Where the machine turns out to be
+    /// slower, steps are [left out](weaver_fit::FitSettings::thinned). Both are written down, so that the run can be repeated to the same bits.
     ///
     /// # Errors
     /// When the capture cannot be read or gives nothing to fit, a setting is out of range, or a file cannot be written; nothing is then
@@ -96,7 +100,7 @@ impl Run {
     ) -> Result<Self, RunError> {
         let started = Instant::now();
         folder.out().check(further(&settings))?;
-        settings.fit.check()?;
+        settings.check()?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
         let capture = load(&mut settings, given, rasterizer)?;
         let mut job = Fitting::new(settings, capture, judge, started);
@@ -113,21 +117,7 @@ impl Run {
             job.ranks.agreed(job.settings.minutes.is_some().into());
         }
         if let Some(minutes) = job.settings.minutes {
-            let reserve = job.seconds_of_results()?;
-            let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
-            let enough = steps_in(&mut job.capture.fit, left.max(0.0))?;
-            let most = job.most_steps().unwrap_or(usize::MAX);
-            let steps = job.ranks.agreed(enough.min(most).max(job.settings.least_steps) as u64) as usize;
-            let few = format!("{minutes:.2} minutes are enough for {enough} steps");
-            if steps > enough {
-                job.capture.remarks.push(format!("{few}; {steps} are made, which takes longer"));
-            } else if steps < job.fit().photos().min(most) {
-                job.capture.remarks.push(format!(
-                    "{few}, fewer than there are photos; judging them at the end is counted as {reserve:.1} s"
-                ));
-            }
-            job.capture.fit.set_steps(steps);
-            job.settings.fit.steps = steps;
+            job.plan_steps(minutes)?;
         }
         store(&job)?;
         Ok(Self(weaver_run::Run::begin(folder, job)))
@@ -161,6 +151,7 @@ impl Run {
         let file = RunFile::read(folder)?;
         let further = further(&file.settings).chain([INIT.into()]);
         let folder = Folder::reopen_with(folder, KIND, further)?;
+        folder.out().check_folder(TRANSIENTS)?;
         let job = Fitting::stored(file, folder.path(), judge, rasterizer)?;
         let mut run = weaver_run::Run::resume(folder, job)?;
         if ranks.size() > 1 {
@@ -188,10 +179,13 @@ impl Run {
             steps_in(&mut job.capture.fit, 0.0)?;
             job.capture.fit.set_steps(ranks.agreed(0) as usize);
         }
-        while ranks.agreed(0) == 1 {
-            job.capture.fit.step()?;
+        loop {
+            match Next::of(ranks.agreed(0)) {
+                Next::End => return Ok(()),
+                Next::Step => drop(job.capture.fit.step()?),
+                Next::LeaveOut(kept) => job.capture.fit.leave_out(kept),
+            }
         }
-        Ok(())
     }
 
     /// The optimization alone, at its beginning, drawn by `rasterizer`: nothing is written.
@@ -266,7 +260,32 @@ impl Run {
             observe(report);
             Ok(())
         })?;
-        self.0.job.announce(false);
+        self.0.job.announce(Next::End);
+        Ok(())
+    }
+}
+
+impl Fitting {
+    /// Chooses the steps that so many minutes are enough for, the time since the run began and its results included.
+    fn plan_steps(&mut self, minutes: f64) -> Result<(), RunError> {
+        let [looks, results] = self.seconds_of_results()?;
+        let seconds = 60.0 * minutes;
+        let left = seconds - self.seconds() - looks - results;
+        let (enough, rehearsal) = in_time(&mut self.capture.fit, left.max(0.0))?;
+        let (most, least) = (self.most_steps().unwrap_or(usize::MAX), self.settings.least_steps);
+        let steps = self.ranks.agreed(enough.min(most).max(least) as u64) as usize;
+        let few = format!("{minutes:.2} minutes are enough for {enough}");
+        if steps > enough {
+            let all = self.seconds() + rehearsal.seconds(steps) + looks + results;
+            let remark = format!("{few} of the {steps} steps that are made at least; all of it takes about {all:.0} s");
+            self.capture.remarks.push(remark);
+        } else if steps < self.fit().photos().min(most) {
+            let remark = format!("fewer than there are photos; judging them at the end is counted as {results:.1} s");
+            self.capture.remarks.push(format!("{few} steps, {remark}"));
+        }
+        self.capture.fit.set_steps(steps);
+        self.settings.fit.steps = steps;
+        self.keeping = Some(Keeping::new(rehearsal, [seconds, results, self.seconds()], least));
         Ok(())
     }
 }

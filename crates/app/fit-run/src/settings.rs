@@ -6,8 +6,11 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::PosedOptions;
-use weaver_fit::FitSettings;
+use weaver_fit::{FitError, FitSettings};
 use weaver_io::SceneFormat;
+
+/// The largest count.
+const MOST: usize = u32::MAX as usize;
 
 /// Settings of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -102,6 +105,9 @@ pub enum Initial {
 }
 
 impl RunSettings {
+    /// The least steps of a run in a time when nothing is said: fewer make nothing worth seeing.
+    pub const LEAST_STEPS: usize = 200;
+
     /// A run of this capture with everything else as usual.
     pub fn new(capture: impl Into<PathBuf>, fit: FitSettings) -> Self {
         Self {
@@ -114,13 +120,43 @@ impl RunSettings {
             by_photos: ByPhotos::default(),
             init: Initial::Auto,
             minutes: None,
-            least_steps: 1,
+            least_steps: Self::LEAST_STEPS,
             most_rounds: None,
             save_every: 20.0,
             formats: Vec::new(),
             compress: None,
             html: true,
             fit,
+        }
+    }
+
+    /// Checks that every number is in its range, as the command line does: settings may come from a file.
+    ///
+    /// # Errors
+    /// The first that is not, with its range.
+    pub fn check(&self) -> Result<(), FitError> {
+        let wrong = |key, expected: &str, found: &dyn ToString| {
+            Err(FitError::Setting { key, expected: expected.into(), found: found.to_string() })
+        };
+        match self {
+            Self { long_side: Some(side), .. } if !(16..=65_536).contains(side) => {
+                wrong("long_side", "16 to 65536", side)
+            }
+            Self { views: Some(0), .. } => wrong("views", "at least 1", &0),
+            Self { minutes: Some(minutes), .. } if !(*minutes > 0.0 && *minutes <= 10_000.0) => {
+                wrong("minutes", "a number above 0 and up to 10000", minutes)
+            }
+            Self { least_steps, .. } if *least_steps > MOST => wrong("least_steps", "below 2^32", least_steps),
+            Self { most_rounds: Some(rounds), .. } if !(1..=MOST).contains(rounds) => {
+                wrong("most_rounds", "1 to 2^32", rounds)
+            }
+            Self { save_every, .. } if !(0.0..=1e6).contains(save_every) => {
+                wrong("save_every", "seconds from 0 to 1000000", save_every)
+            }
+            Self { compress: Some(level), .. } if !(0.0..=3.0).contains(level) => {
+                wrong("compress", "0 to 3", level)
+            }
+            _ => self.fit.check(),
         }
     }
 
@@ -180,13 +216,14 @@ impl RunFile {
 
     pub fn read(folder: &Path) -> Result<Self, RunError> {
         let path = folder.join(Self::NAME);
-        let mut file: Self = serde_json::from_str(&weaver_io::read_text(&path)?).map_err(|e| {
-            RunError::File(weaver_io::Error::Invalid {
-                path,
-                place: "settings".into(),
-                expected: "those of a fit".into(),
-                found: e.to_string(),
-            })
+        let invalid = |place: &str, expected: String, found: String| {
+            RunError::File(weaver_io::Error::Invalid { path: path.clone(), place: place.into(), expected, found })
+        };
+        let mut file: Self = serde_json::from_str(&weaver_io::read_text(&path)?)
+            .map_err(|error| invalid("settings", "those of a fit".into(), error.to_string()))?;
+        file.settings.check().map_err(|error| match error {
+            FitError::Setting { key, expected, found } => invalid(key, expected, found),
+            other => other.into(),
         })?;
         file.settings.capture = folder.join(file.settings.capture);
         Ok(file)

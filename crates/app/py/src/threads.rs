@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::{Arc, Mutex, PoisonError};
 use weaver_cli::FailureKind;
+use weaver_command::{cores, pool_size};
 
 /// The pool in use. A process that was forked has none of its parent's threads, and makes a pool of its own.
 static POOL: Mutex<Pool> = Mutex::new(Pool { wanted: None, running: None });
@@ -19,7 +20,7 @@ struct Pool {
 /// The most threads that the command line takes.
 const MOST: usize = weaver_command::MOST_THREADS as usize;
 
-/// Sets the number of threads; None is one per core. Results do not depend on it.
+/// Sets the number of threads; None is one per core, and more than eight per core are not used. Results do not depend on it.
 #[pyfunction]
 #[pyo3(signature = (count))]
 pub fn set_threads(count: Option<usize>) -> Result<(), Failed> {
@@ -69,7 +70,7 @@ fn current() -> Result<Arc<ThreadPool>, Failed> {
         return Ok(running.clone());
     }
     discard(pool.running.take());
-    let made = ThreadPoolBuilder::new().num_threads(pool.wanted.unwrap_or(0)).build();
+    let made = ThreadPoolBuilder::new().num_threads(pool.wanted.map_or(0, |wanted| pool_size(wanted, cores()))).build();
     let made = Arc::new(made.map_err(|error| Failed::new(FailureKind::Other, format!("threads: {error}")))?);
     pool.running = Some((process, made.clone()));
     Ok(made)

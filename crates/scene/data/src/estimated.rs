@@ -14,6 +14,7 @@ use crate::{Error, remarks};
 pub use context::EstimatedContext;
 pub use doubt::Doubt;
 use loading::{Loaded, Small, lenses_of, load};
+use model::UPRIGHT;
 use order::is_sequence;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -26,6 +27,8 @@ use weaver_sfm::{Confidence, Estimate, EstimateOptions, Find, LeftOut, Observati
 
 /// The folder of COLMAP's model.
 const SPARSE: &str = "sparse/0";
+/// The file that makes a folder a capture.
+const TRANSFORMS: &str = "transforms.json";
 /// The diagonal of the film that focal lengths are compared by, millimeters.
 const FILM: f64 = 43.266_615;
 /// Standard deviation of focal lengths that are told, as a part of them: cameras round them, and crop.
@@ -175,16 +178,18 @@ impl EstimatedPhotos {
     /// # Errors
     /// Names the first file that is not to be replaced, or the first folder of photos whose path from there is not UTF-8.
     pub fn check(out: &OutputFolder, paths: &[PathBuf]) -> Result<(), Error> {
-        out.check(["transforms.json", "points.png"])?;
+        out.check([TRANSFORMS, "points.png", CamerasSummary::NAME])?;
         out.check(Model::FILES.map(|name| format!("{SPARSE}/{name}")))?;
+        out.check_folder(UPRIGHT)?;
         for folder in paths.iter().filter_map(|path| path.parent()) {
             weaver_io::relative_path(out.path(), Path::new(".").join(folder))?;
         }
         Ok(())
     }
 
-    /// Writes a capture into a folder: transforms.json, which names the located photos as those for testing, and a COLMAP model
-    /// with points in sparse/0, and [`picture`](Self::picture) as points.png. Returns the photos that the cameras are of.
+    /// Writes a capture into a folder: transforms.json, which names the located photos as those for testing, a COLMAP model
+    /// with points in sparse/0, [`picture`](Self::picture) as points.png and [`summary`](Self::summary) as cameras.json. Returns the photos that the
+    /// cameras are of. The folder then holds all of these, or what it held before.
     ///
     /// Photos stay where they are and are named relative to the folder, so that both can be moved together; a distortion that was found
     /// is named with their cameras. Those that EXIF turns in a way that their size does not tell are written to upright/.
@@ -193,19 +198,23 @@ impl EstimatedPhotos {
     /// When a file cannot be written, or is not to be replaced; when photos cannot be read again.
     pub fn write(&self, out: &OutputFolder) -> Result<Vec<PathBuf>, Error> {
         let frames = self.frames(out.path())?;
+        let mut staged = out.staged()?;
         for (number, frame) in &frames {
             if self.written_to(*number).is_some() {
-                PhotoFile::at(&self.paths[*number])?.read()?.write_png(out.file(&frame.name)?)?;
+                PhotoFile::at(&self.paths[*number])?.read()?.write_png(staged.file(&frame.name)?)?;
             }
         }
-        self.model(&frames).write_binary(out.files(SPARSE, Model::FILES)?)?;
-        self.picture().write_png(out.file("points.png")?)?;
+        self.model(&frames).write_binary(staged.files(SPARSE, Model::FILES)?)?;
+        self.picture().write_png(staged.file("points.png")?)?;
+        self.summary().write(staged.file(CamerasSummary::NAME)?)?;
         let tested = |(number, frame): &(usize, Frame)| self.located[*number].then(|| frame.name.clone());
         // Also if none of them could be placed: none of the others is to be held out in their place.
         let test_filenames = self.holds_out.then(|| frames.iter().filter_map(tested).collect());
         let frames: Vec<Frame> = frames.into_iter().map(|(_, frame)| frame).collect();
         let paths = frames.iter().map(|frame| frame.path.clone()).collect();
-        Transforms { frames, test_filenames, ..Transforms::default() }.write(out.file("transforms.json")?)?;
+        Transforms { frames, test_filenames, ..Transforms::default() }.write(staged.file(TRANSFORMS)?)?;
+        // Without its images no reader takes a model for one.
+        staged.commit(&[&format!("{SPARSE}/images.bin"), TRANSFORMS])?;
         Ok(paths)
     }
 

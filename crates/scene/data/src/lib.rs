@@ -28,6 +28,7 @@ pub use estimated::{
     CameraSummary, CamerasSummary, Doubt, EstimatePhotosOptions, EstimatedContext, EstimatedPhotos, estimate_photos,
 };
 pub use layout::Layout;
+pub use remarks::some_of;
 pub use sampler::{Sampler, bounded_gap, evaluation_tuples, training_tuple, uniform};
 pub use scene::{NormalizedPoses, Scene, View};
 pub use sparse_points::SparsePoints;

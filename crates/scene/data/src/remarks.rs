@@ -11,7 +11,7 @@ pub(crate) fn transparent(names: &[String]) -> Option<String> {
 }
 
 /// The first of the names, and how many more there are.
-pub(crate) fn some_of(names: &[String]) -> String {
+pub fn some_of(names: &[String]) -> String {
     let shown = names[..names.len().min(NAMED)].join(", ");
     if names.len() > NAMED { format!("{shown} and {} more", names.len() - NAMED) } else { shown }
 }

@@ -16,6 +16,7 @@ mod wsz;
 pub use blocks::{Blocks, Chained, Changed};
 pub use format::{SCENE_FORMATS, SceneFormat};
 pub use scene_file::{Drawing, OpenScene, SceneFile};
+pub use spz::spz_step;
 
 use crate::files::atomic::atomic_write_checked;
 use crate::files::content::Content;

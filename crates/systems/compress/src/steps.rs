@@ -6,7 +6,7 @@
 //! everything rounded.
 
 use crate::{CompressError, Judge};
-use weaver_codec::lite::{Quality, encode, order_zero_bits, rounded};
+use weaver_codec::lite::{Quality, decode, encode, order_zero_bits, rounded};
 use weaver_scene::Gaussians;
 
 /// The largest quality that can be asked for, dB: beyond, rounding of 8-bit pictures is larger.
@@ -58,8 +58,19 @@ pub struct Compressed {
     pub bytes: Vec<u8>,
     /// The steps that were chosen.
     pub quality: Quality,
-    /// Quality of its pictures beside those of the scene, dB.
+    /// Quality beside the scene, dB, of the pictures that its steps were chosen by.
     pub psnr: f64,
+}
+
+impl Compressed {
+    /// Quality of its pictures beside those of the scene, dB, as another judge sees it: what is said of it should come from pictures that had no
+    /// part in the choice of steps.
+    ///
+    /// # Errors
+    /// Where it cannot be drawn.
+    pub fn judged_by(&self, judge: &mut Judge) -> Result<f64, CompressError> {
+        judge.psnr(&decode(&self.bytes)?)
+    }
 }
 
 /// Compresses a scene so that its pictures have at least so many decibels beside those of the scene.

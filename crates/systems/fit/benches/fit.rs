@@ -91,6 +91,7 @@ fn density(criterion: &mut Criterion) {
     let settings = FitSettings::default().density;
     let moment = Moment {
         step: 5,
+        since: 5,
         steps: settings.rounds,
         budget: GAUSSIANS + GAUSSIANS / 10,
         mean_rate: 1e-3,

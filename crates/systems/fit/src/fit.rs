@@ -13,6 +13,7 @@ use crate::resident::Resident;
 use crate::rounding::Rounding;
 use crate::settings::FitSettings;
 use crate::strategy::{Moment, Strategy};
+use crate::thinning::Thinning;
 use crate::transients::Transients;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -86,6 +87,8 @@ pub struct Fit {
     pub(crate) statistics: Vec<GaussianStatistics<f32>>,
     pub(crate) strategy: Box<dyn Strategy>,
     pub(crate) step: usize,
+    /// The first number that `step` stands for: those before it may be left out.
+    pub(crate) since: usize,
     extent: f64,
     pub(crate) raster: RasterSettings,
     pub(crate) activated: Activated,
@@ -155,6 +158,7 @@ impl Fit {
             population,
             strategy,
             step: 0,
+            since: 0,
             extent,
             raster,
             activated: Activated::default(),
@@ -178,7 +182,13 @@ impl Fit {
         self.settings.steps = steps;
     }
 
-    /// Steps done.
+    /// Leaves out steps of the rest of the run, of which `kept` are taken ([`FitSettings::thinned`]). At least one is.
+    pub fn leave_out(&mut self, kept: usize) {
+        self.settings.thinned.retain(|thinning| thinning.at < self.step);
+        self.settings.thinned.push(Thinning { at: self.step, kept: kept.max(1) });
+    }
+
+    /// Steps done, those included that were [left out](Self::leave_out).
     pub fn steps_done(&self) -> usize {
         self.step
     }
@@ -315,7 +325,7 @@ impl Fit {
             self.timings.optimizer = start.elapsed();
             found
         };
-        self.step += 1;
+        (self.since, self.step) = (step + 1, self.settings.after(step));
         let rounds = |steps: usize| steps * views / self.photos.len();
         if rounds(self.step) > rounds(step) {
             self.center_exposures();
@@ -357,6 +367,7 @@ impl Fit {
         let fraction = self.step as f64 / steps.max(1) as f64;
         Moment {
             step: self.step,
+            since: self.since,
             steps,
             budget: gaussians,
             mean_rate: (rates.means * self.extent * rates.means_end.powf(fraction)) as f32,

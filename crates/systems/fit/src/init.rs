@@ -108,12 +108,12 @@ fn drawn_pixel(photo: &Photo, stream: Stream, index: u64) -> usize {
 /// # Errors
 /// When there are none, or their fields disagree.
 pub fn from_gaussians(gaussians: &Gaussians, settings: &FitSettings) -> Result<Gaussians, FitError> {
-    if gaussians.is_empty() || !gaussians.lengths_agree() {
-        return Err(FitError::setting(
-            "init",
-            "Gaussians with fields of equal length",
-            format!("{} means", gaussians.len()),
-        ));
+    if gaussians.is_empty() {
+        return Err(FitError::setting("init", "at least one Gaussian", "none"));
+    }
+    if !gaussians.lengths_agree() {
+        let found = format!("others beside {} means", gaussians.len());
+        return Err(FitError::setting("init", "Gaussians with fields of equal length", found));
     }
     let finite = |n: &usize| {
         let (m, s, q) = (gaussians.means[*n], gaussians.log_scales[*n], gaussians.quats[*n]);

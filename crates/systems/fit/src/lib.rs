@@ -37,6 +37,7 @@ mod shared_step;
 #[cfg(feature = "state")]
 mod state;
 pub mod strategy;
+mod thinning;
 mod timing;
 mod transient_search;
 mod transients;
@@ -60,7 +61,8 @@ pub use shared_step::bytes_per_step;
 #[cfg(feature = "state")]
 pub use state::gaussians_of;
 pub use strategy::{Moment, Regularizer, Strategy};
-pub use timing::{Rehearsal, steps_in};
+pub use thinning::Thinning;
+pub use timing::{Rehearsal, in_time, steps_in};
 pub use transients::Transients;
 pub use weaver_scene::Photo;
 

@@ -84,7 +84,7 @@ impl Fit {
     /// Removes Gaussians that are not [worth](crate::Rounding::worth) their bits, if a round of that is due.
     pub(crate) fn remove_worthless(&mut self, moment: &Moment) -> Result<(), FitError> {
         let step = moment.step;
-        let due = self.rounding.as_mut().filter(|(from, _)| is_due(*from, step, moment.steps));
+        let due = self.rounding.as_mut().filter(|(from, _)| is_due(*from, moment));
         let Some((_, rounding)) = due.filter(|(_, rounding)| rounding.worth() > 0.0) else { return Ok(()) };
         let worth = rounding.worth();
         let rounded = rounding.rounded(&self.population.to_gaussians(0));
@@ -109,9 +109,10 @@ impl Fit {
     }
 }
 
-/// True if a round is due at a step: in the first half of the steps from a part of the run on, evenly spread.
-fn is_due(from: f64, step: usize, steps: usize) -> bool {
-    let begin = (from * steps as f64).ceil() as usize;
-    let every = (steps.saturating_sub(begin) / 2 / ROUNDS).max(1);
-    step.checked_sub(begin).is_some_and(|at| at.is_multiple_of(every) && at / every < ROUNDS)
+/// True if a round is due at a moment: in the first half of the steps from a part of the run on, evenly spread.
+fn is_due(from: f64, moment: &Moment) -> bool {
+    let begin = (from * moment.steps as f64).ceil() as usize;
+    let every = (moment.steps.saturating_sub(begin) / 2 / ROUNDS).max(1);
+    let last = |at: usize| begin + (at / every).min(ROUNDS - 1) * every;
+    moment.step.checked_sub(begin).is_some_and(|at| last(at) >= moment.since)
 }

@@ -1,6 +1,6 @@
 //! How a scene is fitted.
 
-use crate::{FitError, Rates};
+use crate::{FitError, Rates, Thinning};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -55,7 +55,17 @@ pub struct FitSettings {
     /// True if photos are searched for what none of the others shows, which is then left out of them ([`Transients`](crate::Transients)).
     #[serde(default)]
     pub transients: bool,
+    /// Steps that are left out, as where a run would not have ended in its time: each entry holds from its step on, in place of those before it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub thinned: Vec<Thinning>,
 }
+
+/// The most steps, which the command line takes, too.
+const MOST_STEPS: usize = u32::MAX as usize;
+/// The most Gaussians, whose bytes can be counted.
+const MOST_GAUSSIANS: usize = 1 << 48;
+/// The most halvings: a photo of 65,536 pixels is then one.
+const MOST_HALVINGS: usize = 16;
 
 /// Value in settings that are older than the key.
 fn one() -> usize {
@@ -85,6 +95,7 @@ impl Default for FitSettings {
             exposure: false,
             dropout: 0.0,
             transients: false,
+            thinned: Vec::new(),
         }
     }
 }
@@ -179,6 +190,21 @@ impl FitSettings {
         if photos < 12 { (1.2 / photos.max(1) as f64).min(0.2) } else { 0.0 }
     }
 
+    /// Number of the step after that of number `step`.
+    pub(crate) fn after(&self, step: usize) -> usize {
+        let thinning = self.thinned.iter().rfind(|thinning| thinning.at <= step);
+        thinning.map_or(step + 1, |thinning| thinning.next(step, self.steps))
+    }
+
+    /// Steps that are left out before number `step`.
+    pub fn left_out(&self, step: usize) -> usize {
+        let ends = self.thinned.iter().skip(1).map(|next| next.at.min(step)).chain([step]);
+        let of = |(thinning, end): (&Thinning, usize)| {
+            end.saturating_sub(thinning.at) - thinning.taken(end, self.steps)
+        };
+        self.thinned.iter().zip(ends).map(of).sum()
+    }
+
     /// Number of halvings of photos at this part of the run.
     pub(crate) fn level(&self, fraction: f64) -> usize {
         if fraction >= self.coarse_until || self.halvings == 0 {
@@ -251,6 +277,20 @@ impl FitSettings {
         }
         if self.sh_degree > 3 {
             return Err(FitError::setting("sh_degree", "0 to 3", self.sh_degree));
+        }
+        let most = [("steps", self.steps, MOST_STEPS), ("gaussians", self.gaussians, MOST_GAUSSIANS)];
+        let most = most.into_iter().chain([
+            ("views_per_step", self.views_per_step, MOST_STEPS),
+            ("density.rounds", self.density.rounds, MOST_STEPS),
+            ("halvings", self.halvings, MOST_HALVINGS),
+        ]);
+        if let Some((key, found, most)) = most.into_iter().find(|(_, found, most)| found > most) {
+            return Err(FitError::setting(key, format!("at most {most}"), found));
+        }
+        let kept = |thinning: &Thinning| thinning.kept > 0 && thinning.at < self.steps;
+        if !self.thinned.iter().all(kept) || !self.thinned.is_sorted_by(|a, b| a.at < b.at) {
+            let expected = "steps of the run, one after the other, and at least one kept after each";
+            return Err(FitError::setting("thinned", expected, format!("{:?}", self.thinned)));
         }
         Ok(())
     }

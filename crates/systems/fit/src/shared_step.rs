@@ -83,7 +83,7 @@ impl Fit {
     /// Checks now and then that processes hold the same Gaussians: processors of different kinds may not come to the same bits.
     pub(crate) fn check_agreement(&self) -> Result<(), FitError> {
         let interval = self.settings.steps.div_ceil(COMPARISONS);
-        let due = self.step.is_multiple_of(interval) || self.step == self.settings.steps;
+        let due = self.moment().multiple_of(interval).is_some() || self.step == self.settings.steps;
         if self.ranks.size() == 1 || !due {
             return Ok(());
         }

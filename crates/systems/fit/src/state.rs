@@ -51,6 +51,9 @@ impl Fit {
         put(&mut state, "transients.hidden", 1, hidden);
         put(&mut state, "near", 1, vec![self.raster.near]);
         put(&mut state, "step", 1, vec![self.step as u64]);
+        if self.since < self.step {
+            put(&mut state, "since", 1, vec![self.since as u64]);
+        }
         state
     }
 
@@ -83,8 +86,10 @@ impl Fit {
         let poses = state.values::<f64>("poses", &[self.poses.len(), POSE])?;
         let near = state.values::<f64>("near", &[1, 1])?;
         let transients = transients_of(state, self.photos.len())?;
+        let step = state.values::<u64>("step", &[1, 1])?[0] as usize;
+        let since = state.values::<u64>("since", &[1, 1]).map_or(step, |since| since[0] as usize);
         self.raster.near = near[0];
-        self.step = state.values::<u64>("step", &[1, 1])?[0] as usize;
+        (self.step, self.since) = (step, since);
         self.population = Population::from_fields(fields, degree);
         self.statistics = statistics.chunks_exact(STATISTICS).map(statistics_of).collect();
         self.exposures = exposures.chunks_exact(EXPOSURE).map(exposure_of).collect();

@@ -21,6 +21,9 @@ use weaver_splat::GaussianStatistics;
 pub struct Moment {
     /// Steps done.
     pub step: usize,
+    /// The first of the numbers of steps that this moment stands for: `step` itself, but where steps before it were
+    /// [left out](crate::Thinning).
+    pub since: usize,
     /// Steps of the whole run.
     pub steps: usize,
     /// The most Gaussians there may be.
@@ -37,6 +40,12 @@ impl Moment {
     /// The part of the run that is done.
     pub fn fraction(&self) -> f64 {
         self.step as f64 / self.steps.max(1) as f64
+    }
+
+    /// The multiple of `interval` that this moment stands for, if there is one: the latest of several.
+    pub fn multiple_of(&self, interval: usize) -> Option<usize> {
+        let multiple = self.step / interval.max(1) * interval.max(1);
+        (multiple >= self.since).then_some(multiple)
     }
 }
 
@@ -104,8 +113,8 @@ impl Density {
 
     /// True if a round is due at this moment.
     pub(crate) fn due(&self, moment: &Moment) -> bool {
-        let done = moment.fraction();
-        let due = moment.step > 0 && moment.step.is_multiple_of(self.interval(moment.steps));
-        due && done >= self.from && done <= self.until
+        let Some(step) = moment.multiple_of(self.interval(moment.steps)) else { return false };
+        let done = step as f64 / moment.steps.max(1) as f64;
+        step > 0 && done >= self.from && done <= self.until
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::FitError;
 use crate::fit::Fit;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Steps of the run that is timed, at least and at most, and the part of the time that it may take in between.
 const STEPS: (usize, usize) = (30, 3000);
@@ -11,6 +11,8 @@ const PART: f64 = 0.05;
 const ENOUGH: usize = 2;
 /// Part of the time that is left over, for no machine is equally fast all the time.
 const RESERVE: f64 = 0.04;
+/// Parts of a run whose times are kept apart.
+const PARTS: usize = 10;
 
 /// Time that a run takes, by a short one that leaves no trace.
 ///
@@ -22,9 +24,16 @@ pub struct Rehearsal {
     pub step: f64,
     /// Seconds of all density control and searches of a run.
     pub rounds: f64,
+    /// Shares of steps, and of the rest, that each tenth of a run takes.
+    shares: [[f64; PARTS]; 2],
 }
 
 impl Rehearsal {
+    /// Times of a run that is equally fast from its beginning to its end.
+    pub fn even(step: f64, rounds: f64) -> Self {
+        Self { step, rounds, shares: [[1.0 / PARTS as f64; PARTS]; 2] }
+    }
+
     /// Times a run of about so many seconds, 30 to 3000 steps.
     ///
     /// # Errors
@@ -40,7 +49,7 @@ impl Rehearsal {
     /// Seconds of so many steps.
     ///
     /// ```
-    /// let rehearsal = weaver_fit::Rehearsal { step: 0.25, rounds: 5.0 };
+    /// let rehearsal = weaver_fit::Rehearsal::even(0.25, 5.0);
     /// assert_eq!(rehearsal.seconds(100), 30.0);
     /// assert_eq!(rehearsal.steps_in(30.0), 100);
     /// assert_eq!(rehearsal.steps_in(1.0), 0);
@@ -54,6 +63,22 @@ impl Rehearsal {
         ((seconds - self.rounds) / self.step.max(1e-6)) as usize
     }
 
+    /// Seconds between two parts of a run of so many steps: of its steps, and of density control and searches.
+    ///
+    /// ```
+    /// let rehearsal = weaver_fit::Rehearsal::even(0.25, 5.0);
+    /// assert_eq!(rehearsal.between(0.25, 0.5, 100).map(f64::round), [6.0, 1.0]);
+    /// ```
+    pub fn between(&self, from: f64, to: f64, steps: usize) -> [f64; 2] {
+        // The share of the run before a part of it: whole tenths, and a part of one.
+        let before = |shares: &[f64; PARTS], part: f64| -> f64 {
+            let within = |tenth: usize| (part * PARTS as f64 - tenth as f64).clamp(0.0, 1.0);
+            shares.iter().enumerate().map(|(tenth, share)| share * within(tenth)).sum()
+        };
+        let [steps_share, rounds_share] = self.shares.map(|shares| before(&shares, to) - before(&shares, from));
+        [steps_share * self.step * steps as f64, rounds_share * self.rounds]
+    }
+
     /// Times a run of so many steps, which leaves no trace.
     fn of_steps(fit: &mut Fit, steps: usize) -> Result<Self, FitError> {
         let kept = (fit.population.clone(), fit.statistics.clone());
@@ -62,7 +87,8 @@ impl Rehearsal {
         let result = Self::timed(fit, steps);
         (fit.population, fit.statistics) = kept;
         (fit.exposures, fit.poses, fit.transients) = of_photos;
-        (fit.settings, fit.step) = (settings, 0);
+        fit.settings = settings;
+        (fit.step, fit.since) = (0, 0);
         fit.changed();
         result
     }
@@ -70,14 +96,19 @@ impl Rehearsal {
     fn timed(fit: &mut Fit, steps: usize) -> Result<Self, FitError> {
         // The first step meets cold memory.
         fit.step()?;
-        (fit.settings.steps, fit.step) = (steps, 0);
-        let (start, mut rounds) = (Instant::now(), Duration::ZERO);
+        fit.settings.steps = steps;
+        (fit.step, fit.since) = (0, 0);
+        let mut seconds = [[0.0; PARTS]; 2];
         while fit.step < steps {
+            let (tenth, start) = (fit.step * PARTS / steps, Instant::now());
             fit.step()?;
-            rounds += fit.timings.rounds();
+            let rounds = fit.timings.rounds().as_secs_f64();
+            seconds[0][tenth] += start.elapsed().as_secs_f64() - rounds;
+            seconds[1][tenth] += rounds;
         }
-        let rounds = rounds.as_secs_f64();
-        Ok(Self { step: (start.elapsed().as_secs_f64() - rounds) / steps as f64, rounds })
+        let sums = seconds.map(|tenths| tenths.iter().sum::<f64>());
+        let shares = [0, 1].map(|i| seconds[i].map(|tenth| if sums[i] > 0.0 { tenth / sums[i] } else { 0.0 }));
+        Ok(Self { step: sums[0] / steps as f64, rounds: sums[1], shares })
     }
 }
 
@@ -86,9 +117,17 @@ impl Rehearsal {
 /// # Errors
 /// As [`Fit::step`].
 pub fn steps_in(fit: &mut Fit, seconds: f64) -> Result<usize, FitError> {
+    Ok(in_time(fit, seconds)?.0)
+}
+
+/// [`steps_in`], and the rehearsal that told.
+///
+/// # Errors
+/// As [`Fit::step`].
+pub fn in_time(fit: &mut Fit, seconds: f64) -> Result<(usize, Rehearsal), FitError> {
     let start = Instant::now();
     let rehearsal = Rehearsal::of(fit, PART * seconds)?;
     let left = (1.0 - RESERVE) * seconds - start.elapsed().as_secs_f64();
     // All processes make the steps that the first one has time for.
-    Ok(fit.agreed(rehearsal.steps_in(left)).max(1))
+    Ok((fit.agreed(rehearsal.steps_in(left)).max(1), rehearsal))
 }

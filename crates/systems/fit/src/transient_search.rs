@@ -21,7 +21,7 @@ impl Fit {
 
     /// Searches the photos where that is due at this step.
     pub(crate) fn search_transients(&mut self) -> Result<(), FitError> {
-        let due = |part: f64| (part * self.settings.steps as f64).ceil() as usize == self.step;
+        let due = |part: f64| (self.since..=self.step).contains(&((part * self.settings.steps as f64).ceil() as usize));
         if self.settings.transients && MOMENTS.into_iter().any(due) && self.photos.len() > LEAST_OTHERS {
             self.transients = self.find_transients()?;
         }

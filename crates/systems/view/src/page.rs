@@ -10,7 +10,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use serde_json::{Value, json};
 use std::io::Write;
-use weaver_io::{Checksum, SceneFormat, write_gaussians_to};
+use weaver_io::{Checksum, SceneFormat, spz_step, write_gaussians_to};
 use weaver_scene::Gaussians;
 
 const PAGE: &str = include_str!("../web/page.html");
@@ -20,7 +20,7 @@ pub(crate) const STYLE: &str = include_str!("../web/style.css");
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HtmlOptions {
     /// The scene keeps every bit of positions, scales, rotations and opacities, a multiple of the size. Else it is rounded as SPZ does, unless
-    /// positions would be too coarse for its Gaussians.
+    /// positions would be too coarse for its Gaussians, or have no place in it.
     pub lossless: bool,
 }
 
@@ -131,24 +131,20 @@ impl ServedPage<'_> {
     }
 }
 
-/// Bits of a position in SPZ, without its sign, and how many of them are after the point at most.
-const BITS: [i32; 2] = [23, 12];
 /// Steps of positions over the median scale of Gaussians, at most: larger ones would be seen.
 const COARSE: f64 = 0.5;
 
-/// True if the steps by which SPZ rounds positions are small beside the Gaussians: they are not where some lie very far away, or where
+/// True if SPZ holds the positions, by steps that are small beside the Gaussians: they are not where some lie very far away, or where
 /// the whole scene is small.
 fn rounds_well(gaussians: &Gaussians) -> bool {
-    let largest = gaussians.means.as_flattened().iter().fold(0.0, |most: f32, x| most.max(x.abs()));
-    let [bits, fraction] = BITS;
-    let step = f64::from(largest).log2().ceil().max(f64::from(bits - fraction)) - f64::from(bits);
+    let Some(step) = spz_step(gaussians) else { return false };
     let mut scales = gaussians.log_scales.as_flattened().to_vec();
     let middle = scales.len() / 2;
     if scales.is_empty() {
         return true;
     }
     let median = *scales.select_nth_unstable_by(middle, f32::total_cmp).1;
-    step.exp2() <= COARSE * f64::from(median).exp()
+    step <= COARSE * f64::from(median).exp()
 }
 
 /// The bytes of a scene as pages take them: gzip of PLY, or SPZ.

@@ -11,13 +11,14 @@ use weaver_io::{SceneFile, atomic_write, read_scene, scene_bytes};
 
 /// Longest side of the pictures that the scene is judged by, pixels.
 const LONG_SIDE: usize = 384;
-/// Pictures at most.
+/// Pictures that steps are chosen by, at most, and of an orbit. As many between them judge.
 const MOST: usize = 12;
+const OF_ORBIT: usize = 6;
 
 /// Compresses a file of Gaussians to a wanted quality of its pictures, as .wsz.
 ///
 /// Positions, scales, opacities, rotations, colors and harmonics are rounded so that one more bit would gain as much in any of them; what a bit
-/// gains is measured in pictures of the scene. `splatweaver convert scene.ply scene.wsz` takes fixed steps, and no time.
+/// gains is measured in pictures of the scene; others say how good it is. `splatweaver convert scene.ply scene.wsz` takes fixed steps, and no time.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver compress scene.ply -o scene.wsz
@@ -30,11 +31,11 @@ pub struct Compress {
     /// The file to write, .wsz
     #[arg(short, long, value_name = "FILE.wsz", value_parser = Output::file(&["wsz"]))]
     pub out: Output,
-    /// Quality of pictures of the compressed scene beside those of the scene, decibels; 46 is hard to tell apart, 40 shows on a closer look
+    /// Quality of pictures of the compressed scene beside those of the scene, decibels, at least in those that steps are chosen by; 46 is hard to tell apart, 40 shows on a closer look
     #[arg(long, value_name = "DECIBELS", default_value = "46", value_parser = decibels)]
     pub psnr: f64,
-    /// Cameras of the pictures: transforms.json, a folder with a COLMAP model, or a RealEstate10K file [default: the transforms.json beside
-    /// the scene, else an orbit]
+    /// Cameras of the pictures, every other of which judges what the others have chosen: transforms.json, a folder with a COLMAP model, or a
+    /// RealEstate10K file [default: the transforms.json beside the scene, else an orbit]
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     /// Prints the result as JSON, and nothing else on standard output
@@ -67,39 +68,65 @@ fn compress_scene(arguments: &Compress, console: &mut Console) -> Result<(), Fai
         Some(file) => of_file(file)?,
         None => {
             let beside = scene.with_file_name("transforms.json");
-            let orbit = || weaver_scene::orbit(&gaussians, 6, [LONG_SIDE, LONG_SIDE * 3 / 4]);
+            let orbit = || weaver_scene::orbit(&gaussians, 2 * OF_ORBIT, [LONG_SIDE, LONG_SIDE * 3 / 4]);
             if beside.is_file() {
                 of_file(&beside)?
             } else {
+                console.note(
+                    "no cameras beside the scene: pictures are those of an orbit around it; closer ones may be worse, and --cameras names those that count",
+                );
                 orbit().ok_or_else(|| named(&"expected Gaussians, found none"))?
             }
         }
     };
-    console.note(&format!("{} Gaussians, judged by {} pictures", gaussians.len(), cameras.len()));
-    let pictures = Pictures { cameras: &cameras, background, settings };
-    let mut judge = Judge::new(&gaussians, &pictures).map_err(|error| named(&error))?;
+    let [choosing, judging] = halves(&cameras);
+    console.note(&format!(
+        "{} Gaussians; {} pictures choose the steps, {} others judge",
+        gaussians.len(),
+        choosing.len(),
+        judging.len()
+    ));
+    let judge = |cameras: &[Camera]| {
+        Judge::new(&gaussians, &Pictures { cameras, background, settings }).map_err(|error| named(&error))
+    };
+    let mut chooser = judge(&choosing)?;
     let mut progress = Progress::new("compress", 0, 0, console);
-    let compressed = compress(&gaussians, arguments.psnr, &mut judge, |round| {
+    let compressed = compress(&gaussians, arguments.psnr, &mut chooser, |round| {
         let said = || round.psnr.map_or("measuring steps".into(), |psnr| format!("{psnr:.2} dB"));
         progress.at(round.done, round.of, said, console);
     });
     progress.finish();
-    let Compressed { bytes, psnr, .. } = compressed.map_err(|error| named(&error))?;
-    atomic_write(out, |file| std::io::Write::write_all(file, &bytes))?;
+    let compressed = compressed.map_err(|error| named(&error))?;
+    let Compressed { bytes, psnr: chosen, .. } = &compressed;
+    atomic_write(out, |file| std::io::Write::write_all(file, bytes))?;
+    // Of a single camera there is no other.
+    let judged = (!judging.is_empty()).then(|| judge(&judging)).transpose()?;
+    let judged = judged.map(|mut judge| compressed.judged_by(&mut judge)).transpose().map_err(|error| named(&error))?;
     let (before, after) = (scene_bytes(scene)?, bytes.len());
     let bits = 8.0 * after as f64 / gaussians.len().max(1) as f64;
     if arguments.json {
         let result = json!({
-            "gaussians": gaussians.len(), "bytes": after, "bytes_before": before, "bits_per_gaussian": bits, "psnr": psnr,
-            "pictures": cameras.len(),
+            "gaussians": gaussians.len(), "bytes": after, "bytes_before": before, "bits_per_gaussian": bits,
+            "psnr": judged, "pictures": judging.len(),
+            "chosen_by": { "psnr": chosen, "pictures": choosing.len() },
         });
         return console.print(&serde_json::to_string_pretty(&result)?);
     }
+    let of_choosing = format!("{chosen:.2} dB in {} that the steps were chosen by", choosing.len());
+    let quality = match judged {
+        Some(judged) => format!("{judged:.2} dB beside the scene in {} pictures, {of_choosing}", judging.len()),
+        None => format!("beside the scene {of_choosing}, and no other to judge"),
+    };
     console.print(&format!(
-        "{psnr:.2} dB beside the scene at {bits:.1} bits a Gaussian: {after} bytes, {:.1} times fewer\nscene: {}",
+        "{quality}; {bits:.1} bits a Gaussian: {after} bytes, {:.1} times fewer\nscene: {}",
         before as f64 / after.max(1) as f64,
         out.display()
     ))
+}
+
+/// Every other camera, and those between them.
+fn halves(cameras: &[Camera]) -> [Vec<Camera>; 2] {
+    [0, 1].map(|first| cameras.iter().skip(first).step_by(2).copied().collect())
 }
 
 /// Some of the cameras of a file, evenly spread, for pictures of a size that is drawn fast.
@@ -108,6 +135,6 @@ fn of_file(file: &std::path::Path) -> Result<Vec<Camera>, Failure> {
     if frames.is_empty() {
         return Err(Failure::message(format!("{}: expected cameras, found none", file.display())));
     }
-    let chosen = weaver_data::uniform(frames.len(), MOST.min(frames.len()));
+    let chosen = weaver_data::uniform(frames.len(), frames.len().min(2 * MOST));
     Ok(chosen.into_iter().map(|i| frames[i].camera.shrunk(LONG_SIDE)).collect())
 }

@@ -3,11 +3,11 @@
 mod course;
 mod initial;
 
-pub use course::{Means, VIEW, begin, print};
+pub use course::{Means, VIEW, begin, note_excess, print};
 
 use super::convert::scene_format;
 use crate::clip;
-use crate::estimate::estimated_capture;
+use crate::estimate::{estimated_capture, minutes_of_fit, note_share};
 use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
 use crate::processes::{network, together};
 use clap::Args;
@@ -15,9 +15,8 @@ use course::finish;
 use initial::Start;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use weaver_command::{
-    background, choice, device, in_pool, Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_THREADS, Output, Rgb,
-};
+use weaver_command::{Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_THREADS, Output, Rgb, background, choice, device, in_pool};
+use std::time::Instant;
 use weaver_data::capture::HoldOut;
 use weaver_fit::{FitSettings, Rates, StrategyKind, bytes_per_step};
 use weaver_fit_run::{ByPhotos, Folder, Pace, Run, RunSettings, plan};
@@ -49,11 +48,11 @@ pub struct Fit {
     /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = RUN)]
     pub gaussians: Option<u32>,
-    /// Time for all of it; the number of steps follows from the measured speed [default: 2]
+    /// Time for all of it, matching included; the number of steps follows from the measured speed, and steps are left out where the machine turns out slower [default: 2]
     #[arg(long, value_name = "M", value_parser = minutes, help_heading = RUN)]
     pub minutes: Option<f64>,
     /// At least so many steps, whatever the time: they may take longer
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["steps", "resume"], help_heading = RUN)]
+    #[arg(long, value_name = "N", default_value_t = RunSettings::LEAST_STEPS as u32, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["steps", "resume"], help_heading = RUN)]
     pub least_steps: u32,
     /// Steps, instead of a time; each looks at one photo, or at views_per_step
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "minutes", help_heading = RUN)]
@@ -201,6 +200,7 @@ fn fit(
         }
         return Ok(());
     }
+    let start = Instant::now();
     if let Some(folder) = &arguments.resume {
         let Means { judge, rasterizer, ranks, live, .. } = Means::of(arguments, ranks)?;
         let run = Run::resume_shared(folder, judge, rasterizer, ranks)?;
@@ -233,15 +233,23 @@ fn fit(
     let hold_out = arguments.hold_out.unwrap_or_default();
     if !estimating {
         let settings = settings(arguments, (capture, hold_out), &means.initial)?;
+        let minutes = settings.minutes;
         let outcome = begin(settings, means, out, console, interrupt)?;
+        note_excess(minutes, start, console);
         return print(&outcome, &folder, arguments.json, console);
     }
     let images = capture.join("images");
     let images = [if images.is_dir() { images } else { capture }];
     let photos = clip::photos(&images, ClipFlags::default(), out.out(), console)?;
     let capture = estimated_capture(&photos, hold_out, arguments.matching, out.out(), console)?;
-    let settings = settings(arguments, (capture, listed(hold_out)), &means.initial)?;
+    let mut settings = settings(arguments, (capture, listed(hold_out)), &means.initial)?;
+    let minutes = settings.minutes;
+    if let Some(minutes) = minutes {
+        note_share(minutes, start, console);
+        settings.minutes = Some(minutes_of_fit(minutes, start));
+    }
     let outcome = begin(settings, means, out, console, interrupt)?;
+    note_excess(minutes, start, console);
     print(&outcome, &folder, arguments.json, console)
 }
 

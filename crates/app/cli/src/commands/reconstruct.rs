@@ -2,7 +2,7 @@
 
 use super::fit;
 use crate::clip;
-use crate::estimate::estimated_capture;
+use crate::estimate::{estimated_capture, minutes_of_fit, note_share};
 use crate::flags::{ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
 use clap::{Args, ValueEnum};
 use std::ops::RangeInclusive;
@@ -37,10 +37,10 @@ pub struct Reconstruct {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
     pub out: Output,
-    /// Most time of all of it, and size of the photos; a fit ends early once it has used each photo 200 times, or 40 times where they are larger than the least
+    /// Time for all of it, and size of the photos; a fit ends early once it has used each photo 200 times, or 40 times where they are larger than the least. It takes longer where matching leaves less than half of the time, which the fit gets all the same, or where 200 steps do
     #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
     pub quality: Quality,
-    /// Time for all of it, matching included, which is used up; the fit gets at least half of it, whatever matching took [default: at most the quality's]
+    /// Time for all of it, matching included, which is used up; the fit gets at least half of it and 200 steps, whatever matching took [default: the quality's]
     #[arg(long, value_name = "M", value_parser = minutes, help_heading = FIT)]
     pub minutes: Option<f64>,
     /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
@@ -77,11 +77,11 @@ pub struct Reconstruct {
 /// The purpose of a reconstruction.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
 pub enum Quality {
-    /// A look: at most half a minute, at most 384 pixels
+    /// A look: half a minute for some 15 photos, longer for more, at most 384 pixels
     Draft,
-    /// At most five minutes, 800 to 1600 pixels, as time allows
+    /// Five minutes, 800 to 1600 pixels, as time allows
     Normal,
-    /// At most twenty minutes, 800 to 1600 pixels, as time allows
+    /// Twenty minutes, 800 to 1600 pixels, as time allows
     Fine,
 }
 
@@ -96,12 +96,6 @@ impl Quality {
     }
 }
 
-/// The shortest time that `fit` takes, minutes.
-const SHORTEST: f64 = 0.05;
-/// The least share of the time that is the fit's, whatever matching took.
-const SHARE: f64 = 0.5;
-/// The least steps of a fit, whatever the time: fewer make nothing worth seeing.
-const LEAST_STEPS: usize = 200;
 /// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain nothing from more.
 const MOST_ROUNDS: usize = 200;
 /// Passes through photos that are larger than the least: time for more of them is better spent on larger photos, by the same page, and more gain nothing.
@@ -132,17 +126,11 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
         }
     };
     let (minutes, sides) = arguments.quality.effort();
-    let spent = start.elapsed().as_secs_f64() / 60.0;
     let minutes = arguments.minutes.unwrap_or(minutes);
-    let (left, least) = (minutes - spent, (SHARE * minutes).max(SHORTEST));
-    if left < least {
-        let [spent, more] = [spent, least].map(|minutes| 60.0 * minutes);
-        console.note(&format!("cameras took {spent:.0} s; the fit gets {more:.0} s all the same"));
-    }
-    let minutes = left.max(least);
+    note_share(minutes, start, console);
+    let left = minutes_of_fit(minutes, start);
     let mut settings = RunSettings {
-        minutes: Some(minutes),
-        least_steps: LEAST_STEPS,
+        minutes: Some(left),
         most_rounds: arguments.minutes.is_none().then_some(MOST_ROUNDS),
         hold_out,
         by_photos: ByPhotos::ALL,
@@ -150,21 +138,22 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
         html: !arguments.no_html,
         ..RunSettings::new(capture, FitSettings::default())
     };
-    let (means, start) = (fit::Means::usual(live)?, Instant::now());
+    let means = fit::Means::usual(live)?;
     let least_side = *sides.start();
-    let size = Pace::long_side(&settings, sides, (minutes, ENOUGH_ROUNDS), means.rasterizer.clone())?;
+    let size = Pace::long_side(&settings, sides, (left, ENOUGH_ROUNDS), means.rasterizer.clone())?;
     if size > least_side {
         settings.most_rounds = settings.most_rounds.map(|_| ENOUGH_ROUNDS);
     }
-    let minutes = (minutes - start.elapsed().as_secs_f64() / 60.0).max(least);
-    (settings.long_side, settings.minutes) = (Some(size), Some(minutes));
+    let left = minutes_of_fit(minutes, start);
+    (settings.long_side, settings.minutes) = (Some(size), Some(left));
     let usual = plan(&settings)?.usual();
     let gaussians = arguments.gaussians.map_or(usual.gaussians, |gaussians| gaussians as usize);
     settings.fit = FitSettings { gaussians, seed: arguments.seed, ..usual };
     settings.fit.check()?;
     let capture = settings.capture.display();
-    console.note(&format!("fit: {capture}, {minutes:.2} minutes, photos of at most {size} pixels"));
+    console.note(&format!("fit: {capture}, {left:.2} minutes, photos of at most {size} pixels"));
     let outcome = fit::begin(settings, means, out, console, interrupt)?;
+    fit::note_excess(Some(minutes), start, console);
     fit::print(&outcome, &arguments.out, arguments.json, console)
 }
 

@@ -1,5 +1,6 @@
 //! `fit`: results, determinism, going on after a stop, and bad input.
 
+mod in_time;
 #[cfg(unix)]
 mod interrupted;
 

@@ -9,6 +9,7 @@ mod checkpoints;
 mod clip;
 mod command;
 mod compare;
+mod compress;
 mod configuration;
 mod convert;
 mod device;

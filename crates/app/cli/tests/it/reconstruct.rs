@@ -128,6 +128,22 @@ fn a_scene_from_photos_alone() {
     assert!(fitted.status.success() && folder.join("fitted/cameras/sparse").exists(), "{}", said(&fitted));
 }
 
+/// promise: the time of a fit whose cameras are estimated includes the estimate.
+#[test]
+fn matching_is_part_of_the_time_of_a_fit() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 8);
+    let output = run(folder, "fit photos --cameras estimated --minutes 0.1 --gaussians 100 -o timed");
+    assert!(output.status.success(), "{}", said(&output));
+    let file = |name: &str| -> serde_json::Value {
+        serde_json::from_str(&std::fs::read_to_string(folder.join("timed").join(name)).unwrap()).unwrap()
+    };
+    let minutes = file("run.json")["minutes"].as_f64().unwrap();
+    assert!((0.05..0.1).contains(&minutes), "{minutes} are the fit's");
+    assert!(file("summary.json")["planned"].as_u64().unwrap() >= 200, "{}", file("summary.json"));
+}
+
 /// The weights that come with the program take estimated cameras.
 #[test]
 fn built_in_weights_take_estimated_cameras() {

@@ -1,7 +1,9 @@
 //! Runs on disk: what they would take, and what they go on from.
 
+mod ends;
 mod promises;
 mod shared;
+mod stored;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -184,8 +186,11 @@ fn a_time_that_is_too_short_is_spoken_of() {
     assert!(spoken(&hurried).contains("enough for 1 steps, fewer than there are photos"), "{}", spoken(&hurried));
     let patient = in_time("patient", 1e-6, 20);
     assert_eq!((patient.settings().fit.steps, patient.fit().settings().steps), (20, 20));
-    assert!(spoken(&patient).contains("enough for 1 steps; 20 are made"), "{}", spoken(&patient));
-    let calm = in_time("calm", 0.2, 5);
+    let said = spoken(&patient);
+    assert!(said.contains("enough for 1 of the 20 steps that are made at least; all of it takes about "), "{said}");
+    let settings = RunSettings::new(folder.path().join("data"), FitSettings::default());
+    assert_eq!(settings.least_steps, RunSettings::LEAST_STEPS, "no scene of one step unless it is asked for");
+    let calm = in_time("calm", 1.0, 5);
     assert!(calm.settings().fit.steps > 8 && spoken(&calm).is_empty(), "{}", spoken(&calm));
 }
 
@@ -197,7 +202,8 @@ fn rounds_bound_the_steps_of_a_time() {
     let create = |out: &str, minutes: f64, rounds: usize, views: usize| {
         let mut settings = settings(&folder.path().join("data"));
         settings.fit.views_per_step = views;
-        let settings = RunSettings { minutes: Some(minutes), most_rounds: Some(rounds), ..settings };
+        let settings =
+            RunSettings { minutes: Some(minutes), least_steps: 1, most_rounds: Some(rounds), ..settings };
         Run::create(&folder.path().join(out), settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap()
     };
     let run = create("alone", 5.0, 3, 1);

@@ -249,6 +249,7 @@ impl Place {
         let fraction = self.step as f64 / self.settings.steps as f64;
         Moment {
             step: self.step,
+            since: self.step,
             steps: self.settings.steps,
             budget: self.settings.gaussians,
             mean_rate: (rates.means * self.faster() * self.extent * rates.means_end.powf(fraction)) as f32,

@@ -10,7 +10,7 @@ use weaver_io::relative_path;
 use weaver_scene::Frame;
 
 /// The folder of photos that are written because of their EXIF orientation alone.
-const UPRIGHT: &str = "upright";
+pub(super) const UPRIGHT: &str = "upright";
 
 impl EstimatedPhotos {
     /// The photos with a camera by number, with cameras of the files, named relative to the folder of the capture.

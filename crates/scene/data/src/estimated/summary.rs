@@ -5,7 +5,6 @@ use crate::Error;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
-use weaver_io::OutputFolder;
 use weaver_sfm::{Confidence, LeftOut};
 
 /// Quality and exactness of estimated cameras: the file `cameras.json` beside the transforms.json that has the cameras.
@@ -67,13 +66,13 @@ impl CamerasSummary {
         serde_json::from_str(&weaver_io::read_text(folder.join(Self::NAME)).ok()?).ok()
     }
 
-    /// Writes it into a folder.
+    /// Writes it as JSON.
     ///
     /// # Errors
-    /// When the file cannot be written, or is not to be replaced.
-    pub fn write(&self, out: &OutputFolder) -> Result<(), Error> {
+    /// When the file cannot be written.
+    pub(super) fn write(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let text = serde_json::to_string_pretty(self).expect("a summary is plain data") + "\n";
-        Ok(weaver_io::write_text(out.file(Self::NAME)?, &text)?)
+        Ok(weaver_io::write_text(path, &text)?)
     }
 }
 

@@ -76,6 +76,64 @@ fn unplaced_held_out_photos_leave_none() {
     }
 }
 
+/// Names and contents of the files in a folder and those in it.
+fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(contents(&path));
+        } else {
+            found.push((path.clone(), fs::read(path).unwrap()));
+        }
+    }
+    found.sort();
+    found
+}
+
+/// promise: cameras that cannot be written leave those before them as they are, to the byte: no reader takes a mixture of both for one result.
+#[test]
+fn results_replace_those_before_whole_or_not() {
+    let temporary = tempfile::tempdir().unwrap();
+    let found = temporary.path().join("found");
+    let paths = photos(&temporary.path().join("photos"), 5, SIZE);
+    let [before, after] = [&paths[..3], &paths[1..]].map(|paths| estimated(paths, &told()));
+    for obstacle in ["points.png", "cameras.json", "sparse/0/points3D.bin", "sparse/0/images.bin"] {
+        before.write(&claimed(&found)).unwrap();
+        let obstacle = found.join(obstacle);
+        fs::remove_file(&obstacle).unwrap();
+        fs::create_dir(&obstacle).unwrap();
+        let was = contents(&found);
+        let error = after.write(&claimed(&found)).unwrap_err().to_string();
+        assert!(error.contains(obstacle.file_name().unwrap().to_str().unwrap()), "{error}");
+        let is = contents(&found);
+        let names = |all: &[(PathBuf, Vec<u8>)]| all.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
+        assert_eq!(names(&is), names(&was));
+        assert!(is == was, "a file was replaced before {} could not be", obstacle.display());
+        fs::remove_dir(&obstacle).unwrap();
+    }
+    after.write(&claimed(&found)).unwrap();
+    assert_eq!(posed::load(&found, &PosedOptions::default()).unwrap().photos.len(), 4);
+    let names = fs::read_dir(&found).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<String> = names.collect();
+    names.sort();
+    assert_eq!(names, ["cameras.json", "points.png", "sparse", "transforms.json", "written.jsonl"]);
+}
+
+/// promise: a file of somebody else where upright copies would go is met before photos are matched.
+#[test]
+fn foreign_upright_photos_are_met_at_the_start() {
+    let temporary = tempfile::tempdir().unwrap();
+    let found = temporary.path().join("found");
+    let paths = photos(&temporary.path().join("photos"), 1, SIZE);
+    let out = claimed(&found);
+    EstimatedPhotos::check(&out, &paths).unwrap();
+    fs::create_dir(found.join("upright")).unwrap();
+    fs::write(found.join("upright/0.png"), "mine").unwrap();
+    let error = EstimatedPhotos::check(&out, &paths).unwrap_err().to_string();
+    assert!(error.contains("upright/0.png"), "{error}");
+}
+
 /// An absurd focal length changes no camera and is named.
 #[test]
 fn an_absurd_focal_length_is_named() {

@@ -99,6 +99,18 @@ fn packed(header: &Header, gaussians: &dyn Blocks) -> Result<Streams> {
 /// Bits after the point of positions, where they are small enough: steps of a quarter millimeter if the unit is a meter.
 const FRACTION: u8 = 12;
 
+/// Bits after the point of positions of which this is the largest coordinate; `None` where they have no place at all.
+fn fraction(largest: f32) -> Option<u8> {
+    let fits = |fraction: &u8| f64::from(largest) * f64::from(1u32 << fraction) < f64::from(1 << 23) - 1.0;
+    (0..=FRACTION).rev().find(fits)
+}
+
+/// The step by which positions are rounded in `.spz`; `None` where these are beyond what the format holds.
+pub fn spz_step(gaussians: &Gaussians) -> Option<f64> {
+    let largest = gaussians.means.as_flattened().iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+    fraction(largest).map(|fraction| (-f64::from(fraction)).exp2())
+}
+
 fn header(path: &Path, gaussians: &dyn Blocks, drawing: Drawing, version: u32) -> Result<Header> {
     let mut largest = 0.0_f32;
     for rows in gaussians.blocks() {
@@ -106,8 +118,7 @@ fn header(path: &Path, gaussians: &dyn Blocks, drawing: Drawing, version: u32) -
         check_rows(path, &block, rows.start)?;
         largest = block.means.as_flattened().iter().fold(largest, |m, x| m.max(x.abs()));
     }
-    let fits = |fraction: &u8| f64::from(largest) * f64::from(1u32 << fraction) < f64::from(1 << 23) - 1.0;
-    let Some(fraction) = (0..=FRACTION).rev().find(fits) else {
+    let Some(fraction) = fraction(largest) else {
         return Err(Error::invalid(path, "positions to write", "coordinates below 2^23", largest));
     };
     let Ok(count) = u32::try_from(gaussians.len()) else {

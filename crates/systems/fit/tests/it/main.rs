@@ -11,5 +11,6 @@ mod rounding;
 mod scenes;
 mod several_views;
 mod strategies;
+mod thinning;
 mod timing;
 mod transients;

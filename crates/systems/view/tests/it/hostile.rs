@@ -106,6 +106,21 @@ fn what_rounding_would_tear_apart_is_kept_as_it_is() {
     assert_eq!(size(&small, false), size(&small, true));
 }
 
+/// promise: a scene in units so small that the rounding format has no place for its positions has a page, which keeps it as it is.
+#[test]
+fn scenes_of_any_unit_have_a_page() {
+    let near = cloud(300, 1, 1);
+    for unit in [1e6_f32, 1e7, 1e12] {
+        let mut large = near.clone();
+        large.means.as_flattened_mut().iter_mut().for_each(|x| *x *= unit);
+        large.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += unit.ln());
+        let subject = Subject { title: "scene", gaussians: &large, look: Look::default() };
+        let page = |lossless| html(&subject, &[], HtmlOptions { lossless }).unwrap();
+        // Every coordinate is below the limit of the format times three.
+        assert_eq!(page(false) == page(true), unit > 3e6, "{unit}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 8))]
 

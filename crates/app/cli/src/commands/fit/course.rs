@@ -15,6 +15,8 @@ use weaver_view_run::{Exhibit, Followed, Listener, Server, Showing, live};
 
 /// The page to look at a scene.
 pub const VIEW: &str = "view.html";
+/// Excess of a time that is worth a word, seconds.
+const SHOWN: f64 = 0.5;
 /// Fewer points than this say little about cameras.
 const FEW_POINTS: usize = 50;
 /// Fewer Gaussians than this for each pixel of a photo cannot show much.
@@ -164,6 +166,15 @@ fn exhibit(run: &Run, folder: &Path) -> Result<Exhibit, Failure> {
     Ok(Exhibit { shots: run.shots()?, ..exhibit })
 }
 
+/// Says at the end of a command that it took longer than the minutes it was given.
+pub fn note_excess(minutes: Option<f64>, start: Instant, console: &mut Console) {
+    let (seconds, asked) = (start.elapsed().as_secs_f64(), minutes.map_or(f64::INFINITY, |minutes| 60.0 * minutes));
+    if seconds > asked + SHOWN {
+        let [all, more] = [seconds, seconds - asked].map(duration);
+        console.note(&format!("{all} in all, {more} more than was asked for"));
+    }
+}
+
 /// Prints the quality of a scene, for people or as JSON.
 pub fn print(outcome: &Outcome, folder: &Path, json: bool, console: &mut Console) -> Result<(), Failure> {
     let path = |name: &str| folder.join(name).display().to_string();
@@ -178,7 +189,12 @@ pub fn print(outcome: &Outcome, folder: &Path, json: bool, console: &mut Console
         None => "held out   none\n".into(),
     };
     let memory = weaver_io::peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.0} MB of memory"));
-    console.note(&format!("{} steps, {}{memory}", outcome.steps, duration(outcome.seconds)));
+    let left_out = match outcome.left_out {
+        0 => String::new(),
+        count => format!(", of which {count} were left out to end in time"),
+    };
+    console.note(&format!("{} steps{left_out}, {}{memory}", outcome.steps, duration(outcome.seconds)));
+    outcome.missing.iter().for_each(|missing| console.note(&format!("warning: not written: {missing}")));
     for name in &outcome.outliers {
         console.note(&format!("warning: {name} is met far worse than the other photos; it may show something else"));
     }

@@ -31,7 +31,14 @@ impl Start {
             Some("dense") => Ok(Self::Here(Initial::Dense)),
             Some("random") => Ok(Self::Here(Initial::Random)),
             Some("built-in") => Ok(Self::Network(None)),
-            Some(path) if Path::new(path).is_file() => Ok(Self::File(path.into())),
+            Some(path) if Path::new(path).is_file() => {
+                // Before photos are matched.
+                if weaver_io::open_scene(path)?.gaussians.len() == 0 {
+                    let expected = "expected Gaussians to begin with, found an empty scene";
+                    return Err(Failure::message(format!("--init {path}: {expected}")));
+                }
+                Ok(Self::File(path.into()))
+            }
             Some(path) if RunFolder::at(path).checkpoint_path().exists() => {
                 Ok(Self::Network(Some(RunFolder::at(path))))
             }
