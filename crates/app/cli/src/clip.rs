@@ -12,9 +12,9 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_command::{Console, Failure, Progress, duration, quoted};
+use weaver_command::{Console, Failure, Progress, duration};
 use weaver_data::OutputFolder;
-use weaver_io::{Bitmap, PhotoFolder, is_taken};
+use weaver_io::{Bitmap, PhotoFolder, ShellCommand, is_taken};
 
 /// Extensions of what ffmpeg is asked to read.
 const EXTENSIONS: [&str; 18] = [
@@ -103,7 +103,7 @@ fn in_folder(path: &Path, given: &[PathBuf], console: &mut Console) -> Result<Ve
     below.retain(|(folder, _)| folder.canonicalize().is_ok_and(|folder| !given.contains(&folder)));
     let here = path.display();
     let in_all: usize = below.iter().map(|(_, count)| count).sum();
-    let folders = some_of(below.iter().map(|(folder, _)| quoted(folder.to_string_lossy())), " ");
+    let folders = some_of(below.iter().map(|(folder, _)| ShellCommand::quoted(folder)), " ");
     if !photos.is_empty() {
         if in_all > 0 {
             console.note(&format!(
@@ -212,10 +212,6 @@ fn frames(
 /// When there is no ffmpeg, or it does not read the file.
 pub fn info(clip: &Path) -> Result<String, Failure> {
     let name = clip.display();
-    let start = beginning(clip).map_err(|error| Failure::message(format!("{name}: {error}")))?;
-    if LISTS.iter().any(|list| start.starts_with(list)) {
-        return Err(Failure::message(format!("{name}: expected a clip, found a list of other files")));
-    }
     let (mut pictures, mut picture) = (Pictures::of(clip, &[0])?, Picture::default());
     if !pictures.next(&mut picture)? {
         pictures.finish()?;

@@ -28,7 +28,6 @@ pub use printable::printable;
 pub use progress::{Progress, duration};
 pub use threads::{cores, fewer_threads, in_pool, pool_size};
 pub use weaver_io::ShellCommand;
-pub use words::quoted;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

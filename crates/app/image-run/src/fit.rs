@@ -9,7 +9,7 @@ use crate::state::under_way;
 use crate::trace::{Trace, TraceFolder};
 use crate::{read, report};
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress, ShellCommand};
+use weaver_command::{Console, Failure, Interrupt, Progress, ShellCommand};
 use weaver_io::safetensors::Tensors;
 use weaver_io::{atomic_write, list_photos};
 use weaver_run::{Folder, Job, Run};
@@ -100,7 +100,8 @@ fn one(
     let drawing = |state: &Tensors| under_way(state, path, method);
     let (steps, names, showing) = (method.steps * trials, &report::CURVES, Showing::Drawing(&drawing));
     let followed = Followed { folder, steps, names, showing, stop };
-    let server = listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
+    let server =
+        listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
     let (judged, early) = live(server, console, |console| {
         let mut search = Search { path, picture: &picture, method, console, interrupt, trace, early: None };
         let judged = search.reaching(goal)?;
@@ -140,7 +141,8 @@ fn go_on(
     if listener.is_some() {
         run.folder.follow();
     }
-    let server = listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
+    let server =
+        listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
     let mut progress = Progress::new("fit", done, of, console);
     let complete = live(server, console, |console| {
         run.advance(stop, |report| {

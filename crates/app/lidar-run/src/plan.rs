@@ -65,7 +65,9 @@ fn pair(text: &str) -> Option<[f64; 2]> {
 /// Elevations in degrees, the lower first.
 fn elevations(text: &str) -> Result<[f64; 2], String> {
     let within = |limits: &[f64; 2]| limits[0] >= -90.0 && limits[1] <= 90.0;
-    pair(text).filter(within).ok_or(format!("expected two angles from -90 to 90, the smaller first, as -25,3; found {text}"))
+    pair(text)
+        .filter(within)
+        .ok_or(format!("expected two angles from -90 to 90, the smaller first, as -25,3; found {text}"))
 }
 
 /// Ranges in meters, the smaller first.

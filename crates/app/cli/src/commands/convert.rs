@@ -12,8 +12,8 @@ use weaver_command::{Console, Failure, Output};
 use weaver_geometry::Similarity;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_io::{
-    Blocks, Chained, Changed, Drawing, SCENE_FORMATS, SceneFormat, WrittenScene, open_scene,
-    scene_bytes, write_blocks_checked,
+    Blocks, Chained, Changed, Drawing, SCENE_FORMATS, SceneFormat, WrittenScene, open_scene, scene_bytes,
+    write_blocks_checked,
 };
 use weaver_scene::{Difference, Gaussians, Region, forms};
 

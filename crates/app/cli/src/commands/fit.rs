@@ -15,8 +15,10 @@ use course::finish;
 use initial::Start;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use weaver_command::{Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_THREADS, Output, Rgb, background, choice, device, in_pool};
 use std::time::Instant;
+use weaver_command::{
+    Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_THREADS, Output, Rgb, background, choice, device, in_pool,
+};
 use weaver_data::capture::HoldOut;
 use weaver_fit::{FitSettings, Rates, StrategyKind, bytes_per_step};
 use weaver_fit_run::{ByPhotos, Folder, Pace, Run, RunSettings, plan};

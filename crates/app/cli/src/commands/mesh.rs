@@ -10,7 +10,7 @@ use weaver_geometry::{Camera, Pose};
 use weaver_io::ply::write_triangles;
 use weaver_io::{SceneFile, read_scene};
 use weaver_lidar_run::{distance_field, map_mesh};
-use weaver_mesh::{DistanceField, DrawnScene, Mesh};
+use weaver_mesh::{DrawnScene, Mesh};
 
 /// Cells of the map of a lidar run, meters.
 const MAP_VOXEL: f64 = 0.1;

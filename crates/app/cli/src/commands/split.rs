@@ -4,7 +4,7 @@ use crate::flags::hold_out;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Output, ShellCommand, fraction, quoted};
+use weaver_command::{Console, Failure, Output, ShellCommand, fraction};
 use weaver_data::OutputFolder;
 use weaver_data::capture::HoldOut;
 use weaver_fit_run::blocks::{BlockCount, BlockFile, Split as Cut, SplitOptions, split};

@@ -5,7 +5,8 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weaver_command::{
-    device, duration, in_pool, Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_SEED, MOST_THREADS, Output, Progress, ShellCommand,
+    Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_SEED, MOST_THREADS, Output, Progress, ShellCommand, device,
+    duration, in_pool,
 };
 use weaver_inference::RunFolder;
 use weaver_trainer::{

@@ -64,6 +64,11 @@ impl ShellCommand {
         if dashed { self.word(Path::new(".").join(path)) } else { self.word(path) }
     }
 
+    /// A path as one word, for texts that name what to add to a command.
+    pub fn quoted(path: impl AsRef<Path>) -> String {
+        Self::new("").path(path).text.trim_start().into()
+    }
+
     /// False if a word needs `$'...'`, which interactive shells know and a plain `sh` may not.
     pub fn is_posix(&self) -> bool {
         self.posix

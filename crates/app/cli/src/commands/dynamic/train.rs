@@ -4,7 +4,9 @@ use super::eval;
 use super::looks::exhibit;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, MOST_SEED, Output, Progress, ShellCommand, Threads, choice, duration};
+use weaver_command::{
+    Console, Failure, Interrupt, LiveFlag, MOST_SEED, Output, Progress, ShellCommand, Threads, choice, duration,
+};
 use weaver_dynamic_run::{DerivedFrom, ExpertKind, FilmSource, Preset, Run, RunSettings, Stage};
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// When a file of such a name is there that no scene at this place names, and when one cannot be written.
-pub(super) fn write(meta: &Path, files: &[File]) -> Result<()> {
+pub(in crate::gaussians) fn write(meta: &Path, files: &[File]) -> Result<()> {
     let beside = |name: &str| meta.with_file_name(name);
     let own = named_before(meta)?;
     for path in files.iter().map(|file| beside(file.name)).filter(|path| path.symlink_metadata().is_ok()) {
