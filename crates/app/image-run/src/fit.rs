@@ -40,7 +40,9 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
         return Err(Failure::Usage(format!("--psnr: expected a number of decibels, found {psnr}")));
     }
     match &arguments.pictures[..] {
-        [picture] if picture.is_file() && !is_folder(out) => one(picture, out, (arguments, live), &method, console, interrupt),
+        [picture] if picture.is_file() && !is_folder(out) => {
+            one(picture, out, (arguments, live), &method, console, interrupt)
+        }
         _ if arguments.bytes.is_some() || arguments.psnr.is_some() => {
             Err(Failure::Usage("--bytes and --psnr: expected one picture and a file to write".into()))
         }
@@ -99,7 +101,8 @@ fn one(
     let drawing = |state: &Tensors| under_way(state, path, method);
     let (steps, names, showing) = (method.steps * trials, &report::CURVES, Showing::Drawing(&drawing));
     let followed = Followed { folder, steps, names, showing, stop };
-    let server = listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
+    let server =
+        listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
     let judged = live(server, console, |console| {
         Search { path, picture: &picture, method, console, interrupt, trace }.reaching(goal)
     })?;
@@ -125,7 +128,8 @@ fn go_on(
     if listener.is_some() {
         run.folder.follow();
     }
-    let server = listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
+    let server =
+        listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
     let mut progress = Progress::new("fit", done, of, console);
     let complete = live(server, console, |console| {
         run.advance(stop, |report| {

@@ -123,7 +123,8 @@ impl Job {
         let done = from.as_ref().map_or(0, |(.., done)| *done);
         let (path, stop) = (folder.path(), interrupt.watch());
         let followed = Followed { folder: path, steps: total, names: &[], showing: Showing::Curves, stop };
-        let server = listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
+        let server =
+            listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
         let recorder = Recorder::open(folder, done, RHYTHM, stop)?;
         let (trained, done, failure) = live(server, console, |console| {
             let progress = Progress::new("train", done, total, console);

@@ -137,9 +137,19 @@ mod tests {
     #[test]
     fn mutated_heads_are_read_or_refused() {
         let count = if std::env::var_os("WEAVER_STRESS").is_some() { 1_000_000 } else { 20_000 };
-        let seed = b"POST /save?format=ply HTTP/1.1\r\nHost: 127.0.0.1:80\r\nX-Token: 0123\r\nContent-Length: 35\r\n\r\n";
-        let pieces: [&[u8]; 9] =
-            [b"\r\n", b"\n", b"\0", b" ", b":", b"\xff", b"Host: a\r\n", b"Content-Length: 99999999999999999999\r\n", b"9"];
+        let seed =
+            b"POST /save?format=ply HTTP/1.1\r\nHost: 127.0.0.1:80\r\nX-Token: 0123\r\nContent-Length: 35\r\n\r\n";
+        let pieces: [&[u8]; 9] = [
+            b"\r\n",
+            b"\n",
+            b"\0",
+            b" ",
+            b":",
+            b"\xff",
+            b"Host: a\r\n",
+            b"Content-Length: 99999999999999999999\r\n",
+            b"9",
+        ];
         let mut state = 1_u64;
         let mut below = |end: usize| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

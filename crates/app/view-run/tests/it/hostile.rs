@@ -62,7 +62,8 @@ fn heads_are_bounded() {
     let exhibit = exhibit(None);
     let server = Server::new(&exhibit, None, here()).unwrap();
     server.during(|| {
-        for (first, part) in [("GET / HTTP/1.1\r\nX: ", "y"), ("GET /", "y"), ("", "\r\n"), ("GET / HTTP/1.1\r\n", "X: y\r\n")]
+        for (first, part) in
+            [("GET / HTTP/1.1\r\nX: ", "y"), ("GET /", "y"), ("", "\r\n"), ("GET / HTTP/1.1\r\n", "X: y\r\n")]
         {
             let mut stream = connect(&server);
             let _ = stream.write_all(first.as_bytes());
@@ -177,7 +178,14 @@ fn a_taken_port_is_refused() {
     let port = taken.local_addr().unwrap().port();
     for visitors in [Visitors::Here, Visitors::Network] {
         let error = Listener::bind(visitors, Some(port)).unwrap_err().to_string();
-        assert!(error.ends_with(":{port}: expected a free port, found one where another program listens".replace("{port}", &port.to_string()).as_str()), "{error}");
+        assert!(
+            error.ends_with(
+                ":{port}: expected a free port, found one where another program listens"
+                    .replace("{port}", &port.to_string())
+                    .as_str()
+            ),
+            "{error}"
+        );
     }
     drop(taken);
     let exhibit = exhibit(None);
@@ -218,9 +226,26 @@ impl Draws {
     /// A request with something wrong: bytes changed, left out, put in or repeated.
     fn request(&mut self, seeds: &[String]) -> Vec<u8> {
         const PIECES: [&[u8]; 20] = [
-            b"\r\n", b"\n", b"\0", b" ", b":", b"?", b"%00", b"..", b"HTTP/2.0", b"Host: ", b"X-Token: ", b"\xff\xfe", b"0",
-            b"Content-Length: 99999999999999\r\n", b"Content-Length: 18446744073709551615\r\n", b"Content-Length: -1\r\n",
-            b"Transfer-Encoding: chunked\r\n", b"Expect: 100-continue\r\n", b"/photo/99999999999999999999", b"&time=nan",
+            b"\r\n",
+            b"\n",
+            b"\0",
+            b" ",
+            b":",
+            b"?",
+            b"%00",
+            b"..",
+            b"HTTP/2.0",
+            b"Host: ",
+            b"X-Token: ",
+            b"\xff\xfe",
+            b"0",
+            b"Content-Length: 99999999999999\r\n",
+            b"Content-Length: 18446744073709551615\r\n",
+            b"Content-Length: -1\r\n",
+            b"Transfer-Encoding: chunked\r\n",
+            b"Expect: 100-continue\r\n",
+            b"/photo/99999999999999999999",
+            b"&time=nan",
         ];
         let mut bytes = seeds[self.below(seeds.len())].clone().into_bytes();
         for _ in 0..=self.below(4) {
