@@ -182,7 +182,7 @@ mod tests {
     fn the_stillest_gives_way() {
         let clients = Clients::new(SHORT);
         let pairs = [(); 3].map(|()| ends());
-        let [[mut first, a], [_second, b], [_third, c]] = pairs;
+        let [[mut first, a], [mut second, b], [_third, c]] = pairs;
         let _visits = [a, b].map(|stream| clients.admit(stream));
         let begin = Instant::now();
         while !clients.has_seat() {
@@ -190,7 +190,8 @@ mod tests {
             std::thread::sleep(Duration::from_millis(5));
         }
         let _visit = clients.admit(c);
-        assert!(!clients.has_seat());
         assert_eq!(first.read(&mut [0]).unwrap(), 0);
+        second.set_read_timeout(Some(Duration::from_millis(1))).unwrap();
+        assert_eq!(second.read(&mut [0]).unwrap_err().kind(), ErrorKind::WouldBlock);
     }
 }
