@@ -100,8 +100,12 @@ pub fn paired_errors(
     reference: &TrajectoryFile,
     path: &Path,
 ) -> Result<Errors, LidarRunError> {
-    let invalid =
-        |what: &'static str, expected: String, found: String| LidarRunError::Invalid { path: path.into(), what, expected, found };
+    let invalid = |what: &'static str, expected: String, found: String| LidarRunError::Invalid {
+        path: path.into(),
+        what,
+        expected,
+        found,
+    };
     if estimate.poses.len() == reference.poses.len() && estimate.poses.len() >= 2 {
         if let (Some(own), Some(others)) = (span(estimate), span(reference))
             && (own[1] < others[0] || others[1] < own[0])

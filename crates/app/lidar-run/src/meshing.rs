@@ -1,8 +1,8 @@
 //! Meshes of maps, and `splatweaver eval-mesh`.
 
+use crate::LidarRunError;
 use crate::plan::read;
 use crate::results::{MAP, Summary, TRAJECTORY, surfels};
-use crate::LidarRunError;
 use crate::run::stored;
 use clap::{Args, ValueEnum};
 use serde_json::json;

@@ -65,7 +65,9 @@ fn pair(text: &str) -> Option<[f64; 2]> {
 /// Elevations in degrees, the lower first.
 fn elevations(text: &str) -> Result<[f64; 2], String> {
     let within = |limits: &[f64; 2]| limits[0] >= -90.0 && limits[1] <= 90.0;
-    pair(text).filter(within).ok_or(format!("expected two angles from -90 to 90, the smaller first, as -25,3; found {text}"))
+    pair(text)
+        .filter(within)
+        .ok_or(format!("expected two angles from -90 to 90, the smaller first, as -25,3; found {text}"))
 }
 
 /// Ranges in meters, the smaller first.
@@ -100,8 +102,22 @@ impl LidarPlan {
 
     /// The words of the command line that say the same.
     pub(crate) fn words(&self) -> Vec<OsString> {
-        let Self { scans, poses, reference, size, fov, range, steps, density, keyframe_distance, .. } = self;
-        let Self { deskew, loops, seed, sources: _, .. } = self;
+        // Field by field, so that none is forgotten.
+        let Self {
+            scans,
+            poses,
+            reference,
+            size,
+            fov,
+            range,
+            steps,
+            density,
+            keyframe_distance,
+            deskew,
+            loops,
+            seed,
+            sources: _,
+        } = self;
         let pair = |[low, high]: &[f64; 2]| format!("{low},{high}");
         let mut words: Vec<OsString> = vec!["lidar".into()];
         let mut add = |flag: &str, value: Option<OsString>| words.extend(value.map(|value| joined(flag, &value)));

@@ -134,7 +134,10 @@ impl DistanceField {
         let mut cells = vec![[0.0; 2]; blocks.len() * CELLS];
         let part = blocks.len().div_ceil(PARTS).max(1);
         for (i, (cells, blocks)) in cells.chunks_mut(part * CELLS).zip(blocks.chunks(part)).enumerate() {
-            cells.par_chunks_mut(CELLS).zip(blocks).for_each(|(cells, block)| average(views, *block, voxel, truncation, cells));
+            cells
+                .par_chunks_mut(CELLS)
+                .zip(blocks)
+                .for_each(|(cells, block)| average(views, *block, voxel, truncation, cells));
             observe(FieldProgress { done: views.len() + i + 1, of, bytes })?;
         }
         Ok(Self { voxel, blocks, cells })

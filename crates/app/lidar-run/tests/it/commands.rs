@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use weaver_command::{Console, Interrupt};
 use weaver_data::lidar::{LidarWorld, SpinningSensor, room_loop};
 use weaver_io::{TrajectoryFile, TrajectoryFormat, write_lidar_scan};
-use weaver_lidar_run::{Lidar, LidarJob, LidarPlan, KIND, run};
+use weaver_lidar_run::{KIND, Lidar, LidarJob, LidarPlan, run};
 use weaver_run::{Folder, Job, Run};
 
 #[derive(Parser)]
@@ -134,7 +134,9 @@ fn bad_files_cost_a_scan_each() {
     let (result, printed, notes) = command(&[&[scans.as_str(), "--out", &out][..], &SMALL].concat());
     result.unwrap();
     assert!(printed.contains("7 of 7 scans, 3 lost"), "{printed}");
-    for line in ["lost: 0001.bin: points: expected", "lost: 0003.bin: size: expected", "lost: 0005.pcd: header: expected"] {
+    for line in
+        ["lost: 0001.bin: points: expected", "lost: 0003.bin: size: expected", "lost: 0005.pcd: header: expected"]
+    {
         assert_eq!(notes.matches(line).count(), 1, "{line}: {notes}");
     }
     let whole = std::fs::read(at("run/trajectory.txt")).unwrap();

@@ -106,7 +106,10 @@ fn a_mesh_in_another_unit_is_asked_about() {
     weaver_io::write_lidar_scan(folder.path().join("scan.bin"), &[[1.0; 3]]).unwrap();
     for (more, unit) in [(&[][..], "meters"), (&["--benchmark", "dtu"], "millimeters")] {
         let error = evaluated(&[&[at("mesh.ply").as_str(), &at("scan.bin")], more].concat()).unwrap_err();
-        assert!(error.contains("memory: expected") && error.contains(&format!("mesh.ply: is the mesh in {unit}?")), "{error}");
+        assert!(
+            error.contains("memory: expected") && error.contains(&format!("mesh.ply: is the mesh in {unit}?")),
+            "{error}"
+        );
     }
 }
 

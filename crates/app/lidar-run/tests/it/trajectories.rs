@@ -34,7 +34,8 @@ fn along_x(path: &std::path::Path, times: &[f64], speed: f64) -> String {
 fn what_is_undefined_is_not_given() {
     let folder = tempfile::tempdir().unwrap();
     let times = [0.0, 1.0, 2.0, 3.0];
-    let [moving, still] = [("a", 1.0), ("b", 0.0)].map(|(name, speed)| along_x(&folder.path().join(name), &times, speed));
+    let [moving, still] =
+        [("a", 1.0), ("b", 0.0)].map(|(name, speed)| along_x(&folder.path().join(name), &times, speed));
     let line = compared(&moving, &still).unwrap();
     assert!(line.contains("RPE 100.00 cm, 0.000 degrees") && !line.contains('%'), "{line}");
     let figures: serde_json::Value = serde_json::from_str(&words(&[&moving, &still, "--json"]).unwrap()).unwrap();
