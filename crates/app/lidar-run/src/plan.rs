@@ -102,8 +102,22 @@ impl LidarPlan {
 
     /// The words of the command line that say the same.
     pub(crate) fn words(&self) -> Vec<OsString> {
-        let Self { scans, poses, reference, size, fov, range, steps, density, keyframe_distance, .. } = self;
-        let Self { deskew, loops, seed, sources: _, .. } = self;
+        // Field by field, so that none is forgotten.
+        let Self {
+            scans,
+            poses,
+            reference,
+            size,
+            fov,
+            range,
+            steps,
+            density,
+            keyframe_distance,
+            deskew,
+            loops,
+            seed,
+            sources: _,
+        } = self;
         let pair = |[low, high]: &[f64; 2]| format!("{low},{high}");
         let mut words: Vec<OsString> = vec!["lidar".into()];
         let mut add = |flag: &str, value: Option<OsString>| words.extend(value.map(|value| joined(flag, &value)));

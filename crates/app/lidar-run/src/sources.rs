@@ -1,35 +1,37 @@
 //! The scans that a run began with, recognized by their content.
 
 use crate::LidarRunError;
-use crate::plan::name;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_io::{Checksum, LIDAR_FORMATS, list_files, natural_order, read_bytes};
 
-/// Names of scans in the order in which they are taken, with checksums of their files; none of a file that could not be read.
+/// Checksums of scans by the names of their files; none of a file that could not be read.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(transparent)]
-pub(crate) struct Sources(Vec<(String, Option<String>)>);
+pub(crate) struct Sources(BTreeMap<String, Option<String>>);
 
 impl Sources {
-    /// The scans in a folder as they are now, in natural order.
+    /// The scans in a folder as they are now.
     pub fn of(folder: &Path) -> Result<Self, LidarRunError> {
-        let checksum = |file: &PathBuf| {
-            let mut sum = Checksum::default();
-            sum.bytes(&read_bytes(file).ok()?);
-            Some(sum.to_string())
-        };
-        let mut scans = list_files(folder, &LIDAR_FORMATS)?;
-        scans.sort_by(|a, b| natural_order(a.as_os_str(), b.as_os_str()));
-        for scan in &scans {
-            weaver_io::path_in_utf8(scan)?;
+        let mut all = BTreeMap::new();
+        for file in list_files(folder, &LIDAR_FORMATS)? {
+            weaver_io::path_in_utf8(&file)?;
+            let checksum = read_bytes(&file).ok().map(|bytes| {
+                let mut sum = Checksum::default();
+                sum.bytes(&bytes);
+                sum.to_string()
+            });
+            all.insert(file.file_name().unwrap_or_default().to_string_lossy().into_owned(), checksum);
         }
-        Ok(Self(scans.iter().map(|file| (name(file), checksum(file))).collect()))
+        Ok(Self(all))
     }
 
-    /// The files in a folder.
+    /// The files in a folder, in natural order.
     pub fn files(&self, folder: &Path) -> Vec<PathBuf> {
-        self.0.iter().map(|(name, _)| folder.join(name)).collect()
+        let mut files: Vec<PathBuf> = self.0.keys().map(|name| folder.join(name)).collect();
+        files.sort_by(|a, b| natural_order(a.as_os_str(), b.as_os_str()));
+        files
     }
 
     /// Checks that a folder has the scans that a run began with, and no others. A file that could not be read then may be another now.
@@ -38,23 +40,21 @@ impl Sources {
     /// Names the first that differs.
     pub fn check(&self, folder: &Path) -> Result<(), LidarRunError> {
         let now = Self::of(folder)?;
-        for i in 0..self.0.len().max(now.0.len()) {
-            let (name, found) = match (self.0.get(i), now.0.get(i)) {
-                (Some((name, began)), Some((other, sum))) if name == other => match began.is_none() || began == sum {
-                    true => continue,
-                    false => (name, "another"),
-                },
-                (Some((name, _)), _) if !now.0.iter().any(|(other, _)| other == name) => (name, "none"),
-                (_, Some((other, _))) | (Some((other, _)), None) => (other, "one more"),
-                (None, None) => continue,
-            };
-            return Err(LidarRunError::Invalid {
-                path: folder.join(name),
-                what: "scan",
-                expected: "that with which the run began".into(),
-                found: found.into(),
-            });
-        }
-        Ok(())
+        let differs = |name: &&String| match (self.0.get(*name), now.0.get(*name)) {
+            (Some(Some(began)), Some(found)) => found.as_ref() != Some(began),
+            (began, found) => began.is_none() || found.is_none(),
+        };
+        let Some(name) = self.0.keys().chain(now.0.keys()).find(differs) else { return Ok(()) };
+        let found = match (self.0.contains_key(name), now.0.contains_key(name)) {
+            (true, true) => "another",
+            (true, false) => "none",
+            _ => "one more",
+        };
+        Err(LidarRunError::Invalid {
+            path: folder.join(name),
+            what: "scan",
+            expected: "that with which the run began".into(),
+            found: found.into(),
+        })
     }
 }
