@@ -37,7 +37,7 @@ impl Video {
         };
         let mut command = Command::new("ffmpeg");
         command
-            .args(["-loglevel", "error", "-nostdin", "-y", "-f", "rawvideo", "-pixel_format", "rgb24"])
+            .args(["-loglevel", "error", "-nostdin", "-xerror", "-y", "-f", "rawvideo", "-pixel_format", "rgb24"])
             .args(["-video_size", &format!("{width}x{height}"), "-framerate", &rate.to_string(), "-i", "pipe:0"])
             // Players expect chroma at half resolution, which needs even sides.
             .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
@@ -57,7 +57,10 @@ impl Video {
     fn end(&mut self) -> Result<(), Failure> {
         drop(self.pipe.take());
         let ended = self.ffmpeg.end()?;
-        ended.fault().map_or(Ok(()), |fault| Err(self.failure(io::Error::new(ended.kind(), fault))))
+        // Some versions end well where a disk was full when they wrote the end of the file.
+        let full = || ended.complaints().filter(|_| ended.kind() != ErrorKind::Other);
+        let fault = ended.fault().or_else(|| Some(format!("ffmpeg: {}", full()?)));
+        fault.map_or(Ok(()), |fault| Err(self.failure(io::Error::new(ended.kind(), fault))))
     }
 
     /// A failure of writing, whose kind tells a full disk from a fault of the input.
@@ -71,8 +74,8 @@ impl Film for Video {
         let written =
             self.pipe.as_mut().map_or(Err(ErrorKind::BrokenPipe.into()), |pipe| pipe.write_all(&image.to_bytes()));
         match written {
-            // The process has ended; its messages say why.
-            Err(error) if error.kind() == ErrorKind::BrokenPipe => self.end(),
+            // The process has ended, too early even if it ended well; its messages say why.
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => self.end().and_then(|()| Err(self.failure(error))),
             written => written.map_err(|error| Failure::message(format!("ffmpeg: {error}"))),
         }
     }

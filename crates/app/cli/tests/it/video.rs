@@ -107,14 +107,19 @@ fn a_rate_needs_a_video_and_a_sensible_number() {
     }
 }
 
-/// A disk that is full while ffmpeg writes is the machine's fault, which a scheduler may try again.
+/// A disk that is full while ffmpeg writes is the machine's fault, whatever ffmpeg makes of it, and an older video stays.
 #[test]
 fn a_full_disk_is_told_from_other_failures() {
-    let complaint = "av_interleaved_write_frame(): No space left on device";
-    for (script, code) in [(format!("cat > /dev/null; echo '{complaint}' >&2; exit 228"), 75), ("exit 228".into(), 1)] {
+    let complaint = "cat > \"$out\"; echo 'Error writing trailer: No space left on device' >&2";
+    for (script, code) in
+        [(format!("{complaint}; exit 228"), 75), (format!("{complaint}; exit 0"), 75), ("exit 228".into(), 1)]
+    {
         let (folder, bin) = (tempfile::tempdir().unwrap(), ffmpeg(&script));
+        std::fs::write(folder.path().join("turn.mp4"), "old").unwrap();
         let done = render(folder.path(), bin.path(), &[&["--video", "turn.mp4"], &SIZE[..]].concat());
         let stderr = text(&done.stderr);
         assert!(done.status.code() == Some(code) && stderr.starts_with("error: turn.mp4: ffmpeg: "), "{stderr}");
+        assert_eq!(std::fs::read_to_string(folder.path().join("turn.mp4")).unwrap(), "old");
+        assert!(!names(folder.path()).iter().any(|name| name.starts_with('.')), "{:?}", names(folder.path()));
     }
 }
