@@ -28,8 +28,7 @@ impl Video {
     /// A video of pictures of this size, `rate` of them a second.
     pub fn create(path: &Path, (width, height): (usize, usize), rate: f64) -> Result<Self, Failure> {
         let failed = |error: std::io::Error| weaver_io::Error::Io { path: path.into(), source: error };
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut unfinished = UnfinishedFile::create(folder).map_err(failed)?;
+        let mut unfinished = UnfinishedFile::create(path).map_err(failed)?;
         // A file without a name is handed to ffmpeg as its standard output.
         let (to, stdout) = match unfinished.name() {
             Some(name) => (name.to_path_buf(), Stdio::null()),
@@ -83,7 +82,7 @@ impl Film for Video {
     fn finish(mut self: Box<Self>) -> Result<PathBuf, Failure> {
         self.end()?;
         let Self { path, unfinished, .. } = *self;
-        unfinished.persist(&path).map_err(|source| weaver_io::Error::Io { path: path.clone(), source })?;
+        unfinished.persist().map_err(|source| weaver_io::Error::Io { path: path.clone(), source })?;
         Ok(path)
     }
 }

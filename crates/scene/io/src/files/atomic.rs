@@ -3,7 +3,7 @@
 use crate::files::unfinished::UnfinishedFile;
 use crate::{Error, Result};
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Writes a file atomically: afterward `path` holds either all that `write` wrote, or what it held before.
 ///
@@ -32,61 +32,11 @@ pub(crate) fn atomic_write_checked<T>(
     check: impl FnOnce(&Path) -> Result<T>,
 ) -> Result<T> {
     let failed = |error| Error::io(path)(error);
-    let place = destination(path).map_err(failed)?;
-    let mut file = UnfinishedFile::create(folder_of(&place)).map_err(failed)?;
+    let mut file = UnfinishedFile::create(path).map_err(failed)?;
     FirstError::pass(BufWriter::new(file.as_file()), path, write)?;
     let checked = check(&file.place())?;
-    file.persist(&place).map_err(failed)?;
+    file.persist().map_err(failed)?;
     Ok(checked)
-}
-
-/// The folder of a file.
-fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-/// The place that a file is written to: where a link leads, else the path itself.
-///
-/// # Errors
-/// When something is there that is no regular file. A rename would replace a device or a pipe by a file.
-pub(crate) fn destination(path: &Path) -> io::Result<PathBuf> {
-    match path.symlink_metadata() {
-        Ok(found) if found.is_symlink() => {
-            let place = path.canonicalize()?;
-            destination(&place)
-        }
-        Ok(found) => match kind(&found.file_type()) {
-            "a regular file" => Ok(path.into()),
-            kind => Err(io::Error::new(
-                io::ErrorKind::InvalidInput,
-                format!("expected a regular file or none, found {kind}"),
-            )),
-        },
-        Err(_) => Ok(path.into()),
-    }
-}
-
-/// Name of a kind of file.
-pub(crate) fn kind(found: &std::fs::FileType) -> &'static str {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::FileTypeExt;
-        if found.is_char_device() || found.is_block_device() {
-            return "a device";
-        }
-        if found.is_fifo() {
-            return "a named pipe";
-        }
-        if found.is_socket() {
-            return "a socket";
-        }
-    }
-    match found {
-        found if found.is_dir() => "a folder",
-        found if found.is_file() => "a regular file",
-        found if found.is_symlink() => "a link",
-        _ => "something else",
-    }
 }
 
 /// A writer that keeps its first error: encoders wrap errors, and lose the kind that tells a full disk from a fault of the input.

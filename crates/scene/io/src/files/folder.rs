@@ -60,7 +60,8 @@ pub fn check_writable(folder: impl AsRef<Path>) -> Result<()> {
             format!("a file, {}", existing.display()),
         ));
     }
-    UnfinishedFile::create(existing)
+    // Its path is one that it never takes.
+    UnfinishedFile::create(&existing.join(".weaver"))
         .map(drop)
         .map_err(|source| Error::io(existing)(std::io::Error::from(source.kind())))
 }

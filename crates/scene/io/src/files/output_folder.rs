@@ -1,7 +1,7 @@
 //! Folders of results, in which nothing is replaced but what the same command wrote.
 
-use crate::files::atomic::kind;
 use crate::files::folder::followed;
+use crate::files::unfinished::kind;
 use crate::{Advice, Error, Result, check_writable, list_photos};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,7 +1,7 @@
 //! Files that have no name until they are complete.
 
 use std::collections::BTreeSet;
-use std::fs::File;
+use std::fs::{File, FileType};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -15,7 +15,7 @@ const PREFIX: &str = ".weaver-";
 #[cfg(unix)]
 const PERMISSIONS: u32 = 0o666;
 
-/// A file in a folder that takes its name when it is complete, and is gone if it never is.
+/// A file that takes its name when it is complete, and is gone if it never is.
 ///
 /// On Linux it has no name in the meantime (`O_TMPFILE`), so that nothing stays when the process ends, whatever ends it. Elsewhere, and on
 /// file systems without such files, it has a hidden one: removed when this value is dropped, and by [`remove_unfinished`].
@@ -25,9 +25,9 @@ const PERMISSIONS: u32 = 0o666;
 /// use weaver_io::UnfinishedFile;
 ///
 /// let folder = tempfile::tempdir()?;
-/// let mut file = UnfinishedFile::create(folder.path())?;
+/// let mut file = UnfinishedFile::create(&folder.path().join("note.txt"))?;
 /// file.as_file().write_all(b"whole")?;
-/// file.persist(&folder.path().join("note.txt"))?;
+/// file.persist()?;
 /// assert_eq!(std::fs::read(folder.path().join("note.txt"))?, b"whole");
 /// # Ok::<(), std::io::Error>(())
 /// ```
@@ -36,28 +36,34 @@ pub struct UnfinishedFile {
     file: File,
     /// Its hidden name, if it has one.
     name: Option<PathBuf>,
+    /// The path that it takes.
+    path: PathBuf,
 }
 
 impl UnfinishedFile {
-    /// Creates a file in a folder, which is created as well if it is missing.
+    /// Creates a file that is to take this path, or the place where it leads if it is a link. Its folder is created as well if it is missing.
     ///
     /// # Errors
-    /// When the folder cannot be written to.
-    pub fn create(folder: &Path) -> io::Result<Self> {
-        std::fs::create_dir_all(folder)?;
-        nameless(folder).map_or_else(|| Self::named(folder), |file| Ok(Self { file, name: None }))
+    /// When the folder cannot be written to, or something is there that is no regular file.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let path = destination(path)?;
+        std::fs::create_dir_all(folder_of(&path))?;
+        match nameless(folder_of(&path)) {
+            Some(file) => Ok(Self { file, name: None, path }),
+            None => Self::named(path),
+        }
     }
 
-    fn named(folder: &Path) -> io::Result<Self> {
+    fn named(to: PathBuf) -> io::Result<Self> {
         let mut builder = builder();
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(PERMISSIONS));
         // Locked before it is there, so that whoever removes all of them finds this one, too.
         let mut names = named_files();
-        let (file, path) = builder.tempfile_in(folder)?.into_parts();
-        let path = path.keep().map_err(|error| error.error)?;
-        names.insert(path.clone());
-        Ok(Self { file, name: Some(path) })
+        let (file, name) = builder.tempfile_in(folder_of(&to))?.into_parts();
+        let name = name.keep().map_err(|error| error.error)?;
+        names.insert(name.clone());
+        Ok(Self { file, name: Some(name), path: to })
     }
 
     /// The file, to be written.
@@ -83,14 +89,14 @@ impl UnfinishedFile {
         self.file.sync_all()
     }
 
-    /// Flushes the file to the disk and gives it a name, in place of a file that has it.
+    /// Flushes the file to the disk and gives it its path, in place of a file that has it.
     ///
     /// # Errors
-    /// When it cannot be flushed, or cannot have that name.
-    pub fn persist(mut self, path: &Path) -> io::Result<()> {
+    /// When it cannot be flushed, or cannot have that path.
+    pub fn persist(mut self) -> io::Result<()> {
         self.flush()?;
-        let Some(name) = self.name.take() else { return link(&self.file, path) };
-        let renamed = std::fs::rename(&name, path);
+        let Some(name) = self.name.take() else { return link(&self.file, &self.path) };
+        let renamed = std::fs::rename(&name, &self.path);
         if renamed.is_ok() {
             named_files().remove(&name);
         } else {
@@ -115,6 +121,49 @@ pub fn remove_unfinished() {
     for path in std::mem::take(&mut *named_files()) {
         // The process ends: nobody is left to be told.
         let _ = std::fs::remove_file(path);
+    }
+}
+
+/// The folder of a file.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// The place that a file is written to: where a link leads, else the path itself.
+///
+/// # Errors
+/// When something is there that is no regular file. A rename would replace a device or a pipe by a file.
+fn destination(path: &Path) -> io::Result<PathBuf> {
+    match path.symlink_metadata() {
+        Ok(found) if found.is_symlink() => destination(&path.canonicalize()?),
+        Ok(found) if !found.is_file() => Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            format!("expected a regular file or none, found {}", kind(&found.file_type())),
+        )),
+        _ => Ok(path.into()),
+    }
+}
+
+/// Name of a kind of file.
+pub(crate) fn kind(found: &FileType) -> &'static str {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        if found.is_char_device() || found.is_block_device() {
+            return "a device";
+        }
+        if found.is_fifo() {
+            return "a named pipe";
+        }
+        if found.is_socket() {
+            return "a socket";
+        }
+    }
+    match found {
+        found if found.is_dir() => "a folder",
+        found if found.is_file() => "a regular file",
+        found if found.is_symlink() => "a link",
+        _ => "something else",
     }
 }
 
@@ -153,8 +202,7 @@ fn link(file: &File, path: &Path) -> io::Result<()> {
     match named(path) {
         // A link does not replace a file; a rename does.
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            let linked: NamedTempFile<()> = builder().make_in(folder, named)?;
+            let linked: NamedTempFile<()> = builder().make_in(folder_of(path), named)?;
             linked.into_temp_path().persist(path).map_err(|error| error.error)
         }
         linked => linked,
@@ -190,18 +238,18 @@ mod tests {
         let path = folder.path().join("file");
         let names = || std::fs::read_dir(folder.path()).unwrap().count();
         for content in ["first", "second"] {
-            let mut file = UnfinishedFile::named(folder.path()).unwrap();
+            let mut file = UnfinishedFile::named(path.clone()).unwrap();
             file.as_file().write_all(content.as_bytes()).unwrap();
-            file.persist(&path).unwrap();
+            file.persist().unwrap();
             assert_eq!((std::fs::read_to_string(&path).unwrap().as_str(), names()), (content, 1));
         }
-        drop(UnfinishedFile::named(folder.path()).unwrap());
+        drop(UnfinishedFile::named(path.clone()).unwrap());
         assert_eq!(names(), 1);
-        let left = UnfinishedFile::named(folder.path()).unwrap();
+        let left = UnfinishedFile::named(path.clone()).unwrap();
         assert_eq!(names(), 2);
         remove_unfinished();
         assert_eq!(names(), 1);
-        assert!(left.persist(&path).is_err());
+        assert!(left.persist().is_err());
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "second");
     }
 }

@@ -2,7 +2,6 @@
 
 use super::encode::File;
 use super::{META, names};
-use crate::files::atomic::destination;
 use crate::files::output_folder::refused;
 use crate::files::unfinished::UnfinishedFile;
 use crate::{Error, Result};
@@ -22,24 +21,21 @@ pub(in crate::gaussians) fn write(meta: &Path, files: &[File]) -> Result<()> {
         }
     }
     // All are complete before any has its name: a disk that is full leaves the scene as it was.
-    let folder = meta.parent().unwrap_or(Path::new(""));
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let mut complete = Vec::new();
     for File { name, content } in files {
         let path = beside(name);
         let written = || -> std::io::Result<_> {
-            let place = destination(&path)?;
-            let mut file = UnfinishedFile::create(folder)?;
+            let mut file = UnfinishedFile::create(&path)?;
             file.as_file().write_all(content)?;
             file.flush()?;
-            Ok((place, file))
+            Ok(file)
         };
-        complete.push(written().map_err(Error::io(&path))?);
+        complete.push((written().map_err(Error::io(&path))?, path));
     }
     // Without it there is no scene, so that none is read of which a part is new.
     remove(meta)?;
-    for (place, file) in complete {
-        file.persist(&place).map_err(Error::io(&place))?;
+    for (file, path) in complete {
+        file.persist().map_err(Error::io(&path))?;
     }
     let is_written = |path: &&PathBuf| files.iter().any(|file| beside(file.name) == **path);
     own.iter().filter(|path| !is_written(path)).try_for_each(|path| remove(path))
