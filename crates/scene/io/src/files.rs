@@ -10,4 +10,5 @@ pub(crate) mod folder;
 pub(crate) mod json;
 pub(crate) mod mapped_file;
 pub(crate) mod memory;
+pub(crate) mod natural_order;
 pub(crate) mod output_folder;

@@ -27,6 +27,7 @@ pub use files::checksum::Checksum;
 pub use files::file::{file_length, read_bytes, read_part, read_text, write_text};
 pub use files::folder::{check_writable, create_folder, list_files, list_folders, path_in_utf8, relative_path};
 pub use files::memory::{available_memory, peak_mb};
+pub use files::natural_order::natural_order;
 pub use files::output_folder::{OutputFolder, check_output_file};
 pub use gaussians::ply;
 pub use gaussians::{

@@ -64,10 +64,8 @@ fn names(folder: &Path) -> Result<Vec<String>, Error> {
 fn frames(folder: &Path, name: &str, names: &[String]) -> Result<Vec<PathBuf>, Error> {
     let camera = folder.join(name);
     for place in [camera.clone(), camera.join("images")].iter().filter(|place| place.is_dir()) {
-        let mut photos = list_photos(place)?;
+        let photos = list_photos(place)?;
         if !photos.is_empty() {
-            // Numbers may lack zeros in front: a longer name is a larger number.
-            photos.sort_by_key(|path| (path.as_os_str().len(), path.clone()));
             return Ok(photos);
         }
     }

@@ -19,14 +19,14 @@ pub enum TrajectoryFormat {
 pub struct TrajectoryFile {
     /// Poses.
     pub poses: Vec<Pose>,
-    /// Their times, seconds; 0, 1, 2, ... in files without.
+    /// Their times, seconds; none in a file without.
     pub times: Vec<f64>,
 }
 
 impl TrajectoryFile {
     /// Reads a trajectory, KITTI's or TUM's by the count of numbers in a line. Lines that begin with `#` are comments.
     ///
-    /// The first word of TUM's lines may be a name instead of a time.
+    /// The first word of TUM's lines may be a name; the file then has no times, as KITTI's.
     ///
     /// # Errors
     /// When a line is neither, a pose is not rigid, or times do not grow.
@@ -43,7 +43,7 @@ impl TrajectoryFile {
         let path = path.as_ref();
         let text = read_text(path)?;
         let mut file = Self::default();
-        let mut named = false;
+        let mut timed = true;
         for (number, line) in text.lines().enumerate() {
             let line = line.trim();
             if line.is_empty() || line.starts_with('#') {
@@ -56,13 +56,12 @@ impl TrajectoryFile {
                 let number = |word: &&str| word.parse().ok().filter(|x: &f64| x.is_finite());
                 words.iter().map(|w| number(w).ok_or_else(|| invalid("finite numbers", format!("{w:?}")))).collect()
             };
-            let index = file.poses.len() as f64;
             let (time, pose) = match words.len() {
                 12 => {
                     let x = numbers(&words)?;
                     let rows = [0, 4, 8].map(|at| [x[at], x[at + 1], x[at + 2], x[at + 3]]);
                     let pose = Pose::from_rows(&rows);
-                    (index, pose.map_err(|error| invalid("the rows of a rigid motion", error.to_string()))?)
+                    (None, pose.map_err(|error| invalid("the rows of a rigid motion", error.to_string()))?)
                 }
                 8 => {
                     let x = numbers(&words[1..])?;
@@ -71,17 +70,21 @@ impl TrajectoryFile {
                     if (length - 1.0).abs() > 1e-2 {
                         return Err(invalid("a quaternion of length 1", format!("length {length}")));
                     }
-                    named |= words[0].parse::<f64>().is_err();
-                    let time = if named { index } else { words[0].parse().unwrap_or(index) };
-                    (time, Pose::from_wxyz(quat, DVec3::from_slice(&x[..3])))
+                    (words[0].parse::<f64>().ok(), Pose::from_wxyz(quat, DVec3::from_slice(&x[..3])))
                 }
                 other => return Err(invalid("12 numbers (KITTI) or 8 (TUM)", format!("{other} words"))),
             };
-            if file.times.last().is_some_and(|last| *last >= time) {
-                return Err(invalid("times that grow", words[0].into()));
+            timed &= time.is_some();
+            if let Some(time) = time.filter(|_| timed) {
+                if !time.is_finite() || file.times.last().is_some_and(|last| *last >= time) {
+                    return Err(invalid("times that grow", words[0].into()));
+                }
+                file.times.push(time);
             }
-            file.times.push(time);
             file.poses.push(pose);
+        }
+        if !timed {
+            file.times.clear();
         }
         match file.poses.is_empty() {
             true => Err(Error::invalid(path, "poses", "at least one", "none")),
@@ -92,20 +95,20 @@ impl TrajectoryFile {
     /// Writes a trajectory.
     ///
     /// # Errors
-    /// When there are not as many times as poses, or the file cannot be written.
+    /// When TUM's format lacks a time for each pose, or the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>, format: TrajectoryFormat) -> Result<()> {
         let path = path.as_ref();
-        if self.times.len() != self.poses.len() {
+        if format == TrajectoryFormat::Tum && self.times.len() != self.poses.len() {
             let expected = format!("{} times", self.poses.len());
             return Err(Error::invalid(path, "poses to write", expected, self.times.len()));
         }
         atomic_write(path, |w| {
-            for (pose, time) in self.poses.iter().zip(&self.times) {
+            for (i, pose) in self.poses.iter().enumerate() {
                 let numbers = match format {
                     TrajectoryFormat::Kitti => pose.rows().concat(),
                     TrajectoryFormat::Tum => {
                         let ([qw, qx, qy, qz], t) = (pose.wxyz(), pose.translation);
-                        vec![*time, t.x, t.y, t.z, qx, qy, qz, qw]
+                        vec![self.times[i], t.x, t.y, t.z, qx, qy, qz, qw]
                     }
                 };
                 let words: Vec<String> = numbers.iter().map(f64::to_string).collect();

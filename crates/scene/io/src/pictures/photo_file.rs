@@ -8,7 +8,7 @@ mod tiff;
 
 use crate::files::folder::list_named;
 use crate::pictures::resize::{self, Filter};
-use crate::{Background, Bitmap, Error, Image, Result};
+use crate::{Background, Bitmap, Error, Image, Result, natural_order};
 use decoding::Decoded;
 use image::metadata::Orientation;
 use std::path::{Path, PathBuf};
@@ -292,9 +292,9 @@ impl Image {
     }
 }
 
-/// The photos in a folder, sorted by path: what [`PhotoFile`] reads, and HEIC and AVIF, of which it says how to convert them. Links that
-/// lead nowhere are among them, so that whoever reads them says so; files whose names begin with a dot, as macOS keeps them beside
-/// photos, are not.
+/// The photos in a folder, in [natural order](natural_order): what [`PhotoFile`] reads, and HEIC and AVIF, of which it says how to
+/// convert them. Links that lead nowhere are among them, so that whoever reads them says so; files whose names begin with a dot, as macOS
+/// keeps them beside photos, are not.
 ///
 /// # Errors
 /// When the folder cannot be read.
@@ -302,5 +302,6 @@ pub fn list_photos(folder: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     let mut photos = list_named(folder.as_ref(), &[&EXTENSIONS[..], &TO_CONVERT[..]].concat())?;
     let hidden = |path: &Path| path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
     photos.retain(|path| !path.is_dir() && !hidden(path));
+    photos.sort_by(|a, b| natural_order(a.as_os_str(), b.as_os_str()));
     Ok(photos)
 }

@@ -1,4 +1,8 @@
-use weaver_io::{Appender, check_writable, create_folder, list_files, read_text, relative_path, write_text};
+use proptest::prelude::*;
+use std::cmp::Ordering;
+use weaver_io::{
+    Appender, check_writable, create_folder, list_files, natural_order, read_text, relative_path, write_text,
+};
 
 #[test]
 fn lists_sorted_files_of_some_extensions() {
@@ -98,4 +102,20 @@ fn relative_paths_keep_the_name_of_the_file() {
     let named = at("photos").join(std::ffi::OsStr::from_bytes(b"\xff.jpg"));
     let message = relative_path(at("out"), named).unwrap_err().to_string();
     assert!(message.contains("photos") && message.contains("expected UTF-8"), "{message}");
+}
+
+proptest! {
+    /// The order of names is one: no two are equal, and three never contradict each other. It is that of bytes where numbers are equally long.
+    #[test]
+    fn natural_order_is_an_order(names in proptest::collection::hash_set("[0-2a.]{0,6}", 3), numbers: [[u8; 2]; 2]) {
+        let order = |a: &str, b: &str| natural_order(a.as_ref(), b.as_ref());
+        let mut names: Vec<String> = names.into_iter().collect();
+        names.sort_by(|a, b| order(a, b));
+        for (a, b) in [(0, 1), (1, 2), (0, 2)] {
+            prop_assert_eq!(order(&names[a], &names[b]), Ordering::Less);
+            prop_assert_eq!(order(&names[b], &names[a]), Ordering::Greater);
+        }
+        let [a, b] = numbers.map(|[a, b]| format!("scan{a:03}-{b:03}.bin"));
+        prop_assert_eq!(order(&a, &b), a.cmp(&b));
+    }
 }

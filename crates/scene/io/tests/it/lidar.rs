@@ -137,6 +137,18 @@ proptest! {
     }
 }
 
+/// Poses of a file without times have none: neither KITTI's, nor those that have names in their place.
+#[test]
+fn a_trajectory_without_times_has_none() {
+    let times = |text: &str| {
+        let (_folder, path) = file("poses.txt", text);
+        TrajectoryFile::read(path).map(|file| (file.poses.len(), file.times)).unwrap()
+    };
+    assert_eq!(times("1 0 0 0 0 1 0 0 0 0 1 0\n"), (1, vec![]));
+    assert_eq!(times("v0 0 0 0 0 0 0 1\nv1 0 0 0 0 0 0 1\n"), (2, vec![]));
+    assert_eq!(times("3 0 0 0 0 0 0 1\n4 0 0 0 0 0 0 1\n"), (2, vec![3.0, 4.0]));
+}
+
 #[test]
 fn broken_trajectories_are_refused() {
     let message = |text: &str| {

@@ -229,3 +229,12 @@ fn photos_know_if_they_are_transparent() {
         assert_eq!(photo.was_transparent(), transparent);
     }
 }
+
+/// Photos whose names are numbers are listed in the order of the numbers.
+#[test]
+fn photos_are_listed_by_their_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = ["a2b1", "scan1", "scan2", "scan10", "scan011", "scan100", "tail"].map(|name| format!("{name}.png"));
+    names.iter().for_each(|name| std::fs::write(folder.path().join(name), "").unwrap());
+    assert_eq!(list_photos(&folder).unwrap(), names.map(|name| folder.path().join(name)));
+}
