@@ -1,6 +1,7 @@
 //! Chamfer distances as benchmarks of surfaces have them.
 
-use crate::{Mesh, comparison::distances};
+use crate::Mesh;
+use crate::comparison::{distances, mean};
 use std::collections::HashMap;
 use weaver_kernels::random::Stream;
 
@@ -18,6 +19,11 @@ pub struct Benchmark {
 impl Benchmark {
     /// Those of DTU (Aanæs et al., 2016), millimeters.
     pub const DTU: Self = Self { spacing: 0.2, far: 20.0, beyond: [60.0, 120.0] };
+
+    /// Points on a unit of area of a mesh, before they are thinned to the spacing.
+    pub fn per_area(&self) -> f64 {
+        1.0 / (self.spacing * self.spacing)
+    }
 }
 
 /// Distances between two surfaces, in their unit.
@@ -35,7 +41,8 @@ pub struct Chamfer {
 
 /// The Chamfer distance of a mesh to a scan as DTU has it: points of the mesh, its vertices included, in random order and [thinned](spread) to the spacing, those
 /// outside the box left out; means over the distances below [`Benchmark::far`], both ways. The masks of what the scanner saw are not
-/// applied: a mesh that goes on where the scan has nothing is judged there, up to that distance. `None` where nothing is left to compare.
+/// applied: a mesh that goes on where the scan has nothing is judged there, up to that distance. `None` where nothing is left to compare, as
+/// of a mesh without triangles.
 ///
 /// ```
 /// use weaver_mesh::{Benchmark, Mesh, mesh_chamfer};
@@ -46,8 +53,11 @@ pub struct Chamfer {
 /// assert!((found.chamfer - 1.0).abs() < 0.02);
 /// ```
 pub fn mesh_chamfer(mesh: &Mesh, reference: &[[f32; 3]], sizes: &Benchmark, seed: u64) -> Option<Chamfer> {
+    if mesh.triangles.is_empty() {
+        return None;
+    }
     let mut points = mesh.vertices.clone();
-    points.extend(mesh.sample(1.0 / (sizes.spacing * sizes.spacing), seed));
+    points.extend(mesh.sample(sizes.per_area(), seed));
     let edge = |i: usize| {
         let of = || reference.iter().map(|p| f64::from(p[i]));
         (of().fold(f64::INFINITY, f64::min) - sizes.beyond[0], of().fold(f64::NEG_INFINITY, f64::max) + sizes.beyond[1])
@@ -122,9 +132,4 @@ fn middles(points: &[[f32; 3]], side: f64) -> Vec<[f32; 3]> {
     let mut kept: Vec<usize> = best.into_values().map(|(_, i)| i).collect();
     kept.sort_unstable();
     kept.into_iter().map(|i| points[i]).collect()
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0_usize), |(sum, count), x| (sum + x, count + 1));
-    (count > 0).then(|| sum / count as f64)
 }

@@ -2,18 +2,20 @@
 
 use weaver_kernels::nearest_neighbors::nearest_among;
 
-/// Distances beyond this are no errors of accuracy, but something that is missing, meters.
-const FAR: f64 = 0.5;
+/// Distance from which on a point of a surface is no error of accuracy, but one that should not be there, meters.
+pub const FAR: f64 = 0.5;
 
 /// Errors of a surface, as clouds of points.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshErrors {
-    /// Mean distance of its points to the reference, of those nearer than 0.5 m, meters.
-    pub accuracy: f64,
-    /// Mean distance of the reference's points to it, each at most 0.5 m, meters.
+    /// Mean distance of its points to the reference, of those nearer than [`FAR`], meters; none where no point is.
+    pub accuracy: Option<f64>,
+    /// Mean distance of the reference's points to it, each at most [`FAR`], meters.
     pub completeness: f64,
-    /// Mean of the two.
-    pub chamfer: f64,
+    /// Mean of the two, if there are both.
+    pub chamfer: Option<f64>,
+    /// Share of its points that are farther from the reference than [`FAR`], which accuracy leaves out.
+    pub beyond: f64,
     /// Share of its points within the threshold of the reference.
     pub precision: f64,
     /// Share of the reference's points within the threshold of it.
@@ -22,25 +24,38 @@ pub struct MeshErrors {
     pub f_score: f64,
 }
 
-/// Compares the points of a surface with those of a reference; `near` is the threshold of the F-score, meters.
+/// Compares the points of a surface with those of a reference; `near` is the threshold of the F-score, meters. `None` where one has no
+/// points.
 ///
 /// ```
 /// let plane = |z: f32| (0..100).map(|i| [i as f32 % 10.0, (i / 10) as f32, z]).collect::<Vec<_>>();
-/// let errors = weaver_mesh::compare(&plane(0.1), &plane(0.0), 0.2);
-/// assert!((errors.chamfer - 0.1).abs() < 1e-6 && errors.f_score == 1.0);
+/// let errors = weaver_mesh::compare(&plane(0.1), &plane(0.0), 0.2).unwrap();
+/// assert!((errors.chamfer.unwrap() - 0.1).abs() < 1e-6 && errors.f_score == 1.0);
+/// assert_eq!(weaver_mesh::compare(&[], &plane(0.0), 0.2), None);
 /// ```
-pub fn compare(points: &[[f32; 3]], reference: &[[f32; 3]], near: f64) -> MeshErrors {
-    if points.is_empty() || reference.is_empty() {
-        return MeshErrors { completeness: FAR, ..MeshErrors::default() };
-    }
-    let share = |d: &[f64]| d.iter().filter(|d| **d < near).count() as f64 / d.len() as f64;
+pub fn compare(points: &[[f32; 3]], reference: &[[f32; 3]], near: f64) -> Option<MeshErrors> {
     let (own, others) = (distances(points, reference), distances(reference, points));
-    let within: Vec<f64> = own.iter().copied().filter(|d| *d < FAR).collect();
-    let accuracy = within.iter().sum::<f64>() / within.len().max(1) as f64;
-    let completeness = others.iter().map(|d| d.min(FAR)).sum::<f64>() / others.len() as f64;
-    let (precision, recall) = (share(&own), share(&others));
+    let within = mean(own.iter().copied().filter(|d| *d < FAR));
+    let completeness = mean(others.iter().map(|d| d.min(FAR)))?;
+    let share = |d: &[f64], reach: f64| d.iter().filter(|d| **d < reach).count() as f64 / d.len() as f64;
+    let (precision, recall) = (share(&own, near), share(&others, near));
     let f_score = if precision + recall > 0.0 { 2.0 * precision * recall / (precision + recall) } else { 0.0 };
-    MeshErrors { accuracy, completeness, chamfer: (accuracy + completeness) / 2.0, precision, recall, f_score }
+    let chamfer = within.map(|accuracy| (accuracy + completeness) / 2.0);
+    Some(MeshErrors {
+        accuracy: within,
+        completeness,
+        chamfer,
+        beyond: 1.0 - share(&own, FAR),
+        precision,
+        recall,
+        f_score,
+    })
+}
+
+/// The mean of numbers, if there are any.
+pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0_usize), |(sum, count), x| (sum + x, count + 1));
+    (count > 0).then(|| sum / count as f64)
 }
 
 /// Distances of points to the nearest of others; none where there are no others.

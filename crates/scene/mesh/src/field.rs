@@ -6,8 +6,15 @@ use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_surfel::SurfelCamera;
 
-/// The most blocks of a field: 8 GiB.
+/// The most blocks of a field, whose vertices 32 bits can number.
 const MOST_BLOCKS: usize = 1 << 21;
+/// Bytes of a block while a mesh is made of a field: distances and weights of cells, numbers of vertices, and vertices and triangles of the
+/// surface, which crosses about half of the blocks.
+const BLOCK_BYTES: u64 = 10_000;
+/// Blocks farther from the origin than this, in blocks, have cells that 32 bits cannot number.
+const FARTHEST: u32 = 1 << 27;
+/// Parts in which blocks are averaged.
+const PARTS: usize = 32;
 
 /// Why a field or a mesh cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -32,12 +39,23 @@ pub enum MeshError {
         /// Normals.
         normals: usize,
     },
-    /// More blocks than fit into memory.
+    /// More blocks than can be numbered.
     #[error("cells of {voxel} m: expected at most {MOST_BLOCKS} blocks of 8 x 8 x 8 cells, found more")]
     TooMany {
         /// Side of a cell, meters.
         voxel: f64,
     },
+}
+
+/// A moment in which a part of a field was made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FieldProgress {
+    /// Parts that are done.
+    pub done: usize,
+    /// All parts: a view in which blocks are searched is one, and so is a 32nd of the blocks.
+    pub of: usize,
+    /// Bytes that the field and its mesh take at least, by the blocks that are known.
+    pub bytes: u64,
 }
 
 /// A range image with its camera.
@@ -73,51 +91,78 @@ impl DistanceField {
     /// # Errors
     /// [`MeshError`] where sizes make no sense or do not fit.
     pub fn new(views: &[RangeView<'_>], voxel: f64, truncation: f64) -> Result<Self, MeshError> {
+        Self::watched(views, voxel, truncation, |_| Ok(()))
+    }
+
+    /// The same, and calls `observe` after every part. Blocks are known, view by view, before memory is taken for their cells.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and the first of `observe`, which ends it.
+    pub fn watched<E: From<MeshError>>(
+        views: &[RangeView<'_>],
+        voxel: f64,
+        truncation: f64,
+        mut observe: impl FnMut(FieldProgress) -> Result<(), E>,
+    ) -> Result<Self, E> {
         for (what, found) in [("cells", voxel), ("truncation", truncation)] {
             if !(found > 0.0 && found.is_finite()) {
-                return Err(MeshError::Size { what, found });
+                return Err(MeshError::Size { what, found }.into());
             }
         }
         for (i, view) in views.iter().enumerate() {
             let (expected, ranges, normals) = (view.camera.pixels(), view.range.len(), view.normal.len() / 3);
             if ranges != expected || ![0, expected].contains(&normals) {
-                return Err(MeshError::View { view: i, expected, ranges, normals });
+                return Err(MeshError::View { view: i, expected, ranges, normals }.into());
             }
         }
         let mut blocks: Vec<Place> = Vec::new();
-        for view in views {
+        let of = views.len() + PARTS;
+        for (i, view) in views.iter().enumerate() {
             let mut own = near(view, voxel, truncation);
             own.par_sort_unstable();
             own.dedup();
+            let far = own.par_iter().any(|place| place.iter().any(|x| x.unsigned_abs() > FARTHEST));
             blocks.extend(own);
             blocks.par_sort_unstable();
             blocks.dedup();
-            if blocks.len() > MOST_BLOCKS {
-                return Err(MeshError::TooMany { voxel });
+            if far || blocks.len() > MOST_BLOCKS {
+                return Err(MeshError::TooMany { voxel }.into());
             }
+            observe(FieldProgress { done: i + 1, of, bytes: BLOCK_BYTES * blocks.len() as u64 })?;
         }
+        let bytes = BLOCK_BYTES * blocks.len() as u64;
         let mut cells = vec![[0.0; 2]; blocks.len() * CELLS];
-        cells.par_chunks_mut(CELLS).zip(&blocks).for_each(|(cells, block)| {
-            for (at, mean) in cells.iter_mut().enumerate() {
-                let corner = DVec3::from_array(cell(*block, at).map(f64::from)) * voxel;
-                let (mut sum, mut weights) = (0.0, 0.0);
-                for view in views {
-                    if let Some([distance, weight]) = distance(view, corner, truncation) {
-                        sum += weight * distance;
-                        weights += weight;
-                    }
-                }
-                if weights > 0.0 {
-                    *mean = [(sum / weights) as f32, weights as f32];
-                }
-            }
-        });
+        let part = blocks.len().div_ceil(PARTS).max(1);
+        for (i, (cells, blocks)) in cells.chunks_mut(part * CELLS).zip(blocks.chunks(part)).enumerate() {
+            cells
+                .par_chunks_mut(CELLS)
+                .zip(blocks)
+                .for_each(|(cells, block)| average(views, *block, voxel, truncation, cells));
+            observe(FieldProgress { done: views.len() + i + 1, of, bytes })?;
+        }
         Ok(Self { voxel, blocks, cells })
     }
 
     /// Number of blocks.
     pub fn blocks(&self) -> usize {
         self.blocks.len()
+    }
+}
+
+/// Averages the distances of a block's cells.
+fn average(views: &[RangeView<'_>], block: Place, voxel: f64, truncation: f64, cells: &mut [[f32; 2]]) {
+    for (at, mean) in cells.iter_mut().enumerate() {
+        let corner = DVec3::from_array(cell(block, at).map(f64::from)) * voxel;
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for view in views {
+            if let Some([distance, weight]) = distance(view, corner, truncation) {
+                sum += weight * distance;
+                weights += weight;
+            }
+        }
+        if weights > 0.0 {
+            *mean = [(sum / weights) as f32, weights as f32];
+        }
     }
 }
 

@@ -16,8 +16,8 @@ mod pieces;
 mod scene;
 
 pub use benchmark::{Benchmark, Chamfer, mesh_chamfer, point_chamfer, spread};
-pub use comparison::{MeshErrors, compare, thinned};
-pub use field::{DistanceField, MeshError, RangeView};
+pub use comparison::{FAR, MeshErrors, compare, thinned};
+pub use field::{DistanceField, FieldProgress, MeshError, RangeView};
 pub use mesh::Mesh;
 pub use scene::DrawnScene;
 

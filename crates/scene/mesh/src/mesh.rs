@@ -23,7 +23,8 @@ impl Mesh {
         self.triangles.iter().map(|t| area(self.corners(*t))).sum()
     }
 
-    /// Points on the surface, `per_area` of them on a square meter on average, the same ones for the same seed.
+    /// Points on the surface, `per_area` of them on a square meter on average, the same ones for the same seed. Triangles with a corner that is
+    /// not finite have none.
     pub fn sample(&self, per_area: f64, seed: u64) -> Vec<[f32; 3]> {
         let stream = Stream::new(seed, 0, "mesh");
         let mut points = Vec::new();
@@ -31,7 +32,8 @@ impl Mesh {
         let mut drawn = 0;
         for triangle in &self.triangles {
             let [a, b, c] = self.corners(*triangle);
-            due += per_area * area([a, b, c]);
+            let own = per_area * area([a, b, c]);
+            due += if own.is_finite() { own } else { 0.0 };
             while due >= 1.0 {
                 due -= 1.0;
                 let (u, v) = (stream.uniform::<f64>(2 * drawn).sqrt(), stream.uniform::<f64>(2 * drawn + 1));

@@ -3,7 +3,7 @@
 use crate::{CompressError, Pictures};
 use weaver_geometry::trajectory::focus;
 use weaver_geometry::{Camera, Pose};
-use weaver_mesh::{DistanceField, DrawnScene, Mesh, compare};
+use weaver_mesh::{DistanceField, DrawnScene, FAR, Mesh, compare};
 use weaver_scene::Gaussians;
 use weaver_splat::RasterSettings;
 
@@ -14,7 +14,7 @@ const DISTANCE: f64 = 10.0;
 const CELLS: f64 = 96.0;
 const TRUNCATION: f64 = 5.0;
 /// Ranges beyond so many of these distances are background.
-const FAR: f64 = 2.0;
+const BACKGROUND: f64 = 2.0;
 /// Points on a cell's area of a surface to which distances are.
 const PER_CELL: f64 = 32.0;
 
@@ -67,8 +67,9 @@ impl Surface {
     pub fn chamfer(&self, gaussians: &Gaussians) -> Result<f64, CompressError> {
         let (own, others) = (self.points(gaussians)?, &self.points);
         let near = DISTANCE / CELLS;
-        let there = compare(&own.vertices, &others.samples, near).accuracy;
-        let back = compare(&own.samples, &others.vertices, near).completeness;
+        // A surface of which nothing is there, or near, is as far off as can be.
+        let there = compare(&own.vertices, &others.samples, near).and_then(|errors| errors.accuracy).unwrap_or(FAR);
+        let back = compare(&own.samples, &others.vertices, near).map_or(FAR, |errors| errors.completeness);
         Ok(1000.0 / DISTANCE * (there + back) / 2.0)
     }
 
@@ -85,7 +86,7 @@ impl Surface {
     }
 
     fn mesh(&self, gaussians: &Gaussians) -> Result<Mesh, CompressError> {
-        let mut scene = DrawnScene::new(gaussians, self.background, self.settings, FAR * self.distance);
+        let mut scene = DrawnScene::new(gaussians, self.background, self.settings, BACKGROUND * self.distance);
         self.cameras.iter().try_for_each(|camera| scene.add(camera))?;
         let voxel = self.distance / CELLS;
         Ok(DistanceField::new(&scene.views(), voxel, TRUNCATION * voxel)?.mesh())

@@ -5,7 +5,10 @@ mod scenes;
 use proptest::prelude::*;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_mesh::{Benchmark, DistanceField, Mesh, MeshError, RangeView, compare, point_chamfer, spread, thinned};
+use weaver_mesh::{
+    Benchmark, DistanceField, FAR, FieldProgress, Mesh, MeshError, RangeView, compare, mesh_chamfer, point_chamfer,
+    spread, thinned,
+};
 use weaver_surfel::SurfelCamera;
 
 /// The range to the sides of a cube around the origin, and their normals.
@@ -75,7 +78,7 @@ fn a_sampled_mesh_is_near_what_was_seen() {
             exact.extend([-1.5, 1.5].into_iter().flat_map(|s| [[a, b, s], [a, s, b], [s, a, b]]));
         }
     }
-    let errors = compare(&points, &exact, 0.1);
+    let errors = compare(&points, &exact, 0.1).unwrap();
     assert!(errors.completeness < 0.05 && errors.f_score > 0.99, "{errors:?}");
 }
 
@@ -88,6 +91,57 @@ fn what_makes_no_sense_is_refused() {
     assert_eq!(DistanceField::new(&[], 0.0, 0.3).unwrap_err(), MeshError::Size { what: "cells", found: 0.0 });
     let empty = DistanceField::new(&[], 0.1, 0.3).unwrap();
     assert_eq!((empty.blocks(), empty.mesh()), (0, Mesh::default()));
+}
+
+/// Nothing is near nothing: without points there are no errors, and without a point that is near no accuracy and no Chamfer distance. Nor is
+/// a mesh without triangles judged as a surface, or one whose corners are nowhere.
+#[test]
+fn what_is_not_there_has_no_good_score() {
+    let plane = |z: f32| (0..100).map(|i| [i as f32 % 10.0, (i / 10) as f32, z]).collect::<Vec<_>>();
+    assert_eq!((compare(&[], &plane(0.0), 0.2), compare(&plane(0.0), &[], 0.2)), (None, None));
+    let far = compare(&plane(10.0), &plane(0.0), 0.2).unwrap();
+    assert_eq!((far.accuracy, far.chamfer, far.beyond, far.completeness), (None, None, 1.0, FAR));
+    let both = compare(&[plane(10.0), plane(0.1)].concat(), &plane(0.0), 0.2).unwrap();
+    assert!((both.accuracy.unwrap() - 0.1).abs() < 1e-6 && both.beyond == 0.5, "{both:?}");
+    let bare = Mesh { vertices: plane(0.016), triangles: vec![] };
+    assert_eq!(mesh_chamfer(&bare, &plane(0.0), &Benchmark::DTU, 0), None);
+    for nowhere in [f32::NAN, f32::INFINITY] {
+        let vertices = vec![[0.0; 3], [nowhere; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+        let mesh = Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] };
+        let points = mesh.sample(50.0, 0);
+        assert!(points.len() == 100 && points.as_flattened().iter().all(|x| x.is_finite()), "{}", points.len());
+    }
+}
+
+/// The bytes that a field takes are told, view by view, before they are taken, whoever watches may end it, and cells too small to be numbered
+/// are refused at the first view. The field is the same.
+#[test]
+fn a_field_tells_its_size_before_it_is_made() {
+    let camera = SurfelCamera::spherical([64, 32], [-1.57, 1.57]);
+    let images: Vec<_> = views().iter().map(|pose| cube(&camera, pose, 1.5)).collect();
+    let views: Vec<RangeView<'_>> = views()
+        .into_iter()
+        .zip(&images)
+        .map(|(pose, (range, normal))| RangeView { camera: &camera, pose, range, normal })
+        .collect();
+    let mut seen: Vec<FieldProgress> = Vec::new();
+    let field = DistanceField::watched(&views, 0.1, 0.3, |part| {
+        seen.push(part);
+        Ok::<(), MeshError>(())
+    });
+    let field = field.unwrap();
+    let told: Vec<u64> = seen.iter().map(|part| part.bytes).collect();
+    assert!(told[0] > 4096 && told.is_sorted() && told[views.len() - 1] == *told.last().unwrap(), "{told:?}");
+    assert!(told[views.len() - 1] > 4096 * field.blocks() as u64, "{told:?}");
+    assert!(seen.iter().enumerate().all(|(i, part)| part.done == i + 1 && part.done <= part.of), "{seen:?}");
+    assert_eq!(field.mesh(), DistanceField::new(&views, 0.1, 0.3).unwrap().mesh());
+    let enough = MeshError::Size { what: "memory", found: 0.0 };
+    let ended = DistanceField::watched(&views, 0.1, 0.3, |part| match part.done {
+        1 => Ok(()),
+        _ => Err(enough.clone()),
+    });
+    assert_eq!(ended.unwrap_err(), enough);
+    assert_eq!(DistanceField::new(&views[..1], 1e-10, 3e-10).unwrap_err(), MeshError::TooMany { voxel: 1e-10 });
 }
 
 proptest! {
@@ -111,7 +165,7 @@ proptest! {
             to.iter().map(|q| (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f32>().sqrt()).fold(f32::INFINITY, f32::min)
         };
         let expected = b.iter().map(|p| f64::from(nearest(p, &a)).min(0.5)).sum::<f64>() / b.len() as f64;
-        prop_assert!((compare(&a, &b, 0.2).completeness - expected).abs() < 1e-6);
+        prop_assert!((compare(&a, &b, 0.2).unwrap().completeness - expected).abs() < 1e-6);
     }
 }
 
