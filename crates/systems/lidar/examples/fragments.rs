@@ -59,7 +59,7 @@ fn odometry(scans: &[Scan], truth: &[Pose], map: MapSettings, track: TrackSettin
     println!(
         "odometry, {name}: RPE {:.2} cm {:.2} % {:.3} deg, ATE {:.2} cm, lost {lost}, {} keyframes, {} surfels, {:.1} s",
         100.0 * e.rpe,
-        e.rpe_percent,
+        e.rpe_percent.unwrap_or(f64::NAN),
         e.rpe_degrees,
         100.0 * e.ate,
         odometry.mapper().state().count,

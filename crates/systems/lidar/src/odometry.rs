@@ -127,9 +127,9 @@ impl Odometry {
         &self.state
     }
 
-    /// Says if tracking ended: too many scans were lost in a row.
+    /// Says if tracking ended: too many scans were lost in a row. Given poses are not tracked.
     pub fn ended(&self) -> bool {
-        self.state.lost >= self.settings.lost
+        self.given.is_none() && self.state.lost >= self.settings.lost
     }
 
     /// Goes on where another was, whose first scan was `first`. The [map](Mapper::restore) follows, and then [`refer`](Self::refer).
@@ -324,6 +324,10 @@ impl Odometry {
             _ => {}
         }
         match found {
+            Ok(Registered { fitness, .. }) if fitness < self.settings.lost_fitness => {
+                let percent = (100.0 * fitness) as u32;
+                (tracked.lost, tracked.fitness) = (Some(Lost::LittleFits(percent)), fitness);
+            }
             Ok(Registered { pose, fitness, .. }) => {
                 (tracked.pose, tracked.fitness) = (reference.pose.compose(&pose), fitness);
             }

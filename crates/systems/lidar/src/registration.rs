@@ -22,6 +22,9 @@ pub enum Lost {
     /// Too few matches to determine a motion.
     #[error("fewer than 20 matches")]
     FewMatches,
+    /// Too small a share of the scan fits, in percent.
+    #[error("only {0} % of it fits")]
+    LittleFits(u32),
     /// The scan has no range image.
     #[error("the scan cannot be used")]
     NoScan,

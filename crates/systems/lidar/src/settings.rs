@@ -85,6 +85,8 @@ pub struct TrackSettings {
     pub range_steps: usize,
     /// A scan becomes a keyframe if less of it fits.
     pub least_fitness: f64,
+    /// A scan is lost if less of it fits.
+    pub lost_fitness: f64,
     /// A scan becomes a keyframe if it is farther from the last one, meters.
     pub farthest: f64,
     /// A scan becomes a keyframe after so many others.
@@ -103,6 +105,8 @@ impl Default for TrackSettings {
             geometric_steps: 10,
             range_steps: 10,
             least_fitness: 0.3,
+            // Real scans that are tracked rightly have 0.19 and more, those of another place 0.02.
+            lost_fitness: 0.1,
             farthest: 5.0,
             most_frames: usize::MAX,
             deskew: false,

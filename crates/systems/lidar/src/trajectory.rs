@@ -16,8 +16,8 @@ pub struct TrajectoryErrors {
     /// Root mean square error of relative translations of consecutive scans, meters.
     pub rpe: f64,
     /// Mean error of relative translations, percent of the length: over consecutive scans up to ten scans, else over the shares
-    /// 2, 3, 5, 8, 13, 21, 34 and 55 % of the path.
-    pub rpe_percent: f64,
+    /// 2, 3, 5, 8, 13, 21, 34 and 55 % of the path. None where the reference stands still.
+    pub rpe_percent: Option<f64>,
     /// Root mean square error of relative rotations of consecutive scans, degrees.
     pub rpe_degrees: f64,
     /// Length of the reference, meters.
@@ -63,12 +63,12 @@ pub fn trajectory_errors(estimate: &[Pose], reference: &[Pose]) -> TrajectoryErr
         let lengths = path.windows(2).map(|pair| pair[1] - pair[0]);
         ratios
             .extend(consecutive.iter().zip(lengths).filter(|(_, l)| *l > 0.0).map(|(e, l)| e.translation.length() / l));
-    } else {
+    } else if length > 0.0 {
         for share in SHARES {
             let delta = share / 100.0 * length;
             for i in 0..estimate.len() {
                 let Some(j) = (i + 1..estimate.len()).find(|j| path[*j] - path[i] >= delta) else { break };
-                ratios.push(relative(i, j).translation.length() / (path[j] - path[i]).max(1e-9));
+                ratios.push(relative(i, j).translation.length() / (path[j] - path[i]));
             }
         }
     }
@@ -81,7 +81,7 @@ pub fn trajectory_errors(estimate: &[Pose], reference: &[Pose]) -> TrajectoryErr
         ate: distance(&aligned),
         ate_first: distance(&reference[0].compose(&estimate[0].inverse())),
         rpe,
-        rpe_percent: 100.0 * ratios.iter().sum::<f64>() / ratios.len().max(1) as f64,
+        rpe_percent: (!ratios.is_empty()).then(|| 100.0 * ratios.iter().sum::<f64>() / ratios.len() as f64),
         rpe_degrees,
         length,
     }

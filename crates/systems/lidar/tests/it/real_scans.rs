@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_lidar::{
-    GeometricSettings, MapSettings, Odometry, PatchTree, Scan, SurfelCamera, TrackSettings, register, trajectory_errors,
+    GeometricSettings, Lost, MapSettings, Odometry, PatchTree, Scan, SurfelCamera, TrackSettings, register,
+    trajectory_errors,
 };
 
 fn data(name: &str) -> Option<PathBuf> {
@@ -53,6 +54,23 @@ fn newer_college_is_tracked() {
     }
     let errors = trajectory_errors(odometry.poses(), &poses);
     assert!(errors.rpe < 0.025 && errors.ate < 0.02, "{errors:?}");
+}
+
+/// A scan of another place is lost by the share of it that fits, those of the next places are not.
+#[test]
+fn a_real_scan_of_another_place_is_lost() {
+    let Some(folder) = data("lidar-newer01") else { return };
+    let scan = |i: usize| Scan::new(points(&folder.join(format!("planes_{:06}.bin", 10 * i))));
+    let [low, high] = scan(0).elevations();
+    let camera = SurfelCamera::spherical([1024, 64], [low - 0.009, high + 0.009]);
+    let map = MapSettings { iterations: 60, ..Default::default() };
+    let lost = |order: [usize; 3]| {
+        let mut odometry = Odometry::new(&camera, [1.0, 60.0], map.clone(), TrackSettings::default(), None).unwrap();
+        order.map(|i| odometry.add(&scan(i), "scan").unwrap().lost)
+    };
+    assert_eq!(lost([0, 1, 2]), [None; 3]);
+    let far = lost([0, 4, 1]);
+    assert!(matches!(far, [None, Some(Lost::LittleFits(_)), None]), "{far:?}");
 }
 
 /// KITTI pairs are registered and no range image is made.

@@ -3,7 +3,9 @@
 use crate::hall::{scan, sweep};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_lidar::{Error, LoopSettings, MapSettings, Odometry, Scan, SurfelCamera, TrackSettings, trajectory_errors};
+use weaver_lidar::{
+    Error, LoopSettings, Lost, MapSettings, Odometry, Scan, SurfelCamera, TrackSettings, trajectory_errors,
+};
 
 fn at(t: f64) -> Pose {
     Pose::new(DMat3::from_rotation_z(0.04 * t), DVec3::new(0.15 * t, 0.04 * t, 0.0))
@@ -102,6 +104,46 @@ fn scans_that_cannot_be_used_change_nothing() {
     for i in 0..3 {
         let tracked = odometry.add(&sphere(40.0), "sphere").unwrap();
         assert!(tracked.lost.is_some() && odometry.ended() == (i == 2), "{tracked:?}");
+    }
+}
+
+/// A scan of which too little fits is lost: it keeps the pose that was expected and is no keyframe.
+#[test]
+fn a_scan_of_which_little_fits_is_lost() {
+    let camera = SurfelCamera::spherical([256, 32], [-0.51, 0.51]);
+    let map = MapSettings { iterations: 5, density: 1.0, ..Default::default() };
+    let tracked = |lost_fitness| {
+        let track = TrackSettings { farthest: 0.01, lost_fitness, ..Default::default() };
+        let mut odometry = Odometry::new(&camera, [0.3, 60.0], map.clone(), track, None).unwrap();
+        odometry.add(&scan(&at(0.0), 64, 512), "hall").unwrap();
+        odometry.add(&scan(&at(1.0), 64, 512), "hall").unwrap()
+    };
+    let kept = tracked(TrackSettings::default().lost_fitness);
+    assert!(kept.lost.is_none() && kept.map.is_some() && kept.fitness < 0.99, "{kept:?}");
+    let lost = tracked(0.99);
+    assert_eq!(lost.lost, Some(Lost::LittleFits((100.0 * kept.fitness) as u32)));
+    assert_eq!((lost.pose, lost.fitness, lost.map), (Pose::IDENTITY, kept.fitness, None));
+    assert!(lost.lost.unwrap().to_string().starts_with("only "));
+}
+
+/// Poses that are given need no tracking, which therefore never ends.
+#[test]
+fn scans_with_poses_are_taken_to_the_last() {
+    let mut odometry = odometry(Some(path(6)));
+    odometry.add(&scan(&at(0.0), 64, 512), "hall").unwrap();
+    (1..5).for_each(|_| drop(odometry.skip()));
+    assert!(!odometry.ended());
+    odometry.add(&scan(&at(5.0), 64, 512), "hall").unwrap();
+    assert_eq!(odometry.poses(), path(6));
+}
+
+/// A reference that stands still has no length that errors could be percents of.
+#[test]
+fn errors_of_a_still_reference_have_no_percent() {
+    for count in [2, 5, 20] {
+        let errors = trajectory_errors(&path(count), &vec![Pose::IDENTITY; count]);
+        assert!(errors.rpe_percent.is_none() && errors.rpe > 0.1 && errors.length == 0.0, "{errors:?}");
+        assert!(trajectory_errors(&path(count), &path(count)).rpe_percent.is_some_and(|percent| percent < 1e-9));
     }
 }
 
