@@ -28,3 +28,10 @@ pub enum LidarRunError {
         found: String,
     },
 }
+
+impl LidarRunError {
+    /// True if the map could not be drawn, which is not a scan's fault.
+    pub(crate) fn is_of_map(&self) -> bool {
+        matches!(self, Self::Lidar(weaver_lidar::Error::Raster(_)))
+    }
+}

@@ -33,11 +33,24 @@ pub struct LidarJob {
 }
 
 impl LidarJob {
-    /// A run at its beginning.
+    /// A new run.
     ///
     /// # Errors
     /// When there are fewer than two scans, the first cannot be used, or poses do not fit.
     pub fn new(plan: LidarPlan) -> Result<Self, LidarRunError> {
+        Self::at_beginning(plan.begun()?)
+    }
+
+    /// The run of a plan that was stored, at its beginning.
+    ///
+    /// # Errors
+    /// When the scans are not those that the run began with; names the first that differs. Else as [`new`](Self::new).
+    pub fn stored(plan: LidarPlan) -> Result<Self, LidarRunError> {
+        plan.check_sources()?;
+        Self::at_beginning(plan)
+    }
+
+    fn at_beginning(plan: LidarPlan) -> Result<Self, LidarRunError> {
         let files = plan.files()?;
         let trajectory = |path: &PathBuf| LidarPlan::trajectory(path, files.len());
         let given = plan.poses.as_ref().map(trajectory).transpose()?.map(|file| file.poses);
@@ -90,7 +103,8 @@ impl LidarJob {
         let remark = remark.or(tracked.lost.map(|lost| lost.to_string())).or(tracked.without_ranges.clone());
         self.records.push(ScanRecord {
             fitness: tracked.fitness,
-            remark: remark.unwrap_or_default(),
+            // A checkpoint has a line for each.
+            remark: remark.unwrap_or_default().replace('\n', " "),
             lost: tracked.lost.is_some(),
             keyframe: tracked.map.is_some(),
         });
@@ -108,12 +122,15 @@ impl Job for LidarJob {
     fn step(&mut self) -> Result<StepReport, LidarRunError> {
         let number = self.records.len();
         let file = &self.files[number];
-        let scan = read(file)?;
-        let (tracked, remark) = match self.odometry.add(&scan, &name(file)) {
+        let added = read(file).and_then(|scan| Ok(self.odometry.add(&scan, &name(file))?));
+        let (tracked, remark) = match added {
             Ok(tracked) => (tracked, None),
             // Without a first scan there is nothing to track by.
-            Err(error) if number == 0 || matches!(error, weaver_lidar::Error::Raster(_)) => return Err(error.into()),
-            Err(error) => (self.odometry.skip(), Some(error.to_string())),
+            Err(error) if number == 0 || error.is_of_map() => return Err(error),
+            Err(error) => {
+                let path = file.display().to_string();
+                (self.odometry.skip(), Some(error.to_string().replacen(&path, &name(file), 1)))
+            }
         };
         self.record(&tracked, remark);
         let map = tracked.map.unwrap_or_default();

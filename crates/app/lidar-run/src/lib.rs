@@ -23,12 +23,13 @@ mod plan;
 mod report;
 mod results;
 mod run;
+mod sources;
 
 pub use error::LidarRunError;
 pub use evaluation::{Errors, EvalTrajectory, eval_trajectory, paired_errors};
 pub use job::{LidarJob, ScanRecord};
 pub use looks::overview;
-pub use meshing::{EvalMesh, SurfaceBenchmark, eval_mesh, map_mesh};
+pub use meshing::{EvalMesh, SurfaceBenchmark, distance_field, eval_mesh, map_mesh};
 pub use plan::LidarPlan;
 pub use results::Summary;
 pub use run::{KIND, Lidar, run};

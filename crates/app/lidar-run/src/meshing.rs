@@ -1,16 +1,20 @@
 //! Meshes of maps, and `splatweaver eval-mesh`.
 
+use crate::LidarRunError;
 use crate::plan::read;
 use crate::results::{MAP, Summary, TRAJECTORY, surfels};
-use crate::{KIND, LidarPlan, LidarRunError};
+use crate::run::stored;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Progress, Threads, in_pool};
+use weaver_command::{Console, Failure, Progress, Threads, in_pool, memory};
 use weaver_geometry::Pose;
 use weaver_io::ply::read_triangles;
 use weaver_io::{TrajectoryFile, read_gaussians, read_lidar_scan, read_text};
-use weaver_mesh::{Benchmark, Chamfer, DistanceField, Mesh, RangeView, compare, mesh_chamfer, point_chamfer, thinned};
+use weaver_mesh::{
+    Benchmark, Chamfer, DistanceField, FAR, FieldProgress, Mesh, MeshErrors, RangeView, compare, mesh_chamfer,
+    point_chamfer, thinned,
+};
 use weaver_run::Folder;
 use weaver_surfel::{Limits, RangeImages, Sight, SurfelWorkspace};
 
@@ -18,6 +22,8 @@ use weaver_surfel::{Limits, RangeImages, Sight, SurfelWorkspace};
 const PER_AREA: f64 = 5000.0;
 /// Side of the cubes that keep one point each, meters.
 const THINNED: f64 = 0.02;
+/// Bytes of a point while points are thinned, by cubes or by their distance.
+const POINT_BYTES: f64 = 100.0;
 
 /// Benchmarks whose way to measure how far a surface is from a reference is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -42,7 +48,7 @@ pub struct EvalMesh {
     #[arg(value_name = "CLOUD")]
     cloud: PathBuf,
     /// Distance within which points belong together in the F-score, meters
-    #[arg(long, value_name = "METERS", default_value_t = 0.2)]
+    #[arg(long, value_name = "METERS", default_value_t = 0.2, value_parser = threshold)]
     threshold: f64,
     /// Measures as a benchmark does [default: in meters, points 2 cm apart, errors up to half a meter, and an F-score]
     #[arg(long, value_enum, value_name = "BENCHMARK", conflicts_with = "threshold")]
@@ -54,13 +60,19 @@ pub struct EvalMesh {
     threads: Threads,
 }
 
+/// A finite distance above 0.
+fn threshold(text: &str) -> Result<f64, String> {
+    let within = |meters: &f64| *meters > 0.0 && meters.is_finite();
+    text.parse().ok().filter(within).ok_or(format!("expected meters above 0; found {text}"))
+}
+
 /// The mesh of a run's map: drawn ranges and normals of its keyframes, averaged as truncated signed distances in cells of side `voxel` in
 /// meters, and surface nets.
 ///
 /// # Errors
 /// Where there is no complete run, or cells are too small for the memory.
 pub fn map_mesh(run: &Path, voxel: f64, console: &mut Console) -> Result<Mesh, Failure> {
-    let plan: LidarPlan = Folder::settings(run, KIND, "odometry and mapping of lidar scans")?;
+    let plan = stored(run)?;
     let path = run.join(Folder::SUMMARY);
     let summary: Summary = serde_json::from_str(&read_text(&path)?).map_err(|error| LidarRunError::Invalid {
         path: path.clone(),
@@ -89,7 +101,30 @@ pub fn map_mesh(run: &Path, voxel: f64, console: &mut Console) -> Result<Mesh, F
     let views = poses.iter().zip(&drawn);
     let views: Vec<RangeView<'_>> =
         views.map(|(pose, (range, normal))| RangeView { camera: &camera, pose: *pose, range, normal }).collect();
-    Ok(DistanceField::new(&views, voxel, 3.0 * voxel)?.mesh())
+    Ok(distance_field(&views, voxel, 3.0 * voxel, console)?.mesh())
+}
+
+/// The field of range images, with its progress.
+///
+/// # Errors
+/// As [`DistanceField::new`], and where there is too little memory for the blocks, as soon as so many are found.
+pub fn distance_field(
+    views: &[RangeView<'_>],
+    voxel: f64,
+    truncation: f64,
+    console: &mut Console,
+) -> Result<DistanceField, Failure> {
+    let advice = format!("cells twice as wide (--voxel {}) take a quarter", 2.0 * voxel);
+    let mut progress = Progress::new("field", 0, views.len(), console);
+    let field = DistanceField::watched(views, voxel, truncation, |FieldProgress { done, of, bytes }| {
+        if done <= views.len() {
+            memory::check(bytes, &advice)?;
+        }
+        progress.at(done, of, String::new, console);
+        Ok::<(), Failure>(())
+    })?;
+    progress.finish();
+    Ok(field)
 }
 
 /// Runs `splatweaver eval-mesh`.
@@ -97,34 +132,77 @@ pub fn map_mesh(run: &Path, voxel: f64, console: &mut Console) -> Result<Mesh, F
 /// Fails where files cannot be read, and where nothing is left to compare.
 pub fn eval_mesh(arguments: &EvalMesh, console: &mut Console) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || {
-        let (vertices, triangles) = read_triangles(&arguments.mesh)?;
-        let mesh = Mesh { vertices, triangles };
-        let cloud = read_lidar_scan(&arguments.cloud)?.points;
+        let mesh = surface(arguments)?;
+        let mut cloud = read_lidar_scan(&arguments.cloud)?.points;
+        // Beams that meet nothing are points that are not finite.
+        cloud.retain(|point| point.iter().all(|x| x.is_finite()));
         if let Some(benchmark) = arguments.benchmark {
             return by_benchmark(benchmark, arguments, (&mesh, &cloud), console);
         }
         let (points, cloud) = (thinned(&mesh.sample(PER_AREA, 0), THINNED), thinned(&cloud, THINNED));
-        let errors = compare(&points, &cloud, arguments.threshold);
+        let errors = compare(&points, &cloud, arguments.threshold).ok_or_else(|| {
+            let (path, what) = match cloud.is_empty() {
+                true => (&arguments.cloud, "points"),
+                false => (&arguments.mesh, "area"),
+            };
+            unusable(path, what, "at least a point to compare", "none")
+        })?;
         if arguments.json {
             let figures = json!({
                 "accuracy_m": errors.accuracy,
                 "completeness_m": errors.completeness,
                 "chamfer_m": errors.chamfer,
+                "beyond": errors.beyond,
                 "precision": errors.precision,
                 "recall": errors.recall,
                 "f_score": errors.f_score,
             });
             return console.print(&serde_json::to_string_pretty(&figures)?);
         }
-        console.print(&format!(
-            "accuracy {:.2} cm, completeness {:.2} cm, Chamfer {:.2} cm, F {:.2} % within {} m",
-            100.0 * errors.accuracy,
-            100.0 * errors.completeness,
-            100.0 * errors.chamfer,
-            100.0 * errors.f_score,
-            arguments.threshold
-        ))
+        console.print(&text(&errors, arguments.threshold))
     })
+}
+
+/// A line for people.
+fn text(errors: &MeshErrors, threshold: f64) -> String {
+    let MeshErrors { accuracy, completeness, chamfer, beyond, f_score, .. } = errors;
+    let centimeters =
+        |meters: &Option<f64>| meters.map_or("undefined".into(), |meters| format!("{:.2} cm", 100.0 * meters));
+    let [accuracy, chamfer] = [accuracy, chamfer].map(centimeters);
+    format!(
+        "accuracy {accuracy}, completeness {:.2} cm, Chamfer {chamfer}, F {:.2} % within {threshold} m; {:.2} % of the mesh is beyond {FAR} m",
+        100.0 * completeness,
+        100.0 * f_score,
+        100.0 * beyond
+    )
+}
+
+/// The mesh that is compared, which has a surface that fits into memory as points.
+fn surface(arguments: &EvalMesh) -> Result<Mesh, Failure> {
+    let path = &arguments.mesh;
+    let (vertices, triangles) = read_triangles(path)?;
+    let broken = vertices.iter().filter(|vertex| !vertex.iter().all(|x| x.is_finite())).count();
+    if broken > 0 {
+        return Err(unusable(path, "vertices", "finite numbers", format!("{broken} of {} without", vertices.len())));
+    }
+    let mesh = Mesh { vertices, triangles };
+    let (per_area, unit) = match arguments.benchmark {
+        Some(SurfaceBenchmark::Points) => return Ok(mesh),
+        Some(SurfaceBenchmark::Dtu) => (Benchmark::DTU.per_area(), "millimeters"),
+        None => (PER_AREA, "meters"),
+    };
+    if mesh.triangles.is_empty() {
+        return Err(unusable(path, "triangles", "at least one", "none"));
+    }
+    let area = mesh.area();
+    let advice = format!("{}: is the mesh in {unit}? its area would be {area:.3e} square {unit}", path.display());
+    memory::check((area * per_area * POINT_BYTES) as u64, &advice)?;
+    Ok(mesh)
+}
+
+/// A file that cannot be compared.
+fn unusable(path: &Path, what: &'static str, expected: &str, found: impl Into<String>) -> Failure {
+    LidarRunError::Invalid { path: path.into(), what, expected: expected.into(), found: found.into() }.into()
 }
 
 /// Prints the distances as a benchmark has them.
@@ -140,8 +218,7 @@ fn by_benchmark(
     };
     let Some(Chamfer { accuracy, completeness, chamfer, points }) = found else {
         let expected = format!("a surface in the frame and the unit of {}", arguments.cloud.display());
-        let found = format!("none within {} of it", Benchmark::DTU.far);
-        return Err(LidarRunError::Invalid { path: arguments.mesh.clone(), what: "mesh", expected, found }.into());
+        return Err(unusable(&arguments.mesh, "mesh", &expected, format!("none within {} of it", Benchmark::DTU.far)));
     };
     if arguments.json {
         let figures =

@@ -1,7 +1,7 @@
 //! What a run leaves beside its report.
 
 use crate::evaluation::Errors;
-use crate::{LidarJob, LidarPlan, LidarRunError, paired_errors};
+use crate::{LidarJob, LidarPlan, LidarRunError};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 use weaver_geometry::glam::{DQuat, DVec3};
@@ -72,10 +72,9 @@ pub(crate) fn write(job: &mut LidarJob, folder: &Folder) -> Result<Summary, Lida
     let errors = match &job.plan().reference {
         None => None,
         Some(path) => {
-            let mut reference = LidarPlan::trajectory(path, job.files().len())?;
-            reference.poses.truncate(trajectory.poses.len());
-            reference.times.truncate(trajectory.poses.len());
-            (trajectory.poses.len() >= 2).then(|| paired_errors(&trajectory, &reference, path)).transpose()?
+            let reference = LidarPlan::trajectory(path, job.files().len())?.poses;
+            let own = &trajectory.poses;
+            (own.len() >= 2).then(|| Errors::new(own, &reference[..own.len()]))
         }
     };
     Ok(Summary {

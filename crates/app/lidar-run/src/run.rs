@@ -5,8 +5,8 @@ use crate::looks::{beginning, scene_of};
 use crate::plan::name;
 use crate::report::CURVES;
 use crate::results::{KEYFRAMES, MAP, Summary, TRAJECTORY, write};
-use crate::{LidarJob, LidarPlan};
-use clap::Args;
+use crate::{LidarJob, LidarPlan, LidarRunError};
+use clap::{Args, Command};
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, LiveFlag, Progress, Threads, in_pool};
 use weaver_run::{Folder, Job, Kind, Run};
@@ -66,12 +66,30 @@ fn opened(arguments: &Lidar) -> Result<Run<LidarJob>, Failure> {
         folder.store(job.plan())?;
         return Ok(Run::begin(folder, job));
     };
-    let plan = Folder::settings(path, KIND, "odometry and mapping of lidar scans")?;
+    let plan = stored(path)?;
     let folder = Folder::reopen(path, KIND)?;
     if path.join(Folder::SUMMARY).exists() && !folder.checkpoint_path().exists() {
         return Err(weaver_run::Error::complete(path).into());
     }
-    Ok(Run::resume(folder, LidarJob::new(plan)?)?)
+    Ok(Run::resume(folder, LidarJob::stored(plan)?)?)
+}
+
+/// The plan of the run in a folder, whose numbers are checked as those of the command line are.
+pub(crate) fn stored(run: &Path) -> Result<LidarPlan, Failure> {
+    const OF: &str = "odometry and mapping of lidar scans";
+    let plan: LidarPlan = Folder::settings(run, KIND, OF)?;
+    let Err(error) = Lidar::augment_args(Command::new(KIND.command)).try_get_matches_from(plan.words()) else {
+        return Ok(plan);
+    };
+    let text = error.to_string();
+    let line = text.lines().next().unwrap_or_default();
+    Err(LidarRunError::Invalid {
+        path: run.join(KIND.settings),
+        what: "settings",
+        expected: format!("those of {OF}"),
+        found: line.strip_prefix("error: ").unwrap_or(line).into(),
+    }
+    .into())
 }
 
 fn advance(

@@ -9,8 +9,8 @@ use weaver_geometry::trajectory::focus;
 use weaver_geometry::{Camera, Pose};
 use weaver_io::ply::write_triangles;
 use weaver_io::{SceneFile, check_output_file, read_scene};
-use weaver_lidar_run::map_mesh;
-use weaver_mesh::{DistanceField, DrawnScene, Mesh};
+use weaver_lidar_run::{distance_field, map_mesh};
+use weaver_mesh::{DrawnScene, Mesh};
 
 /// Cells of the map of a lidar run, meters.
 const MAP_VOXEL: f64 = 0.1;
@@ -109,7 +109,7 @@ fn scene_mesh(file: &Path, arguments: &Meshing, console: &mut Console) -> Result
     }
     progress.finish();
     let (most, least) = PIECES;
-    let mesh = DistanceField::new(&scene.views(), voxel, TRUNCATION * voxel)?.mesh().largest_pieces(most, least);
+    let mesh = distance_field(&scene.views(), voxel, TRUNCATION * voxel, console)?.mesh().largest_pieces(most, least);
     if mesh.triangles.is_empty() {
         let file = file.display();
         let found = format!("found none nearer than {far:.3} of {} cameras", cameras.len());

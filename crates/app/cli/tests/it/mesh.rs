@@ -90,6 +90,7 @@ fn what_gives_no_mesh_is_said() {
     splatweaver(&[&"mesh", &scene, &"--out", &out]).refused(2, &["scene.ply", "expected --cameras"]);
     line(&["--far", "0.5"]).refused(1, &["scene.ply", "expected a surface", "nearer than 0.500", "--far"]);
     line(&["--voxel", "0"]).refused(1, &["cells: expected", "above 0"]);
+    line(&["--voxel", "1e-12"]).refused(1, &["cells of", "expected at most"]);
     splatweaver(&[&"mesh", &folder, &"--out", &scene]).refused(2, &["scene.ply"]);
     // Side by side, looking the same way.
     cameras(
