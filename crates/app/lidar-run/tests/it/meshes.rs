@@ -51,7 +51,7 @@ fn a_map_becomes_a_mesh_near_the_room() {
     assert!(accuracy < 0.08, "{figures}");
 }
 
-/// What is not there is not near: meshes without triangles, of corners that are nowhere, and far from the cloud have no good score.
+/// Nothing is near nothing: meshes without triangles, of corners that are nowhere, and far from the cloud have no good score.
 #[test]
 fn nothing_is_no_good_mesh() {
     let folder = tempfile::tempdir().unwrap();

@@ -39,6 +39,16 @@ fn balls_are_as_far_apart_as_their_radii_differ() {
     assert!(hardly < 0.1 * found, "{hardly} beside {found}");
 }
 
+/// A surface of which nothing is there is as far off as can be, a twentieth of the cameras' distance.
+#[test]
+fn a_surface_that_is_not_there_is_far_off() {
+    let gaussians = ball(1.0);
+    let cameras = orbit(&gaussians, 4, [48, 48]).unwrap();
+    let surface = Surface::new(&gaussians, &pictures(&cameras)).unwrap();
+    let nothing = Gaussians { opacity_logits: vec![-20.0; gaussians.means.len()], ..gaussians };
+    assert_eq!(surface.chamfer(&nothing).unwrap(), 50.0);
+}
+
 #[test]
 fn no_camera_is_an_error() {
     assert!(matches!(Surface::new(&ball(1.0), &pictures(&[])), Err(CompressError::NoCameras)));
