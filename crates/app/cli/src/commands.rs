@@ -83,9 +83,7 @@ impl Command {
                 let resume = resumed(&it.out, it.json, it.threads.threads);
                 unit(&it.complete, &it.out, it.photos.clone(), (Folder::SUMMARY, it.json), resume)
             }
-            Self::Cameras(it) => {
-                unit(&it.complete, &it.out, it.photos.clone(), (CamerasSummary::NAME, it.json), None)
-            }
+            Self::Cameras(it) => unit(&it.complete, &it.out, it.photos.clone(), (CamerasSummary::NAME, it.json), None),
             Self::Infer(it) => unit(&it.complete, &it.out, it.read(), (infer::FIGURES, it.json), None),
             Self::Fit(it) if it.complete.if_complete.is_some() => {
                 let out =

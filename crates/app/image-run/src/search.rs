@@ -137,7 +137,8 @@ impl Search<'_, '_> {
 
     /// The failure of a search that found nothing; `reason` where it was not stopped.
     fn missed(&self, reason: String) -> Failure {
-        let stopped = |at: &String| format!("{}: stopped at {at}, before a fit came near the goal", self.path.display());
+        let stopped =
+            |at: &String| format!("{}: stopped at {at}, before a fit came near the goal", self.path.display());
         Failure::message(self.early.as_ref().map_or(reason, stopped))
     }
 

@@ -201,7 +201,8 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
         write_text(out.file(VIEW)?, &view::exhibit(&Seen::of(out.path()))?.html(HtmlOptions::default())?)?;
     }
     let PredictReport { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
-    let figures = json!({"gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks});
+    let figures =
+        json!({"gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks});
     let figures = serde_json::to_string_pretty(&figures)?;
     write_text(out.file(FIGURES)?, &format!("{figures}\n"))?;
     if arguments.json {

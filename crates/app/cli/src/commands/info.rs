@@ -86,7 +86,8 @@ fn of_bin(path: &Path) -> Result<String, Failure> {
     }
     weaver_io::info(path).map_err(|error| match error {
         weaver_io::Error::Invalid { path, place, expected, found } => {
-            let expected = format!("a checkpoint of PyTorch 1.6 or later (a ZIP archive), or a scan of a lidar: {expected}");
+            let expected =
+                format!("a checkpoint of PyTorch 1.6 or later (a ZIP archive), or a scan of a lidar: {expected}");
             weaver_io::Error::Invalid { path, place, expected, found }.into()
         }
         error => error.into(),

@@ -121,7 +121,8 @@ fn units(path: &Path, list: List, measure: bool, console: &mut Console) -> Resul
             if !line.is_posix() {
                 // Engines take a line for a unit of work.
                 let found = words.iter().find(|word| word.contains(char::is_control)).cloned().unwrap_or_default();
-                let expected = format!("expected words without line breaks and other control characters, found {found:?}");
+                let expected =
+                    format!("expected words without line breaks and other control characters, found {found:?}");
                 return Err(wrong(format!("work.{i}"), &expected));
             }
             if !outs.insert(out.clone()) {

@@ -128,7 +128,9 @@ fn runs_of_every_command_are_described() {
         let write = |name: &str, text: &str| weaver_io::write_text(out.file(name).unwrap(), text).unwrap();
         write("run.json", "{\"seed\": 7, \"nothing\": null, \"scans\": \"street\", \"fit\": {\"a\": 1, \"b\": 2}}");
         let described = splatweaver(&[&"info", &path]).fine().stdout;
-        for part in [&*format!("run of `{command}`"), "seed: 7", "scans: \"street\"", "fit: 2 keys", "no step logged yet"] {
+        for part in
+            [&*format!("run of `{command}`"), "seed: 7", "scans: \"street\"", "fit: 2 keys", "no step logged yet"]
+        {
             assert!(described.contains(part), "{command}: {part}: {described}");
         }
         assert!(!described.contains("nothing") && !described.contains("summary"), "{described}");

@@ -186,7 +186,10 @@ fn fits_of_pictures_are_followed() {
     let lines = [
         ("image fit photo.png -o photo.wgi --gaussians 20 --steps 200000 --live", ": photo.wgi"),
         ("image fit photo.png -o small.wgi --bytes 500 --steps 200000 --live", ": small.wgi"),
-        ("image fit capture/images -o run --gaussians 20 --steps 200000 --live", "saved; to go on: splatweaver image fit"),
+        (
+            "image fit capture/images -o run --gaussians 20 --steps 200000 --live",
+            "saved; to go on: splatweaver image fit",
+        ),
     ];
     // Each waits for its first checkpoint: all at once.
     for (line, end, mut child) in lines.map(|(line, end)| (line, end, start(folder, line))) {

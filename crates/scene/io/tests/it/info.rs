@@ -67,7 +67,10 @@ fn folders_scans_and_arrays_are_described() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let message = info(folder.path()).unwrap_err().to_string();
-    assert!(message.contains("folder: expected a run, a COLMAP model") && message.contains("none of them"), "{message}");
+    assert!(
+        message.contains("folder: expected a run, a COLMAP model") && message.contains("none of them"),
+        "{message}"
+    );
     write_lidar_scan(path("a.bin"), &[[1.0, 2.0, 3.0], [4.0, f32::NAN, 5.0]]).unwrap();
     let text = info(path("a.bin")).unwrap();
     assert!(text.starts_with("scan of a lidar, 2 points\nforward  1.0000 to 4.0000, mean 2.5000 m"), "{text}");
