@@ -156,8 +156,8 @@ fn checksum(settings: &str, inputs: &[PathBuf]) -> Result<String, Failure> {
     Ok(sum.to_string())
 }
 
-/// Adds the files in a folder and those in it, or a file. What is no file, as a pipe, has no content to compare. `above` are the folders that
-/// lead to this one, without links; one that leads back to them is no folder of its own.
+/// Adds the files in a folder and in its folders, or a file. A pipe or a device has no content to compare. `above` are
+/// the folders that lead to this one, without links; one that leads back to them is no folder of its own.
 fn list(path: &Path, above: &mut Vec<PathBuf>, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
     // What was named itself has to be there; in a folder there may be links to nowhere.
     let about = match std::fs::metadata(path) {
@@ -192,7 +192,8 @@ mod tests {
     use super::*;
     use std::fs;
 
-    /// Inputs are compared by their ordinary files, as large as they may be; pipes, and links that lead nowhere or back, have no say.
+    /// Inputs are compared by their ordinary files, as large as they may be; pipes, and links that lead nowhere or back,
+    /// have no say.
     #[cfg(unix)]
     #[test]
     fn inputs_are_compared_by_their_files() {

@@ -7,9 +7,9 @@ use std::path::Path;
 
 /// A command that is printed for somebody to paste, or for a shell to read: each word is quoted where it has to be.
 ///
-/// Words that stand in the source are given by [`new`](Self::new) and [`then`](Self::then), which take nothing else; all others by
-/// [`word`](Self::word) and [`path`](Self::path), which quote them. The text is one line, whatever the words hold: control characters, and
-/// bytes that are no text, become escapes in `$'...'`.
+/// Words that stand in the source are given by [`new`](Self::new) and [`then`](Self::then), which take nothing else;
+/// all others by [`word`](Self::word) and [`path`](Self::path), which quote them. The text is one line, whatever the
+/// words hold: control characters, and bytes that are no text, become escapes in `$'...'`.
 ///
 /// ```
 /// use weaver_io::ShellCommand;
@@ -57,7 +57,8 @@ impl ShellCommand {
         self
     }
 
-    /// Adds the path of a file or folder. One that begins with a dash is given from the working folder, so that it is no flag.
+    /// Adds the path of a file or folder. One that begins with a dash is given from the working folder, so that it is
+    /// no flag.
     pub fn path(self, path: impl AsRef<Path>) -> Self {
         let path = path.as_ref();
         let dashed = bytes(path.as_os_str()).first() == Some(&b'-');

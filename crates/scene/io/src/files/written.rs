@@ -5,8 +5,9 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Component, Path};
 
-/// The files that this program wrote into a folder, by its record: names relative to the folder, and the command that wrote each. None where there
-/// is no record. Names that lead out of the folder are left out, and so is a line that a kill cut short.
+/// The files that this program wrote into a folder, by its record: names relative to the folder, and the command that
+/// wrote each. None where there is no record. Names that lead out of the folder are left out, and so is a line that a
+/// kill cut short.
 ///
 /// # Errors
 /// When the record cannot be read.
