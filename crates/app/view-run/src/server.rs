@@ -109,7 +109,7 @@ impl<'a> Server<'a> {
                     continue;
                 };
                 last = Some(Instant::now());
-                let visit = clients.admit(stream);
+                let visit = Visit::new(&clients, stream);
                 // Neither a thread that the system does not give nor a panic ends more than this connection.
                 let receive = || drop(catch_unwind(AssertUnwindSafe(|| self.receive(visit))));
                 let _ = thread::Builder::new().spawn_scoped(scope, receive);

@@ -22,7 +22,10 @@ pub struct Visit<'a> {
 }
 
 impl<'a> Visit<'a> {
-    pub fn new(clients: &'a Clients, stream: Arc<TcpStream>, number: u64) -> Self {
+    /// A client that has a seat until this is dropped.
+    pub fn new(clients: &'a Clients, stream: TcpStream) -> Self {
+        let stream = Arc::new(stream);
+        let number = clients.admit(stream.clone());
         Self { clients, stream, number, began: Instant::now(), bytes: 0 }
     }
 
@@ -141,7 +144,7 @@ mod tests {
     fn a_slow_client_is_let_go() {
         let clients = Clients::new(SHORT);
         let ([mut client, server], begin) = (ends(), Instant::now());
-        let mut visit = clients.admit(server);
+        let mut visit = Visit::new(&clients, server);
         std::thread::scope(|scope| {
             scope.spawn(move || {
                 while begin.elapsed() < SOON && client.write_all(b"a").is_ok() {
@@ -161,7 +164,7 @@ mod tests {
         let clients = Clients::new(SHORT);
         let ([_client, server], begin) = (ends(), Instant::now());
         let large = || Answer::new("text/plain", vec![0; 64 << 20]);
-        assert!(clients.admit(server).answer("", large).is_err());
+        assert!(Visit::new(&clients, server).answer("", large).is_err());
         assert!(begin.elapsed() < SOON && clients.make_room().is_some());
     }
 
@@ -171,7 +174,7 @@ mod tests {
         let clients = Clients::new(SHORT);
         let _held = clients.hold(1);
         let [mut client, server] = ends();
-        clients.admit(server).answer("", || unreachable!("there is no room")).unwrap();
+        Visit::new(&clients, server).answer("", || unreachable!("there is no room")).unwrap();
         let mut answer = String::new();
         client.read_to_string(&mut answer).unwrap();
         assert!(answer.starts_with("HTTP/1.1 503 "), "{answer}");
@@ -183,13 +186,13 @@ mod tests {
         let clients = Clients::new(SHORT);
         let pairs = [(); 3].map(|()| ends());
         let [[mut first, a], [mut second, b], [_third, c]] = pairs;
-        let _visits = [a, b].map(|stream| clients.admit(stream));
+        let _visits = [a, b].map(|stream| Visit::new(&clients, stream));
         let begin = Instant::now();
         while !clients.has_seat() {
             assert!(begin.elapsed() < SOON);
             std::thread::sleep(Duration::from_millis(5));
         }
-        let _visit = clients.admit(c);
+        let _visit = Visit::new(&clients, c);
         assert_eq!(first.read(&mut [0]).unwrap(), 0);
         second.set_read_timeout(Some(Duration::from_millis(1))).unwrap();
         assert_eq!(second.read(&mut [0]).unwrap_err().kind(), ErrorKind::WouldBlock);
