@@ -148,8 +148,8 @@ impl<'a> Server<'a> {
         });
         let _ = match asked {
             Ok(None) => Ok(()),
-            Err(refused) => visit.answer(&self.policy, || refused),
-            Ok(Some((request, body))) => visit.answer(&self.policy, || {
+            Err(refused) => visit.answer(&self.policy, false, || refused),
+            Ok(Some((request, body))) => visit.answer(&self.policy, request.is_costly(), || {
                 self.answer(&request, &body).unwrap_or_else(|error| Answer::text(500, error.to_string()))
             }),
         };

@@ -29,16 +29,17 @@ impl<'a> Visit<'a> {
         Self { clients, stream, number, began: Instant::now(), bytes: 0 }
     }
 
-    /// Makes an answer when there is room for it, sends it, and ends the connection.
+    /// Makes an answer, a costly one when there is room for it, sends it, and ends the connection.
     ///
     /// # Errors
     /// When the client has gone, or takes too long: nobody is left to be told.
-    pub fn answer(mut self, policy: &str, make: impl FnOnce() -> Answer) -> io::Result<()> {
+    pub fn answer(mut self, policy: &str, costly: bool, make: impl FnOnce() -> Answer) -> io::Result<()> {
         self.clients.moved(self.number, Phase::Making);
-        let Some(making) = self.clients.make_room() else {
+        let making = costly.then(|| self.clients.make_room());
+        if let Some(None) = making {
             let busy = Answer::text(503, "others are being answered: try again");
             return self.send(&busy, policy);
-        };
+        }
         let answer = make();
         let held = self.clients.hold(answer.body.len());
         drop(making);
@@ -127,6 +128,7 @@ mod tests {
         asking: Duration::from_millis(100),
         sending: Duration::from_millis(100),
         grace: Duration::from_millis(300),
+        leave: Duration::from_millis(50),
         ..Limits::USUAL
     };
     /// A bound for what takes a fraction of a second.
@@ -164,7 +166,7 @@ mod tests {
         let clients = Clients::new(SHORT);
         let ([_client, server], begin) = (ends(), Instant::now());
         let large = || Answer::new("text/plain", vec![0; 64 << 20]);
-        assert!(Visit::new(&clients, server).answer("", large).is_err());
+        assert!(Visit::new(&clients, server).answer("", true, large).is_err());
         assert!(begin.elapsed() < SOON && clients.make_room().is_some());
     }
 
@@ -174,10 +176,17 @@ mod tests {
         let clients = Clients::new(SHORT);
         let _held = clients.hold(1);
         let [mut client, server] = ends();
-        Visit::new(&clients, server).answer("", || unreachable!("there is no room")).unwrap();
+        Visit::new(&clients, server).answer("", true, || unreachable!("there is no room")).unwrap();
         let mut answer = String::new();
         client.read_to_string(&mut answer).unwrap();
         assert!(answer.starts_with("HTTP/1.1 503 "), "{answer}");
+        // What costs little is answered all the same: how far a run is, and that it shall stop.
+        let [mut client, server] = ends();
+        // The client is still there when its time to leave is over.
+        let _ = Visit::new(&clients, server).answer("", false, Answer::nothing);
+        answer.clear();
+        client.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 404 "), "{answer}");
     }
 
     /// Where all seats are taken, the one that has been still for longest is given to the next.
