@@ -210,7 +210,7 @@ fn take_from(folder: &Path, frames: &mut [Frame]) -> Result<(), Error> {
     let mut taken: BTreeMap<PathBuf, PathBuf> = BTreeMap::new();
     for frame in frames {
         let parts: Vec<Component> = frame.path.components().filter(|c| matches!(c, Component::Normal(_))).collect();
-        let ends = (0..parts.len()).map(|from| folder.join(parts[from..].iter().collect::<PathBuf>()));
+        let mut ends = (0..parts.len()).map(|from| folder.join(parts[from..].iter().collect::<PathBuf>()));
         let found = ends.clone().find(|file| file.is_file());
         if let Some(file) = &found
             && let Some(other) = taken.insert(file.clone(), frame.path.clone()).filter(|other| *other != frame.path)
@@ -222,7 +222,7 @@ fn take_from(folder: &Path, frames: &mut [Frame]) -> Result<(), Error> {
                 found: format!("{} for both", file.display()),
             }));
         }
-        if let Some(file) = found.or_else(|| ends.last()) {
+        if let Some(file) = found.or_else(|| ends.next_back()) {
             frame.path = file;
         }
     }

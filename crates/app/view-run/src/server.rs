@@ -109,7 +109,7 @@ impl<'a> Server<'a> {
                     continue;
                 };
                 last = Some(Instant::now());
-                let visit = clients.admit(stream);
+                let visit = Visit::new(&clients, stream);
                 // Neither a thread that the system does not give nor a panic ends more than this connection.
                 let receive = || drop(catch_unwind(AssertUnwindSafe(|| self.receive(visit))));
                 let _ = thread::Builder::new().spawn_scoped(scope, receive);
@@ -148,8 +148,8 @@ impl<'a> Server<'a> {
         });
         let _ = match asked {
             Ok(None) => Ok(()),
-            Err(refused) => visit.answer(&self.policy, || refused),
-            Ok(Some((request, body))) => visit.answer(&self.policy, || {
+            Err(refused) => visit.answer(&self.policy, false, || refused),
+            Ok(Some((request, body))) => visit.answer(&self.policy, request.is_costly(), || {
                 self.answer(&request, &body).unwrap_or_else(|error| Answer::text(500, error.to_string()))
             }),
         };

@@ -103,8 +103,13 @@ export class Viewpoint {
     const numbers = text.split(",").map(Number);
     if (numbers.length !== 10 || !numbers.every(Number.isFinite) || !(numbers[9] > 0)) return false;
     const [eye, target, up] = [0, 3, 6].map((from) => numbers.slice(from, from + 3));
-    this.lens = freeLens(numbers[9], this.lens);
-    this.place(eye, target, times(up, -1));
+    const made = this.copy();
+    made.lens = freeLens(numbers[9], this.lens);
+    made.place(eye, target, times(up, -1));
+    // Numbers too large to be squared, and a view in no direction, would leave nothing that one could turn.
+    const { right, down, forward, distance } = made;
+    if (![distance, ...right, ...down].every(Number.isFinite) || !(length(right) > 0.5 && length(forward) > 0.5)) return false;
+    Object.assign(this, made);
     return true;
   }
 }

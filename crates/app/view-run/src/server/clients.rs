@@ -1,6 +1,5 @@
 //! Connections under way, and the bounds within which they are.
 
-use super::visit::Visit;
 use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -105,12 +104,13 @@ impl Clients {
         state.seats.len() < self.limits.seats
     }
 
-    pub fn admit(&self, stream: TcpStream) -> Visit<'_> {
-        let (stream, mut state) = (Arc::new(stream), self.lock());
+    /// Gives a connection a seat, and its number.
+    pub fn admit(&self, stream: Arc<TcpStream>) -> u64 {
+        let mut state = self.lock();
         state.count += 1;
         let number = state.count;
-        state.seats.push(Seat { number, stream: stream.clone(), phase: Phase::Asking, moved: Instant::now() });
-        Visit::new(self, stream, number)
+        state.seats.push(Seat { number, stream, phase: Phase::Asking, moved: Instant::now() });
+        number
     }
 
     /// Notes that a connection has moved, and its phase.

@@ -79,6 +79,6 @@ fn address() -> Option<IpAddr> {
 /// The name of this machine, where the system keeps it in a file.
 fn name() -> Option<String> {
     let files = ["/proc/sys/kernel/hostname", "/etc/hostname"];
-    let names = files.iter().filter_map(|file| std::fs::read_to_string(file).ok());
+    let names = files.iter().filter_map(|file| weaver_io::read_text(file).ok());
     names.map(|name| name.trim().to_string()).find(|name| !name.is_empty())
 }

@@ -71,6 +71,11 @@ impl Request {
         self.target.split_once('?').unwrap_or((&self.target, ""))
     }
 
+    /// True for an answer that takes time or memory: a scene, a picture.
+    pub fn is_costly(&self) -> bool {
+        self.method == "GET" && !matches!(self.parts().0, "/" | "/progress")
+    }
+
     /// The body, of as many bytes as the head says, which must be few.
     pub fn body(&mut self, from: &mut impl Read) -> Result<Vec<u8>, Answer> {
         let mut body = std::mem::take(&mut self.begun);

@@ -22,20 +22,24 @@ pub struct Visit<'a> {
 }
 
 impl<'a> Visit<'a> {
-    pub fn new(clients: &'a Clients, stream: Arc<TcpStream>, number: u64) -> Self {
+    /// A client that has a seat until this is dropped.
+    pub fn new(clients: &'a Clients, stream: TcpStream) -> Self {
+        let stream = Arc::new(stream);
+        let number = clients.admit(stream.clone());
         Self { clients, stream, number, began: Instant::now(), bytes: 0 }
     }
 
-    /// Makes an answer when there is room for it, sends it, and ends the connection.
+    /// Makes an answer, a costly one when there is room for it, sends it, and ends the connection.
     ///
     /// # Errors
     /// When the client has gone, or takes too long: nobody is left to be told.
-    pub fn answer(mut self, policy: &str, make: impl FnOnce() -> Answer) -> io::Result<()> {
+    pub fn answer(mut self, policy: &str, costly: bool, make: impl FnOnce() -> Answer) -> io::Result<()> {
         self.clients.moved(self.number, Phase::Making);
-        let Some(making) = self.clients.make_room() else {
+        let making = costly.then(|| self.clients.make_room());
+        if let Some(None) = making {
             let busy = Answer::text(503, "others are being answered: try again");
             return self.send(&busy, policy);
-        };
+        }
         let answer = make();
         let held = self.clients.hold(answer.body.len());
         drop(making);
@@ -124,6 +128,7 @@ mod tests {
         asking: Duration::from_millis(100),
         sending: Duration::from_millis(100),
         grace: Duration::from_millis(300),
+        leave: Duration::from_millis(50),
         ..Limits::USUAL
     };
     /// A bound for what takes a fraction of a second.
@@ -141,7 +146,7 @@ mod tests {
     fn a_slow_client_is_let_go() {
         let clients = Clients::new(SHORT);
         let ([mut client, server], begin) = (ends(), Instant::now());
-        let mut visit = clients.admit(server);
+        let mut visit = Visit::new(&clients, server);
         std::thread::scope(|scope| {
             scope.spawn(move || {
                 while begin.elapsed() < SOON && client.write_all(b"a").is_ok() {
@@ -161,7 +166,7 @@ mod tests {
         let clients = Clients::new(SHORT);
         let ([_client, server], begin) = (ends(), Instant::now());
         let large = || Answer::new("text/plain", vec![0; 64 << 20]);
-        assert!(clients.admit(server).answer("", large).is_err());
+        assert!(Visit::new(&clients, server).answer("", true, large).is_err());
         assert!(begin.elapsed() < SOON && clients.make_room().is_some());
     }
 
@@ -171,10 +176,17 @@ mod tests {
         let clients = Clients::new(SHORT);
         let _held = clients.hold(1);
         let [mut client, server] = ends();
-        clients.admit(server).answer("", || unreachable!("there is no room")).unwrap();
+        Visit::new(&clients, server).answer("", true, || unreachable!("there is no room")).unwrap();
         let mut answer = String::new();
         client.read_to_string(&mut answer).unwrap();
         assert!(answer.starts_with("HTTP/1.1 503 "), "{answer}");
+        // What costs little is answered all the same: how far a run is, and that it shall stop.
+        let [mut client, server] = ends();
+        // The client is still there when its time to leave is over.
+        let _ = Visit::new(&clients, server).answer("", false, Answer::nothing);
+        answer.clear();
+        client.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 404 "), "{answer}");
     }
 
     /// Where all seats are taken, the one that has been still for longest is given to the next.
@@ -183,13 +195,13 @@ mod tests {
         let clients = Clients::new(SHORT);
         let pairs = [(); 3].map(|()| ends());
         let [[mut first, a], [mut second, b], [_third, c]] = pairs;
-        let _visits = [a, b].map(|stream| clients.admit(stream));
+        let _visits = [a, b].map(|stream| Visit::new(&clients, stream));
         let begin = Instant::now();
         while !clients.has_seat() {
             assert!(begin.elapsed() < SOON);
             std::thread::sleep(Duration::from_millis(5));
         }
-        let _visit = clients.admit(c);
+        let _visit = Visit::new(&clients, c);
         assert_eq!(first.read(&mut [0]).unwrap(), 0);
         second.set_read_timeout(Some(Duration::from_millis(1))).unwrap();
         assert_eq!(second.read(&mut [0]).unwrap_err().kind(), ErrorKind::WouldBlock);

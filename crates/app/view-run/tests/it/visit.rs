@@ -63,6 +63,66 @@ fn photos_of_a_camera_file_stand_beside_renders() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
+/// Gaussians of a run that diverged, with numbers that are none or too large, are served and leave a page that one can use.
+#[test]
+fn numbers_that_are_none_leave_a_page() {
+    let Some(browser) = Browser::start("numbers_that_are_none") else { return };
+    let mut scene = gaussians(40);
+    for (i, wrong) in [f32::NAN, f32::INFINITY, -f32::INFINITY, f32::MAX, 1e30].into_iter().enumerate() {
+        scene.means[5 * i] = [wrong, 0.0, 1.0];
+        scene.log_scales[5 * i + 1] = [wrong; 3];
+        scene.quats[5 * i + 2] = [wrong, 0.0, 0.0, 0.0];
+        scene.opacity_logits[5 * i + 3] = wrong;
+        scene.sh[15 * i + 12] = wrong;
+    }
+    scene.quats[30] = [0.0; 4];
+    let exhibit = Exhibit::new("diverged", scene, Default::default());
+    let server = Server::new(&exhibit, None, here()).unwrap();
+    server.during(|| {
+        browser.open_page(&server.address());
+        assert_eq!(browser.number("splatweaver.scene.n"), 40.0);
+        assert!(browser.is("[...splatweaver.viewpoint.eye, ...splatweaver.viewpoint.forward].every(Number.isFinite)"));
+        browser.press(&["h"]);
+        browser.click([500, 350], 2);
+        browser.wait("!splatweaver.sorting && !splatweaver.pending");
+        assert!(browser.is("[...splatweaver.viewpoint.eye, ...splatweaver.viewpoint.forward].every(Number.isFinite)"));
+    });
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
+/// An address whose numbers are no view, or that holds markup, leaves the page where it was.
+#[test]
+fn an_address_without_a_view_changes_nothing() {
+    let Some(browser) = Browser::start("an_address_without_a_view") else { return };
+    let exhibit = exhibit(None);
+    let server = Server::new(&exhibit, None, here()).unwrap();
+    server.during(|| {
+        browser.open_page(&server.address());
+        let eye = "[...splatweaver.viewpoint.eye, ...splatweaver.viewpoint.forward].join()";
+        let before = browser.text(eye);
+        for hash in [
+            "view=1e308,1e308,1e308,-1e308,-1e308,-1e308,0,1,0,1",
+            "view=0,0,0,0,0,0,0,1,0,1",
+            "view=0,0,0,0,0,NaN,0,1,0,1",
+            "view=0,0,0,0,0,1,0,1,0,Infinity",
+            "view=0,0,0,0,0,1,0,1,0,-1",
+            "view=1e400,,,,,,,,,",
+            "view=%3Cimg%20src%3Dx%20onerror%3Ddocument.title%3D1%3E",
+            "view=%",
+        ] {
+            browser
+                .value(&format!("(() => {{ location.hash = '{hash}'; dispatchEvent(new Event('hashchange')); }})()"));
+            assert_eq!(browser.text(eye), before, "{hash}");
+        }
+        browser.value(
+            "(() => { location.hash = 'view=0,0,-3,0,0,2,0,1,0,1'; dispatchEvent(new Event('hashchange')); })()",
+        );
+        assert_eq!(browser.text(eye), "0,0,-3,0,0,1");
+        assert_eq!(browser.text("document.title"), "scene");
+    });
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
 #[test]
 fn a_page_follows_a_run_and_ends_it() {
     let Some(browser) = Browser::start("a_page_follows_a_run") else { return };
