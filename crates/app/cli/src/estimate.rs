@@ -6,9 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_command::{Console, Failure, duration, memory};
 use weaver_data::capture::HoldOut;
-use weaver_data::{
-    Doubt, EstimatePhotosOptions, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos,
-};
+use weaver_data::{Doubt, EstimatePhotosOptions, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Pose, Similarity};
 

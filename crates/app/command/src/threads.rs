@@ -10,7 +10,10 @@ const FOR_EACH_CORE: usize = 8;
 ///
 /// Fails where the system refuses the threads, and where the job does.
 pub fn in_pool<R: Send>(threads: Option<usize>, job: impl FnOnce() -> Result<R, Failure> + Send) -> Result<R, Failure> {
-    rayon::ThreadPoolBuilder::new().num_threads(threads.map_or(0, |asked| pool_size(asked, cores()))).build()?.install(job)
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.map_or(0, |asked| pool_size(asked, cores())))
+        .build()?
+        .install(job)
 }
 
 /// Number of threads where so many are asked for on a machine with so many cores.
@@ -32,9 +35,8 @@ pub fn cores() -> usize {
 pub fn fewer_threads(asked: Option<usize>) -> Option<String> {
     let asked = asked?;
     let used = pool_size(asked, cores());
-    (used < asked).then(|| {
-        format!("--threads {asked}: {used} are used, as there are {} cores; results are the same", cores())
-    })
+    (used < asked)
+        .then(|| format!("--threads {asked}: {used} are used, as there are {} cores; results are the same", cores()))
 }
 
 #[cfg(test)]

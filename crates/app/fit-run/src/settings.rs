@@ -153,9 +153,7 @@ impl RunSettings {
             Self { save_every, .. } if !(0.0..=1e6).contains(save_every) => {
                 wrong("save_every", "seconds from 0 to 1000000", save_every)
             }
-            Self { compress: Some(level), .. } if !(0.0..=3.0).contains(level) => {
-                wrong("compress", "0 to 3", level)
-            }
+            Self { compress: Some(level), .. } if !(0.0..=3.0).contains(level) => wrong("compress", "0 to 3", level),
             _ => self.fit.check(),
         }
     }

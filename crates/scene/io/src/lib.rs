@@ -32,7 +32,8 @@ pub use files::staged::Staged;
 pub use gaussians::ply;
 pub use gaussians::{
     Blocks, Chained, Changed, Drawing, OpenScene, SCENE_FORMATS, SceneFile, SceneFormat, open_scene, read_gaussians,
-    read_gaussians_from, read_scene, scene_bytes, spz_step, write_blocks, write_gaussians, write_gaussians_to, write_scene,
+    read_gaussians_from, read_scene, scene_bytes, spz_step, write_blocks, write_gaussians, write_gaussians_to,
+    write_scene,
 };
 pub use info::info;
 pub use lidar::poses::{TrajectoryFile, TrajectoryFormat};

@@ -199,9 +199,8 @@ impl FitSettings {
     /// Steps that are left out before number `step`.
     pub fn left_out(&self, step: usize) -> usize {
         let ends = self.thinned.iter().skip(1).map(|next| next.at.min(step)).chain([step]);
-        let of = |(thinning, end): (&Thinning, usize)| {
-            end.saturating_sub(thinning.at) - thinning.taken(end, self.steps)
-        };
+        let of =
+            |(thinning, end): (&Thinning, usize)| end.saturating_sub(thinning.at) - thinning.taken(end, self.steps);
         self.thinned.iter().zip(ends).map(of).sum()
     }
 

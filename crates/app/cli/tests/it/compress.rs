@@ -47,7 +47,8 @@ fn decibels_are_those_of_other_pictures() {
     write_cameras(&path("cameras.json"), &all);
     let cameras = path("cameras.json");
     let line = |more: &str| {
-        let done = splatweaver(&[&"compress", &scene, &"-o", &out, &"--cameras", &cameras, &"--background", &"white", &more]);
+        let done =
+            splatweaver(&[&"compress", &scene, &"-o", &out, &"--cameras", &cameras, &"--background", &"white", &more]);
         done.fine().stdout
     };
     let result: Value = serde_json::from_str(&line("--json")).unwrap();

@@ -202,8 +202,7 @@ fn rounds_bound_the_steps_of_a_time() {
     let create = |out: &str, minutes: f64, rounds: usize, views: usize| {
         let mut settings = settings(&folder.path().join("data"));
         settings.fit.views_per_step = views;
-        let settings =
-            RunSettings { minutes: Some(minutes), least_steps: 1, most_rounds: Some(rounds), ..settings };
+        let settings = RunSettings { minutes: Some(minutes), least_steps: 1, most_rounds: Some(rounds), ..settings };
         Run::create(&folder.path().join(out), settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap()
     };
     let run = create("alone", 5.0, 3, 1);

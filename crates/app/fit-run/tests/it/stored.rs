@@ -18,7 +18,9 @@ fn resumed(folder: &Path) -> Result<Run, RunError> {
 fn numbers(value: &Value, path: &str, found: &mut Vec<String>) {
     match value {
         Value::Number(_) => found.push(path.into()),
-        Value::Array(items) => items.iter().enumerate().for_each(|(i, item)| numbers(item, &format!("{path}/{i}"), found)),
+        Value::Array(items) => {
+            items.iter().enumerate().for_each(|(i, item)| numbers(item, &format!("{path}/{i}"), found))
+        }
         Value::Object(items) => items.iter().for_each(|(key, item)| numbers(item, &format!("{path}/{key}"), found)),
         _ => {}
     }
@@ -45,7 +47,8 @@ fn no_stored_number_panics() {
         *other.pointer_mut(path).unwrap() = hostile.clone();
         other.to_string()
     };
-    let hostile = [json!(-1), json!(0), json!(1e300), json!(-1e300), json!(u64::MAX), json!(4_000_000_000_u32), json!(0.5)];
+    let hostile =
+        [json!(-1), json!(0), json!(1e300), json!(-1e300), json!(u64::MAX), json!(4_000_000_000_u32), json!(0.5)];
     for path in &paths {
         for hostile in &hostile {
             std::fs::write(&file, text(path, hostile)).unwrap();
@@ -58,7 +61,9 @@ fn no_stored_number_panics() {
             assert!(result.is_ok(), "{path}: {hostile}");
         }
     }
-    for (path, hostile) in [("/save_every", json!(-1)), ("/save_every", json!(1e300)), ("/minutes", json!(0)), ("/compress", json!(9))] {
+    for (path, hostile) in
+        [("/save_every", json!(-1)), ("/save_every", json!(1e300)), ("/minutes", json!(0)), ("/compress", json!(9))]
+    {
         std::fs::write(&file, text(path, &hostile)).unwrap();
         let error = resumed(&out).unwrap_err().to_string();
         assert!(error.contains("run.json") && error.contains(&path[1..]), "{error}");

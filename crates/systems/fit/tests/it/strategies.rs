@@ -12,7 +12,15 @@ use weaver_splat::{CpuRasterizer, GaussianStatistics};
 const ALL: [StrategyKind; 3] = [StrategyKind::Split, StrategyKind::Mcmc, StrategyKind::Keep];
 
 fn moment(step: usize, steps: usize, budget: usize) -> Moment {
-    Moment { step, since: step, steps, budget, mean_rate: 1e-3, extent: 1.0, stream: Stream::new(5, step as u64, "test.density") }
+    Moment {
+        step,
+        since: step,
+        steps,
+        budget,
+        mean_rate: 1e-3,
+        extent: 1.0,
+        stream: Stream::new(5, step as u64, "test.density"),
+    }
 }
 
 /// Statistics of a view that some of the Gaussians were not in.
