@@ -5,7 +5,7 @@ use crate::fitting::Fitting;
 use crate::judged::Judged;
 use crate::loaded::{Loaded, Origin};
 use crate::outcome::{Outcome, PoseChange, Views};
-use crate::run::{MODEL, file_of_scene};
+use crate::run::{MODEL, TRANSIENTS, file_of_scene};
 use crate::{Run, RunError, report, view};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -20,8 +20,6 @@ use weaver_sfm::carried;
 
 /// Decibels below the median from which a photo is an outlier.
 const OUTLIER: f64 = 8.0;
-/// The folder of masks of what photos alone show.
-pub(crate) const TRANSIENTS: &str = "transients";
 /// Steps that locate a held-out photo.
 const LOCATE: usize = 30;
 

@@ -4,7 +4,6 @@ use crate::compressed;
 use crate::fitting::{Fitting, INIT, Next};
 use crate::keeping::Keeping;
 use crate::loaded::load;
-use crate::results::TRANSIENTS;
 use crate::{Coverage, Matching, RunError, RunFile, RunSettings};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -24,6 +23,8 @@ pub struct Run(pub(crate) weaver_run::Run<Fitting>);
 
 /// The folder of the cameras and points as COLMAP has them.
 pub(crate) const MODEL: &str = "sparse/0";
+/// The folder of masks of what photos alone show.
+pub(crate) const TRANSIENTS: &str = "transients";
 const KIND: Kind = Kind {
     command: "fit",
     settings: RunFile::NAME,

@@ -79,13 +79,19 @@ fn seeds_decide_the_bits_and_threads_do_not() {
     let one = scene("one", &[&"--threads", &"1"]);
     assert!(one == scene("two", &[&"--threads", &"2"]) && one == scene("three", &[&"--threads", &"3"]));
     assert!(one != scene("other", &[&"--seed", &"1"]));
-    // A time becomes steps and a start, and the same of both give the same bits.
+    // A time becomes steps, some of which may be left out, and a start: the same of all give the same bits.
     let timed = folder.path().join("timed");
     fit(&capture, &timed, &[&"--minutes", &"0.05", &"--gaussians", &"300"]).fine();
     let settings = json(&timed.join("run.json"));
     let (steps, init) = (settings["fit"]["steps"].to_string(), settings["init"].as_str().unwrap());
-    let again = folder.path().join("timed-again");
-    fit(&capture, &again, &[&"--steps", &steps, &"--init", &init, &"--gaussians", &"300"]).fine();
+    let left_out = settings["fit"]["thinned"].as_array().into_iter().flatten();
+    let left_out: String =
+        left_out.map(|of| format!("[[thinned]]\nat = {}\nkept = {}\n", of["at"], of["kept"])).collect();
+    let (again, config) = (folder.path().join("timed-again"), folder.path().join("fit.toml"));
+    std::fs::write(&config, left_out).unwrap();
+    let line: [&dyn AsRef<OsStr>; 8] =
+        [&"--steps", &steps, &"--init", &init, &"--gaussians", &"300", &"--config", &config];
+    fit(&capture, &again, &line).fine();
     let read = |folder: &Path| std::fs::read(folder.join("scene.ply")).unwrap();
     assert!(read(&timed) == read(&again));
 }

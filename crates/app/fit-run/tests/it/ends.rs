@@ -105,7 +105,7 @@ fn photos_masked_altogether_are_named() {
     assert!(!said.contains("03.png"), "{said}");
 }
 
-/// promise: a run whose steps turn out slower than rehearsed leaves out steps, says how many, and writes down which.
+/// promise: a run whose steps turn out slower than rehearsed leaves out steps, says how many, and writes down which: these settings lead to the same bits.
 #[test]
 fn slow_steps_are_left_out_to_end_in_time() {
     let folder = tempfile::tempdir().unwrap();
@@ -125,4 +125,10 @@ fn slow_steps_are_left_out_to_end_in_time() {
     drop(run);
     let stored = Run::resume(&out, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     assert_eq!(stored.settings().fit.left_out(planned), outcome.left_out);
+    let settings = RunSettings { minutes: None, ..stored.settings().clone() };
+    let again = folder.path().join("again");
+    let repeated = ended(create(&again, settings).unwrap()).unwrap();
+    assert_eq!(repeated.left_out, outcome.left_out);
+    let [one, other] = [&out, &again].map(|out| std::fs::read(out.join("scene.ply")).unwrap());
+    assert!(one == other, "the settings that were written down lead to another scene");
 }
