@@ -9,7 +9,7 @@ use choice::{Measured, choose};
 use movement::{Follower, sharpness};
 use pictures::{Picture, Pictures, about_how_many};
 use std::fs::File;
-use std::io::Read as _;
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_command::{Console, Failure, Progress, duration};
@@ -93,7 +93,8 @@ pub fn photos(
 /// among the paths that are given.
 fn in_folder(path: &Path, given: &[PathBuf], console: &mut Console) -> Result<Vec<PathBuf>, Failure> {
     if !path.exists() {
-        return Err(Failure::message(format!("{}: no such file or folder", path.display())));
+        let message = format!("{}: no such file or folder", path.display());
+        return Err(io::Error::new(io::ErrorKind::NotFound, message).into());
     }
     if !path.is_dir() {
         return Ok(vec![path.into()]);

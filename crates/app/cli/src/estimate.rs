@@ -4,7 +4,7 @@ use crate::clip::Photos;
 use crate::flags::MatchingFlags;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_command::{Console, Failure, duration, memory};
+use weaver_command::{Console, Failure, Part, duration, memory};
 use weaver_data::capture::HoldOut;
 use weaver_data::{Doubt, EstimatePhotosOptions, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos};
 use weaver_geometry::glam::DVec3;
@@ -60,7 +60,6 @@ pub fn estimated(
     if placed < 2 {
         return Err(Failure::message(format!("cameras: {}", refusal(&found))));
     }
-    let photos_written = found.write(out)?;
     let e = &found.estimate;
     console.note(&format!(
         "cameras: {placed} of {} photos placed, {} points, off by {:.2} pixels in the median; focal length {:.3}{} of the longer side; {}",
@@ -94,7 +93,10 @@ pub fn estimated(
             console.note(&format!("warning: left out: {}: {}", listed(&names), explained(reason)));
         }
     }
-    Ok(Estimated { found, photos: photos_written })
+    // All is said before anything is written: work that nobody waits for any longer ends at its next word, and writes nothing.
+    console.tell(|| Part { label: COMMAND, done: placed, total: photos.len(), note: sureness(&found) });
+    let photos = found.write(out)?;
+    Ok(Estimated { found, photos })
 }
 
 /// Estimates cameras into the folder `cameras` of a result, where photos may be held out, and returns the capture.

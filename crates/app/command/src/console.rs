@@ -41,6 +41,13 @@ impl<'a> Console<'a> {
         written.map_err(Failure::output)
     }
 
+    /// Tells the watcher, where there is one, of a part of a job that is done.
+    pub fn tell(&mut self, part: impl FnOnce() -> Part) {
+        if let Some(watcher) = &mut self.watcher {
+            watcher(&part());
+        }
+    }
+
     /// Prints a line on standard error. A failure to write it is ignored: the work goes on.
     pub fn note(&mut self, text: &str) {
         let _ = writeln!(self.stderr, "{}", printable(text));

@@ -67,6 +67,14 @@ impl Run {
     }
 }
 
+/// Bytes of a photo's name in those of files that have more in them; 255 is the most that file systems take.
+const STEM: usize = 200;
+
+/// A name that leaves place for a number and another ending.
+fn shortened(stem: &str) -> &str {
+    &stem[..stem.floor_char_boundary(STEM)]
+}
+
 impl Fitting {
     fn outcome(&self, seconds: f64, train: &[Judged], test: &[Judged]) -> Outcome {
         let views = |judged: &[Judged]| {
@@ -119,7 +127,7 @@ impl Fitting {
             let hidden = transients.at_size(width, height);
             let pixels = hidden.iter().flat_map(|hidden| [if *hidden { 0 } else { u8::MAX }; 3]).collect();
             let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
-            let name = format!("{TRANSIENTS}/{photo:04}-{stem}.png");
+            let name = format!("{TRANSIENTS}/{photo:04}-{}.png", shortened(&stem));
             Bitmap { width, height, pixels }.write_png(out.file(&name)?)?;
             names.push(name);
         }
@@ -266,4 +274,19 @@ fn outliers(judged: &[Judged]) -> Vec<String> {
     all.sort_unstable_by(f64::total_cmp);
     let Some(median) = all.get(all.len() / 2) else { return Vec::new() };
     judged.iter().filter(|j| j.quality.psnr < median - OUTLIER).map(|j| j.name.clone()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shortened;
+
+    /// A photo's name may be as long as file systems take; a file that has it in its name, and more, can be written.
+    #[test]
+    fn long_names_of_photos_leave_place() {
+        assert_eq!(shortened("IMG_0001"), "IMG_0001");
+        for stem in ["x".repeat(251), "\u{fc}".repeat(125), format!("x{}", "\u{1f600}".repeat(62))] {
+            let name = format!("0000-{}.png", shortened(&stem));
+            assert!(name.len() <= 255 && stem.starts_with(shortened(&stem)), "{name}");
+        }
+    }
 }

@@ -1,10 +1,9 @@
 //! Cameras with the names of their photos.
 
-use crate::failed::Failed;
+use crate::failed::{Failed, check_ending};
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use std::path::PathBuf;
-use weaver_cli::FailureKind;
 use weaver_geometry::{Camera as Pinhole, Intrinsics, Pose, Undistortion};
 use weaver_io::Transforms;
 use weaver_scene::Frame;
@@ -128,10 +127,7 @@ pub fn read_cameras(py: Python<'_>, path: PathBuf) -> Result<Vec<Camera>, Failed
 /// Writes a transforms.json.
 #[pyfunction]
 pub fn write_cameras(py: Python<'_>, path: PathBuf, cameras: Vec<Py<Camera>>) -> Result<(), Failed> {
-    if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("json")) {
-        let message = format!("{}: expected a name that ends with .json", path.display());
-        return Err(Failed::new(FailureKind::File, message));
-    }
+    check_ending(&path, "json")?;
     let frames = cameras.iter().map(|camera| camera.get().0.clone()).collect();
     Ok(py.detach(|| Transforms { frames, ..Transforms::default() }.write(path))?)
 }

@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use std::fmt::Display;
+use std::path::Path;
 use weaver_cli::{FailureKind, Refusal};
 use weaver_splat::RasterError;
 
@@ -22,6 +23,15 @@ impl Failed {
     pub fn input(message: impl Display) -> Self {
         Self::new(FailureKind::Input, message)
     }
+}
+
+/// Refuses a file to write whose name ends otherwise.
+pub fn check_ending(path: &Path, ending: &str) -> Result<(), Failed> {
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending)) {
+        return Ok(());
+    }
+    let message = format!("{}: expected a name that ends with .{ending}", path.display());
+    Err(Failed::new(FailureKind::File, message))
 }
 
 impl From<RasterError> for Failed {

@@ -27,7 +27,7 @@ mod _splatweaver {
     #[pymodule_export]
     use super::rasterize::{check_memory, rasterize};
     #[pymodule_export]
-    use super::scene::{SceneData, formats};
+    use super::scene::{SceneData, formats, write_page};
     #[pymodule_export]
     use super::threads::{set_threads, threads};
     use super::*;

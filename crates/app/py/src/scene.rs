@@ -2,7 +2,7 @@
 
 use crate::arrays::{checked, slice};
 use crate::camera::Camera;
-use crate::failed::Failed;
+use crate::failed::{Failed, check_ending};
 use crate::kept::shaped;
 use crate::rasterize::check_memory;
 use crate::threads::compute;
@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use weaver_command::{DrawingOptions, memory::of_picture};
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Similarity, sh};
-use weaver_io::{Drawing, SCENE_FORMATS, read_scene, write_scene};
+use weaver_io::{Drawing, SCENE_FORMATS, read_scene, write_scene, write_text};
 use weaver_scene::{Gaussians, Region};
 use weaver_splat::{RasterSettings, Workspace, render};
 use weaver_view::{HtmlOptions, Look, Shot, Subject, html};
@@ -34,6 +34,13 @@ pub fn formats() -> Vec<(String, String, String)> {
         (format.name.to_string(), format.file_name_end().to_string(), format.keeps.to_string())
     };
     SCENE_FORMATS.iter().map(row).collect()
+}
+
+/// Writes an HTML page, whole or not at all.
+#[pyfunction]
+pub fn write_page(py: Python<'_>, path: PathBuf, page: &str) -> Result<(), Failed> {
+    check_ending(&path, "html")?;
+    Ok(py.detach(|| write_text(path, page))?)
 }
 
 type Array<'py> = PyReadonlyArrayDyn<'py, f32>;

@@ -2,6 +2,7 @@
 
 import inspect
 import logging
+import signal
 import subprocess
 import sys
 import textwrap
@@ -9,7 +10,7 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
-from capture import around, random_scene, write_capture, write_png
+from capture import around, random_scene, write_capture, write_photos, write_png
 
 import splatweaver
 from splatweaver import FileError, InputError, NumericError, Scene, _options, _splatweaver, open_run
@@ -123,6 +124,8 @@ def test_notes_are_logged(capture, tmp_path, caplog):
 def test_failures_have_their_kinds(capture, tmp_path):
     with pytest.raises(FileError, match="nowhere"):
         splatweaver.fit(tmp_path / "nowhere", tmp_path / "a")
+    with pytest.raises(FileError, match="nowhere: no such file or folder"):
+        splatweaver.cameras(tmp_path / "nowhere")
     with pytest.raises(InputError, match="--gaussians"):
         splatweaver.fit(capture, tmp_path / "b", gaussians=0)
     with pytest.raises(InputError, match="unexpected argument '--nonsense'"):
@@ -142,6 +145,36 @@ def test_failures_have_their_kinds(capture, tmp_path):
         write_png(flat / f"{i}.png", np.full((40, 60, 3), 0.5))
     with pytest.raises(splatweaver.Error, match="expected photos that overlap, found none"):
         splatweaver.cameras(flat)
+
+
+#: Cameras are stopped while photos are matched; then the process waits for longer than matching takes.
+STOPPED = """
+import pathlib, signal, sys, time
+import splatweaver
+
+def stop(*_):
+    raise TimeoutError
+
+signal.signal(signal.SIGALRM, stop)
+photos, out = sys.argv[1:]
+begun = time.monotonic()
+splatweaver.cameras(photos, out + "-whole", match_size=320, callback=lambda progress: print(progress.label, progress.total))
+took = time.monotonic() - begun
+signal.setitimer(signal.ITIMER_REAL, took / 4)
+try:
+    splatweaver.cameras(photos, out, match_size=320)
+except TimeoutError:
+    time.sleep(2 * took)
+    print("stopped", pathlib.Path(out, "transforms.json").exists())
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="skipped: no timers")
+def test_cameras_that_were_stopped_are_not_written(tmp_path):
+    photos = write_photos(tmp_path / "photos")
+    line = [sys.executable, "-c", STOPPED, str(photos), str(tmp_path / "out")]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=120)
+    assert done.stdout.split() == ["cameras", "5", "stopped", "False"], done.stderr
 
 
 def test_a_dry_run_says_what_it_would_take(capture):

@@ -172,3 +172,11 @@ def test_rules_that_mean_nothing_are_named(rule, message):
 def test_no_step_moves_a_scene_out_of_all_numbers():
     with pytest.raises(InputError, match="translation: expected finite numbers"):
         random_scene().transform(translation=(0, np.nan, 0))
+
+
+def test_a_page_replaces_no_file_of_another_kind(tmp_path):
+    photo = tmp_path / "photo.jpg"
+    photo.write_bytes(b"pixels")
+    with pytest.raises(FileError, match="photo.jpg: expected a name that ends with .html"):
+        random_scene().show().save(photo)
+    assert photo.read_bytes() == b"pixels"

@@ -258,13 +258,18 @@ impl Checkpoint {
         }
     }
 
+    /// The numbers of a tensor. A network with a weight that is not finite would run, and its figures would mean nothing.
     fn values(&self, key: &str, shape: &[usize]) -> Result<Vec<f32>, Error> {
         let is_half = self.tensors.tensors.get(key).is_some_and(|t| matches!(t.data, TensorData::F16(_)));
-        Ok(if is_half {
+        let values: Vec<f32> = if is_half {
             self.tensors.values::<f16>(key, shape)?.iter().map(|x| x.to_f32()).collect()
         } else {
             self.tensors.values::<f32>(key, shape)?.to_vec()
-        })
+        };
+        match values.iter().find(|x| !x.is_finite()) {
+            Some(found) => Err(self.wrong(format!("tensor {key}: expected finite numbers, found {found}"))),
+            None => Ok(values),
+        }
     }
 
     /// An error that names this file.

@@ -45,7 +45,8 @@ def cameras(
     Args:
         photos: Photos, folders of photos, or clips.
         out: Folder for the results; None is a temporary one, which lives as long as the result.
-        callback: Called with a `Progress` for each step; an answer of False stops.
+        callback: Called with a `Progress` for each frame of clips, and once cameras are found, before they are written; an answer of
+            False stops.
         **options: The other flags of the command, with underscores: `focal=1.2`, `distortion="k1"`.
 
     Returns:

@@ -337,9 +337,15 @@ class View:
         self.height = height
 
     def save(self, path: Path) -> None:
-        """Write the page."""
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(self.page)
+        """Write the page.
+
+        Args:
+            path: The file; its name ends with .html.
+
+        Raises:
+            FileError: A file that cannot be written, or another ending.
+        """
+        _splatweaver.write_page(path, self.page)
 
     def _repr_html_(self) -> str:
         document = html.escape(self.page, quote=True)

@@ -1,7 +1,8 @@
 //! Weights for inference only, in 16 bits.
 
+use half::f16;
 use std::path::Path;
-use weaver_inference::{Checkpoint, Error};
+use weaver_inference::{Checkpoint, Error, SplatWeaverPredictor};
 
 const WEIGHTS: &[u8] = include_bytes!("../../weights/tiny-endless.safetensors");
 
@@ -27,4 +28,19 @@ fn damaged_weights_are_refused_by_name() {
     tensors.write(&path).unwrap();
     let error = Checkpoint::read(&path).expect_err("another format");
     assert!(matches!(error, Error::Checkpoint { .. }) && error.to_string().contains("other"), "{error}");
+}
+
+/// A network with a weight that is not finite would draw nothing, and figures of it would be taken for those of the network.
+#[test]
+fn weights_that_are_not_finite_are_refused() {
+    let mut tensors = Checkpoint::from_bytes(WEIGHTS, Path::new("built in")).unwrap().tensors().clone();
+    let key = tensors.tensors.keys().find(|key| key.ends_with("bias")).unwrap().clone();
+    let shape = tensors.tensors[&key].shape.clone();
+    for value in [f16::NAN, f16::INFINITY] {
+        tensors.insert(&key, &shape, vec![value; shape.iter().product()]);
+        let Err(error) = SplatWeaverPredictor::from_checkpoint(&Checkpoint::of(tensors.clone()).unwrap()) else {
+            panic!("{key}: taken")
+        };
+        assert!(error.to_string().contains(&format!("tensor {key}: expected finite numbers, found")), "{error}");
+    }
 }

@@ -57,10 +57,13 @@ impl Clip {
             Some((url, _)) if url.starts_with("http") => url.trim().to_string(),
             _ => return Err(Error::invalid(path, "line 1", "a URL", "something else")),
         };
-        let frames = lines
+        let frames: Vec<ClipFrame> = lines
             .filter(|(line, _)| !line.trim().is_empty())
             .map(|(line, number)| frame(path, line, number))
             .collect::<Result<_>>()?;
+        if frames.is_empty() {
+            return Err(Error::invalid(path, "lines", "a camera on each after the first", "none"));
+        }
         Ok(Self { url, frames })
     }
 

@@ -58,18 +58,25 @@ pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
 /// When it cannot be read or is not UTF-8.
 pub fn read_text(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();
-    let mut text = String::from_utf8(read_bytes(path)?).map_err(|e| not_utf8(path, e.utf8_error()))?;
+    let bytes = read_bytes(path)?;
+    let mut text = String::from_utf8(bytes).map_err(|e| not_utf8(path, e.as_bytes(), e.utf8_error()))?;
     text.drain(..text.len() - without_mark(text.as_bytes()).len());
-    Ok(text)
+    // Lines that end in a carriage return alone would be one line, and a comment at the start all of the file.
+    Ok(if text.contains('\r') && !text.contains('\n') { text.replace('\r', "\n") } else { text })
 }
 
 /// The text of a file in memory, without a byte order mark.
 pub(crate) fn utf8<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str> {
-    str::from_utf8(without_mark(bytes)).map_err(|e| not_utf8(path, e))
+    str::from_utf8(without_mark(bytes)).map_err(|e| not_utf8(path, bytes, e))
 }
 
-fn not_utf8(path: &Path, error: Utf8Error) -> Error {
-    Error::invalid(path, format!("byte {}", error.valid_up_to()), "UTF-8 text", "other bytes")
+/// The error of text in another encoding. PowerShell's `>` writes UTF-16.
+fn not_utf8(path: &Path, bytes: &[u8], error: Utf8Error) -> Error {
+    let found = match bytes {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "UTF-16, which an editor can save as UTF-8",
+        _ => "other bytes",
+    };
+    Error::invalid(path, format!("byte {}", error.valid_up_to()), "UTF-8 text", found)
 }
 
 /// Writes a text file atomically.

@@ -15,7 +15,13 @@ pub struct MappedFile {
 
 impl MappedFile {
     /// Maps a file.
+    ///
+    /// # Errors
+    /// When it cannot be read or is not a regular file: to open a pipe would wait for whoever writes into it.
     pub fn open(path: &Path) -> Result<Self> {
+        if !path.metadata().map_err(Error::io(path))?.is_file() {
+            return Err(Error::invalid(path, "file", "a regular file", "another kind"));
+        }
         let file = File::open(path).map_err(Error::io(path))?;
         // SAFETY: the map is private to this process and never written through. What the type system cannot see is another
         // process that changes the file meanwhile: bytes would then differ between two looks at them, or be gone where the

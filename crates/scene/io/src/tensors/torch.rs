@@ -145,11 +145,17 @@ impl TorchCheckpoint {
         if tensor.is_contiguous() {
             return if io::copy(&mut numbers, out)? == length { Ok(()) } else { Err(outside()) };
         }
+        let count: usize = tensor.shape.iter().product();
+        if count > REPEATED && bytes_of(count)? > length {
+            let message =
+                format!("tensor {name}: expected at most {REPEATED} numbers that repeat others, found {count}");
+            return Err(io::Error::new(io::ErrorKind::InvalidData, message));
+        }
         check_memory(name, length, available_memory())?;
         let mut bytes = Vec::new();
         bytes.try_reserve_exact(length as usize).map_err(io::Error::other)?;
         numbers.read_to_end(&mut bytes)?;
-        for i in 0..tensor.shape.iter().product() {
+        for i in 0..count {
             let at = tensor.position(i) * width;
             out.write_all(bytes.get(at..at + width).ok_or_else(outside)?)?;
         }
@@ -160,6 +166,9 @@ impl TorchCheckpoint {
         Error::invalid(&self.path, place, expected, found)
     }
 }
+
+/// The most numbers of a tensor that has fewer in its file, as one that was expanded: a few bytes may stand for any number of them.
+const REPEATED: usize = 1 << 24;
 
 /// An error that names the figures, if a tensor that is to be put in order does not fit into memory.
 fn check_memory(name: &str, needed: u64, available: Option<u64>) -> io::Result<()> {

@@ -66,6 +66,46 @@ fn a_byte_order_mark_is_no_part_of_a_text() {
     assert_eq!(read_text(&path).unwrap(), "\u{feff}a");
 }
 
+/// Text that Windows programs write in UTF-16 is called so.
+#[test]
+fn text_in_utf16_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.toml");
+    for (mark, swap) in [([0xff, 0xfe], false), ([0xfe, 0xff], true)] {
+        let units =
+            "steps = 5".encode_utf16().flat_map(|unit| if swap { unit.to_be_bytes() } else { unit.to_le_bytes() });
+        std::fs::write(&path, Vec::from_iter(mark.into_iter().chain(units))).unwrap();
+        let message = read_text(&path).unwrap_err().to_string();
+        assert!(message.contains("mine.toml: byte 0: expected UTF-8 text, found UTF-16"), "{message}");
+    }
+}
+
+/// A pipe in place of a file of weights is refused, where to open it would wait for ever.
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_not_mapped() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+    let message = weaver_io::safetensors::Mapped::open(&path).unwrap_err().to_string();
+    assert!(message.contains("model.safetensors: file: expected a regular file"), "{message}");
+}
+
+/// Lines that end in a carriage return alone are lines, so that a comment at the start does not hide all that follows.
+#[test]
+fn lines_may_end_in_a_carriage_return() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cameras.txt");
+    let text = "http://a\n33000 0.5 0.8 0.5 0.5 0 0 1 0 0 0 0 1 0 0 0 0 1 0\n";
+    std::fs::write(&path, text.replace('\n', "\r")).unwrap();
+    let clip = weaver_io::realestate::Clip::read(&path).unwrap();
+    assert_eq!((clip.url.as_str(), clip.frames.len()), ("http://a", 1));
+    // A file without cameras is none of cameras.
+    std::fs::write(&path, "http://a\n").unwrap();
+    let message = weaver_io::realestate::Clip::read(&path).unwrap_err().to_string();
+    assert!(message.contains("lines: expected a camera on each after the first, found none"), "{message}");
+}
+
 #[test]
 fn a_relative_path_leads_from_a_folder_to_a_file() {
     let root = tempfile::tempdir().unwrap();

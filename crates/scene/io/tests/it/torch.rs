@@ -85,6 +85,21 @@ fn numbers_are_passed_on_as_they_are_read() {
     assert!(pieces.bytes == 4 << 20 && pieces.largest <= 1 << 16, "{} in pieces of {}", pieces.bytes, pieces.largest);
 }
 
+/// A tensor that repeats its numbers is written as it is, unless a small file would fill a disk.
+#[test]
+fn repeated_numbers_are_bounded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("expanded.pt");
+    let written = |shape| {
+        archive(&path, 12, shape, [0, 1], &[0; 48]);
+        let mut pieces = Pieces::default();
+        TorchCheckpoint::open(&path).unwrap().write("w", &mut pieces).map(|()| pieces.bytes)
+    };
+    assert_eq!(written([100, 12]).unwrap(), 4800);
+    let error = written([i32::MAX, 12]).unwrap_err().to_string();
+    assert!(error.contains("tensor w: expected at most") && error.contains("numbers that repeat others"), "{error}");
+}
+
 /// A tensor that reaches beyond its numbers is refused.
 #[test]
 fn tensors_beyond_their_numbers_are_refused() {
