@@ -37,7 +37,9 @@ pub use files::unfinished::{UnfinishedFile, remove_unfinished};
 pub use files::written::written;
 pub use gaussians::ply;
 pub use gaussians::{
-    open_scene, read_gaussians, read_gaussians_from, read_scene, scene_bytes, spz_step, write_blocks, write_blocks_checked, write_gaussians, write_gaussians_to, write_scene, Blocks, Chained, Changed, Drawing, OpenScene, SCENE_FORMATS, SceneFile, SceneFormat, WrittenScene,
+    Blocks, Chained, Changed, Drawing, OpenScene, SCENE_FORMATS, SceneFile, SceneFormat, WrittenScene, open_scene,
+    read_gaussians, read_gaussians_from, read_scene, scene_bytes, spz_step, write_blocks, write_blocks_checked,
+    write_gaussians, write_gaussians_to, write_scene,
 };
 pub use info::info;
 pub use lidar::poses::{TrajectoryFile, TrajectoryFormat};

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 use std::cmp::Ordering;
 use weaver_io::{
-    check_writable, create_folder, list_files, natural_order, read_text, relative_path, write_text, Appender, Checksum,
+    Appender, Checksum, check_writable, create_folder, list_files, natural_order, read_text, relative_path, write_text,
 };
 
 #[test]
