@@ -5,6 +5,7 @@
 mod clip;
 mod command_line;
 mod commands;
+mod demo;
 mod estimate;
 mod failure_kind;
 mod ffmpeg;

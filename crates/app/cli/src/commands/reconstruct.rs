@@ -1,9 +1,10 @@
 //! `splatweaver reconstruct`.
 
 use super::fit;
-use crate::clip;
+use crate::{clip, demo};
 use crate::estimate::{estimated_capture, minutes_of_fit, note_share};
 use crate::flags::{ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
+use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -25,6 +26,7 @@ const FIT: &str = "Fit";
 /// and what else ffmpeg reads) sharp frames become photos, as many steps of the camera apart; they are written to the folder `frames`.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
+  splatweaver reconstruct --demo -o scene                      photos that come with the program
   splatweaver reconstruct photos -o scene
   splatweaver reconstruct photos -o sketch --quality draft
   splatweaver reconstruct clip.mp4 -o scene
@@ -32,13 +34,16 @@ const FIT: &str = "Fit";
   splatweaver reconstruct photos -o scene --hold-out 8         how good it is from elsewhere")]
 pub struct Reconstruct {
     /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, clips, or one capture
-    #[arg(required = true)]
+    #[arg(required_unless_present = "demo")]
     pub photos: Vec<PathBuf>,
+    /// Photos that come with the program, for a first look: half a minute, unless a quality or a time is given
+    #[arg(long, conflicts_with = "photos")]
+    pub demo: bool,
     /// Folder for the results
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
     pub out: Output,
     /// Time for all of it, and size of the photos; a fit ends early once it has used each photo 200 times, or 40 times where they are larger than the least. It takes longer where matching leaves less than half of the time, which the fit gets all the same, or where 200 steps do
-    #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
+    #[arg(long, value_enum, default_value_t = Quality::Normal, default_value_if("demo", ArgPredicate::IsPresent, "draft"), help_heading = FIT)]
     pub quality: Quality,
     /// Time for all of it, matching included, which is used up; the fit gets at least half of it and 200 steps, whatever matching took [default: the quality's]
     #[arg(long, value_name = "M", value_parser = minutes, help_heading = FIT)]
@@ -112,7 +117,8 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
         Err(RunError::Run(weaver_run::Error::RunExists { folder, .. })) => return Err(exists(&folder)),
         claimed => claimed?,
     };
-    let (capture, hold_out) = match arguments.photos.as_slice() {
+    let demo = arguments.demo.then(|| demo::write(out.out())).transpose()?;
+    let (capture, hold_out) = match demo.as_ref().map_or(arguments.photos.as_slice(), std::slice::from_ref) {
         [one] if is_capture(one) => {
             arguments.matching.check_unused("a capture with cameras of its own")?;
             arguments.clip.check_unused("a capture with cameras of its own")?;

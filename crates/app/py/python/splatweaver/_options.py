@@ -34,6 +34,8 @@ class CamerasOptions(_Matching, total=False):
 
 
 class ReconstructOptions(_Matching, total=False):
+    #: Photos that come with the program, in place of an empty list of photos.
+    demo: bool
     #: "skip": complete results stay as they are, what was begun goes on.
     if_complete: str
     frames: int
