@@ -164,6 +164,10 @@ fn refusal(found: &EstimatedPhotos) -> String {
     match left_out.as_slice() {
         [] => "expected at least two photos, found none".into(),
         [_] => "expected at least two photos that overlap, found one: nothing tells how far anything is away".into(),
+        _ if 2 * of_one_place(&left_out).len() > left_out.len() => format!(
+            "expected photos from several places, found {} taken from the place of others, by turning or not at all: nothing tells how far anything is away; step aside between photos",
+            listed(&of_one_place(&left_out))
+        ),
         [(_, first), ..] if left_out.iter().all(|(_, reason)| reason == first) => {
             let names: Vec<String> = left_out.iter().map(|(path, _)| path.display().to_string()).collect();
             format!("expected photos that overlap, found none of {}: {}", listed(&names), explained(*first))
@@ -173,6 +177,12 @@ fn refusal(found: &EstimatedPhotos) -> String {
             format!("expected photos that overlap, found none; {}", each.collect::<Vec<_>>().join("; "))
         }
     }
+}
+
+/// Names of the photos that were taken from the place of others.
+fn of_one_place(left_out: &[(&Path, LeftOut)]) -> Vec<String> {
+    let those = left_out.iter().filter(|(_, reason)| *reason == LeftOut::OnePlace);
+    those.map(|(path, _)| path.display().to_string()).collect()
 }
 
 fn listed(names: &[String]) -> String {

@@ -24,7 +24,7 @@ pub enum LeftOut {
     Textureless,
     /// It has nothing in common with the others.
     Unmatched,
-    /// It was taken from the place of others: how far anything is away cannot be told.
+    /// It was taken from the place of others, by turning or not at all: how far anything is away cannot be told.
     OnePlace,
     /// It shows something in common with others, but too little, or of another scene.
     Unplaced,
@@ -113,11 +113,17 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     };
     let photos_of_those: Vec<&Photo<'_>> = numbers.iter().map(|i| &photos[*i]).collect();
     let taken_of_those: Vec<Taken> = numbers.iter().map(|i| taken[*i]).collect();
-    let Scene { found, pairs, rival, untied } =
+    let Scene { found, pairs, rival, untied, one_place } =
         Search::new(&taken_of_those, &photos_of_those, &of_those, settings).scene();
     let pairs = pairs.renumbered(&numbers);
     let Some((bundle, placed)) = found else {
-        return without_cameras(features, &pairs, &vec![false; photos.len()]);
+        let mut none = without_cameras(features, &pairs, &vec![false; photos.len()]);
+        if one_place {
+            // What is only located would be found among others that have no place.
+            let turned = |i: usize| photos[i].located || pairs.posed.iter().any(|pair| pair.photos.contains(&i));
+            (0..photos.len()).filter(|i| turned(*i)).for_each(|i| none.cameras[i] = Err(LeftOut::OnePlace));
+        }
+        return none;
     };
     let told = taken_of_those.iter().any(|t| t.focal.is_some());
     let focal_guessed = !told && placed.iter().filter(|placed| **placed).count() < 3;

@@ -36,6 +36,7 @@ mod search;
 mod ties;
 mod tracks;
 mod triangulation;
+mod turning;
 mod two_view;
 mod uncertainty;
 

@@ -14,6 +14,7 @@ use crate::photo::{EstimateOptions, Photo};
 use crate::place::agreeing;
 use crate::retrieval::candidates;
 use crate::ties::untied;
+use crate::turning::turning;
 
 /// Points that a photo with a camera must see at least.
 const LEAST_SEEN: usize = 25;
@@ -21,6 +22,8 @@ const LEAST_SEEN: usize = 25;
 const FOCAL_LENGTHS: usize = 2;
 /// Photos of which many beginnings can be tried.
 const FEW: usize = 8;
+/// Focal lengths by which photos without a scene may turn out to be turned.
+const POSSIBLE: [f64; 6] = [0.5, 0.65, 0.8, USUAL, 1.2, 1.6];
 /// Beginnings that are tried, and the most photos of which more than one is where the first reaches all.
 const BEGINNINGS: usize = 6;
 const SEVERAL: usize = 12;
@@ -47,6 +50,14 @@ pub(crate) struct Scene {
     pub rival: f64,
     /// Photos that only what may be chance ties to the rest, or whose place matches with the rest contradict.
     pub untied: Vec<usize>,
+    /// True if there is no scene because the photos were taken by turning on the spot.
+    pub one_place: bool,
+}
+
+impl Scene {
+    fn none(pairs: Pairs) -> Self {
+        Self { found: None, pairs, rival: 0.0, untied: Vec::new(), one_place: false }
+    }
 }
 
 /// A search for it.
@@ -79,19 +90,35 @@ impl<'a> Search<'a> {
     pub fn scene(mut self) -> Scene {
         self.run();
         let mut settled: Vec<Grown> = self.different().into_iter().map(|i| self.settled(&self.found[i])).collect();
-        let Some(best) = best(&settled) else {
-            return Scene { found: None, pairs: self.pairs, rival: 0.0, untied: Vec::new() };
-        };
+        let Some(best) = best(&settled) else { return self.without_cameras() };
         let others = settled.iter().filter(|other| settled[best].differs(other, DIFFERENT));
         let rival = others.map(|other| other.support / settled[best].support).fold(self.given_up, f64::max);
         let Grown { mut bundle, mut placed, .. } = settled.swap_remove(best);
         self.finish(&mut bundle, &placed);
+        if self.one_place(&bundle, &placed) {
+            return Scene { one_place: true, ..Scene::none(self.pairs) };
+        }
         placed.iter_mut().zip(bundle.seen()).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
         bundle.observations.retain(|o| placed[o.camera]);
+        if !placed.contains(&true) {
+            return self.without_cameras();
+        }
         bundle.finish();
         let agreeing = |pair: &Pair| agreeing(self.features, pair, &pair.photos.map(|photo| bundle.camera(photo)));
         let untied = untied(&self.pairs.posed, &placed, agreeing);
-        Scene { found: Some((bundle, placed)), pairs: self.pairs, rival, untied }
+        Scene { found: Some((bundle, placed)), rival, untied, ..Scene::none(self.pairs) }
+    }
+
+    /// No scene. Nothing has told the focal length then, so that each that is possible may explain turns.
+    fn without_cameras(self) -> Scene {
+        let all = vec![true; self.taken.len()];
+        let of = |factor: &f64| self.one_place(&self.settings.bundle(self.taken, *factor), &all);
+        Scene { one_place: POSSIBLE.iter().any(of), ..Scene::none(self.pairs) }
+    }
+
+    /// True if photos with a place were taken by turning on the spot.
+    fn one_place(&self, bundle: &Bundle, placed: &[bool]) -> bool {
+        turning(self.features, &self.pairs.posed, bundle, placed, tau(self.taken))
     }
 
     /// Grows scenes.

@@ -1,5 +1,6 @@
 //! How exact estimated cameras are expected to be.
 
+mod flat;
 #[cfg(test)]
 mod tests;
 
@@ -21,6 +22,8 @@ const MANY: usize = 20;
 /// Standard deviations of what is held: of the principal point from the middle of photos, over their longer sides, and of k1.
 const OFF_CENTER: f64 = 0.005;
 const UNSEEN: f64 = 0.01;
+/// Matches of a photo of a plane that count as independent: errors of the others are taken to be in common with theirs.
+const INDEPENDENT: f64 = 40.0;
 /// Groups of photos that are left out, one after the other.
 const GROUPS: usize = 8;
 /// Steps of an adjustment.
@@ -29,7 +32,8 @@ const STEPS: usize = 20;
 /// Expected errors of cameras: standard deviations, up to the world's place, turn and scale.
 ///
 /// Two parts are added by squares: that of the normal equations of the adjustment, with the noise that its residuals show; and how
-/// much the rest moves where photos are left out, which also shows errors that many observations have in common.
+/// much the rest moves where photos are left out, which also shows errors that many observations have in common. The focal length of
+/// a scene that is one plane is told by so little that neither shows its error, and counts as if few matches of a photo were independent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Uncertainty {
     /// Of focal lengths, as a part of them: the lens that is told least; 0 where all were given.
@@ -62,6 +66,9 @@ impl Uncertainty {
         let focals =
             bundle.lenses.iter().zip(focal.into_iter().zip(left_out.focal)).filter(|(lens, _)| lens.free_focal);
         let focal = focals.map(|(_, (of_all, of_rest))| both(of_all, of_rest)).fold(0.0, f64::max);
+        // A plane tells a focal length by second-order effects, which errors that all matches have in common imitate.
+        let each = bundle.observations.len() as f64 / bundle.cameras.len().max(1) as f64;
+        let focal = if bundle.flat() { focal * (each / INDEPENDENT).max(1.0).sqrt() } else { focal };
         let of_photos = |of_all: Vec<f64>, of_rest: Vec<f64>| {
             let mut each = of_all.into_iter().zip(of_rest).map(|(of_all, of_rest)| both(of_all, of_rest));
             placed.iter().map(|placed| if *placed { each.next().unwrap_or(0.0) } else { 0.0 }).collect()

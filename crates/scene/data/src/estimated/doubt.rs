@@ -4,6 +4,9 @@ use super::EstimatedPhotos;
 use crate::remarks::some_of;
 use weaver_sfm::{Confidence, Uncertainty};
 
+/// A focal length of which so large a part is its deviation is not told at all.
+const UNTOLD: f64 = 0.5;
+
 /// A doubt about cameras, and its remedy.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Doubt {
@@ -42,7 +45,12 @@ impl EstimatedPhotos {
             }
             Confidence::LooseFocal => {
                 let told = self.estimate.uncertainty.as_ref().map_or(f64::NAN, |u| u.focal);
-                let what = format!("the focal length is told to {:.0} % only", 100.0 * told);
+                let what = match told < UNTOLD {
+                    true => format!("the focal length is told to {:.0} % only", 100.0 * told),
+                    false => {
+                        "nothing tells the focal length, as where photos of a wall are taken going towards it".into()
+                    }
+                };
                 (what, "photos from more different places, or --focal, would tell")
             }
             Confidence::LooseRotation => {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::bundle::Lens;
-use weaver_geometry::glam::DVec2;
+use weaver_geometry::glam::{DMat3, DVec2};
 use weaver_geometry::{Intrinsics, so3};
 use weaver_kernels::random::Stream;
 
@@ -71,4 +71,66 @@ fn absent_distortion_is_not_freed() {
     let (free, found) = freed([0.0, 0.0], SEVERAL, Find::K1K2);
     assert!(free == [true, true] && found.iter().all(|k| k.abs() < 0.05), "{found:?}");
     assert_eq!(freed([0.0, 0.0], SEVERAL, Find::K1).0, [true, false]);
+}
+
+/// Cameras before points on a wall, which errors of both kinds have moved: noise, and for each photo a smooth field of so many pixels.
+fn before_a_wall(poses: &[Pose], noise: f64, smooth: f64, seed: u64) -> Bundle {
+    let stream = Stream::new(seed, poses.len() as u64, "test.wall");
+    let draw = |k: usize| 2.0 * stream.uniform::<f64>(k as u64) - 1.0;
+    let intrinsics = Intrinsics { fx: 360.0, fy: 360.0, cx: 200.0, cy: 150.0 };
+    let camera = |pose: &Pose| Camera { pose: *pose, intrinsics, width: 400, height: 300 };
+    let mut bundle = Bundle {
+        cameras: poses.iter().map(camera).collect(),
+        lenses: vec![Lens { free_focal: true, weight: 1.0, ..Lens::default() }],
+        lens_of: vec![0; poses.len()],
+        fixed: vec![false; poses.len()],
+        points: (0..400).map(|n| DVec3::new(2.2 * draw(1000 + 2 * n), 1.6 * draw(1001 + 2 * n), 4.0)).collect(),
+        ..Bundle::default()
+    };
+    for (point, position) in bundle.points.iter().enumerate() {
+        for (number, camera) in bundle.cameras.iter().enumerate() {
+            let pixel = intrinsics.project(camera.pose.apply(*position));
+            let off = |k: usize| {
+                let [x, y] = [pixel.x / 200.0 - 1.0, pixel.y / 200.0 - 0.75];
+                let field = [x * x, x * y, y * y].into_iter().enumerate();
+                let field: f64 = field.map(|(i, of)| of * draw(10 * number + 3 * k + i)).sum();
+                smooth * field + noise * stream.normal::<f64>((10_000 + 2 * (poses.len() * point + number) + k) as u64)
+            };
+            if pixel.x > 0.0 && pixel.y > 0.0 && pixel.x < 400.0 && pixel.y < 300.0 {
+                let pixel = DVec2::new(pixel.x + off(0), pixel.y + off(1));
+                bundle.observations.push(Observation { camera: number, point, pixel, deviation: 1.0 });
+            }
+        }
+    }
+    bundle.adjust(1.0, 100);
+    bundle
+}
+
+/// Where a wall is met going towards it, along it and around it, the focal length is within three of its deviations, which are small
+/// only where the wall is seen from different sides.
+#[test]
+fn deviations_of_focal_lengths_hold_on_walls() {
+    let (mut all, mut within) = (0, 0);
+    for seed in 0..4 {
+        for (noise, smooth) in [(0.05, 0.01), (0.3, 0.05)] {
+            let of = |pose: &dyn Fn(f64) -> Pose| -> Vec<Pose> { (-3..=3).map(|i| pose(f64::from(i))).collect() };
+            let sway = |i: f64| so3::exp(DVec3::new(0.02 * (2.0 * i).sin(), 0.02 * (3.0 * i).cos(), 0.0));
+            let from = |turn: DMat3, center: DVec3| Pose::new(turn, -(turn * center));
+            let towards = of(&|i| from(sway(i), DVec3::new(0.0, 0.02 * i.cos(), 0.2 * i)));
+            let along = of(&|i| from(sway(i), DVec3::new(0.15 * i, 0.03 * i.cos(), 0.0)));
+            let around = of(&|i| {
+                let [sin, cos] = [(0.12 * i).sin(), (0.12 * i).cos()];
+                from(so3::exp(DVec3::Y * 0.12 * i), DVec3::new(4.0 * sin, 0.05 * i.cos(), 4.0 - 4.0 * cos))
+            });
+            for (name, poses) in [("towards", towards), ("along", along), ("around", around)] {
+                let bundle = before_a_wall(&poses, noise, smooth, seed);
+                let told = Uncertainty::of(&bundle, &[true; 7]).map_or(f64::INFINITY, |u| u.focal);
+                let off = bundle.lenses[0].log_focal.abs();
+                all += 1;
+                within += usize::from(off <= 3.0 * told);
+                assert!(name != "around" || told < 0.02, "{noise}, {seed}: {told}");
+            }
+        }
+    }
+    assert!(within + 1 >= all, "{within} of {all} within three deviations");
 }

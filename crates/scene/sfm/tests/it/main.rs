@@ -3,6 +3,7 @@
 mod bundle;
 mod estimate;
 mod features;
+mod one_place;
 mod refine;
 mod tracks;
 mod two_view;
