@@ -23,11 +23,16 @@ pub fn put_params(into: &mut Tensors, prefix: &str, params: &Params<f32>) {
 /// Gives parameters the values of tensors `PREFIX` `NAME`.
 ///
 /// # Errors
-/// When one is missing or of another shape.
+/// When one is missing or of another shape, or a value is not finite: what is made of such parameters has figures that mean nothing.
 pub fn take_params(from: &Tensors, prefix: &str, params: &mut Params<f32>) -> Result<()> {
     for id in params.ids().collect::<Vec<_>>() {
         let (name, shape) = (format!("{prefix}{}", params.get(id).name()), params.get(id).shape());
-        params.value_mut(id).copy_from_slice(from.values::<f32>(&name, shape.dims())?);
+        let values = from.values::<f32>(&name, shape.dims())?;
+        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+            let (path, place) = (from.origin().into(), format!("tensor {name}"));
+            return Err(Error::Invalid { path, place, expected: "finite numbers".into(), found: value.to_string() });
+        }
+        params.value_mut(id).copy_from_slice(values);
     }
     Ok(())
 }

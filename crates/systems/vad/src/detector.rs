@@ -4,7 +4,8 @@ use crate::encoded::Encoded;
 use crate::encoder::{Encoder, EncoderKind};
 use crate::expert::{Expert, ExpertSizes};
 use crate::gate::{Gate, GateSizes};
-use crate::{Features, Result};
+use crate::{Error, Features, Result};
+use std::path::Path;
 use weaver_autograd::{Params, Real, Tape, Var, ops};
 use weaver_nn::{Builder, Context};
 
@@ -129,7 +130,7 @@ impl Detector {
     /// The curves of a video at its full length, means over its crops.
     ///
     /// # Errors
-    /// When a number of the features is not finite.
+    /// When a number of the features is not finite, or so large that scores are not.
     ///
     /// # Panics
     /// When the features are of another width than the encoder takes.
@@ -167,6 +168,10 @@ impl Detector {
         let Curves { encoder, classes, experts, gate } = &mut sum;
         let all = [encoder].into_iter().chain(classes).chain(experts).chain(gate.iter_mut());
         all.flatten().for_each(|score| *score *= share);
+        if sum.scores().iter().any(|score| !score.is_finite()) {
+            let path = features.path().unwrap_or(Path::new("features"));
+            return Err(Error::invalid(path, "scores", "finite numbers", "none, as numbers of the features are too large"));
+        }
         Ok(sum)
     }
 

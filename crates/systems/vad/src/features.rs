@@ -102,6 +102,14 @@ impl Features {
         self.crops.len()
     }
 
+    /// The file of the first crop, if it is in one.
+    pub fn path(&self) -> Option<&Path> {
+        match self.crops.first()? {
+            Crop::Memory(_) => None,
+            Crop::File(file) => Some(&file.path),
+        }
+    }
+
     /// Crop `c`, `[snippets, width]`.
     ///
     /// # Errors

@@ -62,6 +62,20 @@ fn states_come_back_to_the_bit() {
     assert!(average.state(&ours).eq(other_average.state(&theirs)));
 }
 
+/// Parameters that are not finite are refused by name.
+#[test]
+fn parameters_that_are_not_finite_are_refused() {
+    for value in [f32::NAN, f32::INFINITY] {
+        let mut broken = params();
+        let id = broken.ids().next().unwrap();
+        broken.value_mut(id)[0] = value;
+        let mut tensors = Tensors::default();
+        put_params(&mut tensors, "", &broken);
+        let message = take_params(&tensors, "", &mut params()).unwrap_err().to_string();
+        assert!(message.contains("tensor a: expected finite numbers"), "{message}");
+    }
+}
+
 #[test]
 fn optimizers_of_earlier_checkpoints_are_read() {
     let (first, second) = (vec![0.1, 0.2, 0.3, 0.4, 0.5, 0.6], vec![1.0; 6]);

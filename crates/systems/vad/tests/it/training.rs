@@ -100,6 +100,17 @@ fn equal_crops_give_the_curve_of_one() {
     assert!(all.scores().iter().zip(single.scores()).all(|(a, b)| (a - b).abs() < 1e-6));
 }
 
+/// Features so large that scores are no numbers are refused by their file.
+#[test]
+fn features_that_give_no_scores_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.npy");
+    weaver_io::write_npy(&path, &[7, 32], &[3e38; 7 * 32]).unwrap();
+    let detector = Detector::new(EncoderKind::UrDmu(UrDmuSizes::small(32)), 1);
+    let message = detector.curves(&Features::open(&[path]).unwrap()).unwrap_err().to_string();
+    assert!(message.contains("large.npy: scores: expected finite numbers"), "{message}");
+}
+
 /// Ends training after so many steps, having kept what was learned.
 struct Stop {
     left: usize,
