@@ -121,7 +121,11 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
         if one_place {
             // What is only located would be found among others that have no place.
             let turned = |i: usize| photos[i].located || pairs.posed.iter().any(|pair| pair.photos.contains(&i));
-            (0..photos.len()).filter(|i| turned(*i)).for_each(|i| none.cameras[i] = Err(LeftOut::OnePlace));
+            for (i, camera) in none.cameras.iter_mut().enumerate() {
+                if *camera != Err(LeftOut::Textureless) && turned(i) {
+                    *camera = Err(LeftOut::OnePlace);
+                }
+            }
         }
         return none;
     };
