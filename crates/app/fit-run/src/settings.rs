@@ -11,6 +11,8 @@ use weaver_io::SceneFormat;
 
 /// The largest count.
 const MOST: usize = u32::MAX as usize;
+/// The most Gaussians of a run, which the command line takes, too: where they begin at random, a part of these is made at once.
+const MOST_GAUSSIANS: usize = 100_000_000;
 
 /// Settings of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -154,6 +156,9 @@ impl RunSettings {
                 wrong("save_every", "seconds from 0 to 1000000", save_every)
             }
             Self { compress: Some(level), .. } if !(0.0..=3.0).contains(level) => wrong("compress", "0 to 3", level),
+            Self { fit, .. } if fit.gaussians > MOST_GAUSSIANS => {
+                wrong("gaussians", "at most 100000000", &fit.gaussians)
+            }
             _ => self.fit.check(),
         }
     }

@@ -33,7 +33,7 @@ impl Start {
             Some("built-in") => Ok(Self::Network(None)),
             Some(path) if Path::new(path).is_file() => {
                 // Before photos are matched.
-                if weaver_io::open_scene(path)?.gaussians.len() == 0 {
+                if weaver_io::open_scene(path)?.gaussians.is_empty() {
                     let expected = "expected Gaussians to begin with, found an empty scene";
                     return Err(Failure::message(format!("--init {path}: {expected}")));
                 }
