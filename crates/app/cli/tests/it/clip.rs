@@ -226,7 +226,8 @@ fn what_is_no_clip_of_a_moving_camera_is_refused() {
     let whole = fs::read(folder.join("clip.mp4")).unwrap();
     fs::write(folder.join("cut.mp4"), &whole[..whole.len() / 2]).unwrap();
     fs::write(folder.join("text.mp4"), "This is no clip at all.").unwrap();
-    fs::write(folder.join("list.mp4"), "#EXTM3U\n#EXTINF:9,\nhttp://localhost/a.ts\n").unwrap();
+    fs::write(folder.join("list.mp4"), "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\nhttp://localhost/a.ts\n")
+        .unwrap();
     for (name, found) in [
         ("one.mp4", "found a single picture"),
         ("still.mp4", "found one that stands still"),

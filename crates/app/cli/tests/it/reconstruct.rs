@@ -222,7 +222,7 @@ fn what_is_not_used_is_said() {
     let output = run(folder, "cameras capture/images -o found");
     let text = said(&output);
     assert!(output.status.success() && text.contains("6 of 7 photos placed"), "{text}");
-    assert!(text.contains("warning: 1 of 7 photos") && text.contains("06.heic: image: "), "{text}");
+    assert!(text.contains("warning: 1 of 7 photos") && text.contains("(capture/images/06.heic)"), "{text}");
     let output = run(folder, "cameras capture/images/00.png capture/images/06.heic -o found");
     let text = said(&output);
     assert!(output.status.code() == Some(1) && text.contains("06.heic") && text.contains("convert it"), "{text}");
