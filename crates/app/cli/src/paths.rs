@@ -62,7 +62,7 @@ mod tests {
         "fit capture -o @out",
         "fit capture --cameras cameras.json -o @out",
         "infer photos --run run --cameras cameras.json -o @out",
-        "split capture -o @out",
+        "split capture --blocks 2 -o @out",
         "merge blocks -o @out.ply",
         "view scene.ply --cameras cameras.json --photos photos --html @out.html",
         "render scene.ply --cameras cameras.json -o @out --video @out.mp4 --gif @out.gif --webp @out.webp",
@@ -76,7 +76,7 @@ mod tests {
         "dynamic train --data capture -o @out",
         "dynamic render --run run --cameras cameras.json -o @out --video @out.mp4",
         "dynamic prune --run run --keep 0.5 -o @out",
-        "dynamic distil --run run -o @out",
+        "dynamic distil --run run --expert field -o @out",
         "vad train --features features --list list.txt -o @out",
         "vad eval --run run --features features --list list.txt --annotation list.txt --report @out.html",
         "vad score --run run features -o @out",
@@ -92,14 +92,10 @@ mod tests {
         "bench compress scene.ply --peer other.ply --data capture -o @out --html @out.html",
     ];
 
-    /// Paths of a line, with `@` taken away and its n-th output replaced.
+    /// Paths of a line, those that it reads in a folder, with `@` taken away and its n-th output replaced.
     fn paths(line: &str, folder: &Path, replaced: Option<(usize, &Path)>) -> Result<Paths, String> {
         let mut outputs = 0;
-        let place = |word: &str| match word.chars().all(|c| c.is_ascii_alphanumeric() || c == '.') && word.len() > 4 {
-            true => folder.join(word).into(),
-            false => OsString::from(word),
-        };
-        let word = |(i, word): (usize, &str)| match word.strip_prefix('@') {
+        let word = |word: &str| match word.strip_prefix('@') {
             Some(output) => {
                 outputs += 1;
                 match replaced.filter(|(n, _)| *n + 1 == outputs) {
@@ -107,10 +103,10 @@ mod tests {
                     None => folder.join(output).into(),
                 }
             }
-            None if i == 0 || ["train", "score"].contains(&word) => word.into(),
-            None => place(word),
+            None if folder.join(word).exists() => folder.join(word).into(),
+            None => word.into(),
         };
-        let words: Vec<OsString> = line.split(' ').enumerate().map(word).collect();
+        let words: Vec<OsString> = line.split(' ').map(word).collect();
         let parsed = CommandLine::of(std::iter::once("splatweaver".into()).chain(words));
         parsed.map(|line| line.paths).map_err(|error| error.to_string())
     }

@@ -170,7 +170,12 @@ impl Detector {
         all.flatten().for_each(|score| *score *= share);
         if sum.scores().iter().any(|score| !score.is_finite()) {
             let path = features.path().unwrap_or(Path::new("features"));
-            return Err(Error::invalid(path, "scores", "finite numbers", "none, as numbers of the features are too large"));
+            return Err(Error::invalid(
+                path,
+                "scores",
+                "finite numbers",
+                "none, as numbers of the features are too large",
+            ));
         }
         Ok(sum)
     }

@@ -1,9 +1,9 @@
 //! `splatweaver reconstruct`.
 
 use super::fit;
-use crate::{clip, demo};
 use crate::estimate::{estimated_capture, minutes_of_fit, note_share};
 use crate::flags::{ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
+use crate::{clip, demo};
 use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
 use std::ops::RangeInclusive;

@@ -48,7 +48,7 @@ fn inputs(folder: &Path) {
 }
 
 /// Command lines whose results would go over what they read, or in among it.
-const OVER: [&str; 47] = [
+const OVER: [&str; 46] = [
     "fit capture -o capture",
     "fit capture -o capture/fit",
     "fit capture -o capture/images",
@@ -66,7 +66,6 @@ const OVER: [&str; 47] = [
     "infer capture/images --cameras capture/transforms.json -o capture",
     "render capture/scene.ply --cameras capture/transforms.json -o capture/images",
     "render capture/scene.ply --cameras capture -o capture/images",
-    "render capture/scene.ply --orbit 2 --video capture/scene.ply",
     "align capture/scene.ply --photos capture/images --cameras capture/transforms.json -o capture",
     "align capture/scene.ply --photos capture/images --cameras capture/transforms.json -o capture/images",
     "query capture/scene.ply --cameras capture/transforms.json --features capture/features/00.npy --prompts capture/features/00.npy -o capture/images",
@@ -75,7 +74,7 @@ const OVER: [&str; 47] = [
     "train --preset micro --data capture --out capture --set data.scene_scale=1",
     "train --preset micro --data capture --out capture/run --set data.scene_scale=1",
     "train --preset micro --data capture --out run --trace capture/transforms.json --set data.scene_scale=1",
-    "convert-weights capture/features/00.npy -o capture/features/00.npy",
+    "convert-weights capture/w.safetensors -o capture/w.safetensors",
     "dynamic train --data capture -o capture",
     "vad train --features capture/features --list capture/list.txt --out capture/features",
     "vad score --run capture/scene.ply capture/features/00.npy -o capture/images",
@@ -99,7 +98,7 @@ const OVER: [&str; 47] = [
 ];
 
 /// Command lines that would put a file of another kind in place of a photo.
-const OVER_PHOTOS: [&str; 16] = [
+const OVER_PHOTOS: [&str; 17] = [
     "image fit capture/images/00.png -o PHOTO",
     "image draw capture/scene.ply -o capture/images/01.jpg",
     "mesh capture/scene.ply --cameras capture/transforms.json -o PHOTO",
@@ -109,6 +108,7 @@ const OVER_PHOTOS: [&str; 16] = [
     "render capture/scene.ply --orbit 2 --gif PHOTO",
     "render capture/scene.ply --orbit 2 --webp PHOTO",
     "render capture/scene.ply --orbit 2 --video PHOTO",
+    "render capture/scene.ply --orbit 2 --video capture/scene.ply",
     "compress capture/scene.ply -o PHOTO",
     "bench compress capture/scene.ply --html PHOTO",
     "bench raster --synthetic 10,8,8 --dump PHOTO",
@@ -131,7 +131,7 @@ fn no_photo_is_replaced_by_another_kind() {
         assert!(snapshot(folder) == before, "{line}");
     }
     // The formats of scenes have a message of their own.
-    for line in ["convert capture/scene.ply capture/images/01.png", "merge capture -o capture/images/01.png"] {
+    for line in ["convert capture/scene.ply capture/images/01.png", "merge blocks -o capture/images/01.png"] {
         let message = refused(folder, line, 1);
         assert!(message.contains("file name: expected .ply"), "{line}: {message}");
         assert!(snapshot(folder) == before, "{line}");

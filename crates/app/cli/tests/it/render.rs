@@ -126,7 +126,7 @@ fn files_that_cannot_be_rendered_are_named() {
     splatweaver(&[&"render", &path, &"--orbit", &"3", &"-o", &out]).refused(1, &["scene.ply", "found none"]);
     std::fs::write(&path, whole).unwrap();
     std::fs::write(&cameras, "http://example.org\n").unwrap();
-    render().refused(1, &["clip.txt", "at least one camera"]);
+    render().refused(1, &["clip.txt", "expected a camera"]);
 }
 
 /// A scene is drawn as its summary says unless flags do.

@@ -357,10 +357,10 @@ fn unusable_photos_are_named_and_left_out() {
     }
     found.write(&claimed(&temporary.path().join("found"))).unwrap();
     assert_eq!(test_names(&temporary.path().join("found")).unwrap(), ["../photos/4.png"]);
-    // More than a quarter, and fewer than two that are good.
-    paths.push(folder.join("gone.jpg"));
+    // More than a quarter without those that only have to be converted, and fewer than two that are good.
+    paths.extend(["gone.jpg", "lost.jpg"].map(|name| folder.join(name)));
     let message = estimate(&paths).unwrap_err().to_string();
-    for part in ["expected at least 2", "3 of 9", "a.heic", "cut.png", "gone.jpg"] {
+    for part in ["expected at least 2", "4 of 10", "a.heic", "cut.png", "gone.jpg", "lost.jpg"] {
         assert!(message.contains(part), "{part}: {message}");
     }
     let message = estimate(&[good[0].clone(), folder.join("gone.jpg")]).unwrap_err().to_string();

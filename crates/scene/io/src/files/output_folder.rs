@@ -12,6 +12,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The file in a folder of results that lists what this program wrote there, a line of JSON for each file.
 const RECORD: &str = "written.jsonl";
+/// Files by which a folder of results is told, also one from before there was a record: settings of runs are the others.
+const RESULTS: [&str; 3] = [RECORD, "run.json", "config.toml"];
 
 /// A folder that a command writes its results into. It is the command's alone for as long as this value lives.
 ///
@@ -324,7 +326,7 @@ pub fn check_output_file<P: AsRef<Path>>(path: impl AsRef<Path>, inputs: impl In
 pub fn check_output_folder<P: AsRef<Path>>(path: impl AsRef<Path>, inputs: impl IntoIterator<Item = P>) -> Result<()> {
     let path = path.as_ref();
     let place = place(path);
-    let holds_results = |input: &PathBuf| *input != place && input.join(RECORD).is_file();
+    let holds_results = |input: &PathBuf| *input != place && RESULTS.iter().any(|name| input.join(name).is_file());
     let inputs: Vec<PathBuf> = canonical(inputs).into_iter().filter(|input| !holds_results(input)).collect();
     refuse_inputs(path, &inputs)
 }

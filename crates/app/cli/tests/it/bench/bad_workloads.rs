@@ -157,7 +157,11 @@ fn numbers_that_are_none_are_drawn_around() {
 fn a_dump_that_cannot_be_written() {
     let (folder, path, _) = small();
     raster(&[&"--workload", &path, &"--dump", &path.join("o.safetensors")]).refused(1, &["w.safetensors", "a file"]);
-    raster(&[&"--workload", &path, &"--dump", &folder.path()]).refused(2, &["the name of a file"]);
+    let taken = folder.path().join("taken.safetensors");
+    std::fs::create_dir(&taken).unwrap();
+    raster(&[&"--workload", &path, &"--dump", &taken]).refused(2, &["the name of a file", "a folder"]);
+    std::fs::remove_dir(&taken).unwrap();
+    raster(&[&"--workload", &path, &"--dump", &folder.path()]).refused(2, &["a name that ends with .safetensors"]);
     raster(&[&"--workload", &path, &"--dump", &path]).refused(2, &["w.safetensors", "what is read"]);
     assert_eq!(entries(folder.path()), ["w.safetensors"]);
 }
