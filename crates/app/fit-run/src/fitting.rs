@@ -35,7 +35,7 @@ pub(crate) const HELD_OUT: &str = "held_out";
 /// Where a checkpoint has the seconds that were spent before it.
 const SECONDS: &str = "seconds";
 
-/// What processes that share a run do next, as the first one says.
+/// Next thing that processes which share a run do, as the first one says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Next {
     /// Nothing more.

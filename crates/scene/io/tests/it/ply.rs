@@ -238,7 +238,7 @@ proptest! {
     }
 }
 
-/// What is no PLY file is called by what it is.
+/// An empty file and a text that are called .ply are told from a damaged PLY.
 #[test]
 fn a_file_that_is_no_ply_is_called_so() {
     let folder = tempfile::tempdir().unwrap();
