@@ -94,7 +94,7 @@ const OVER: [&str; 46] = [
     "bench compress capture/scene.ply --data capture -o capture/sub",
     "bench raster --workload capture/w.safetensors --dump capture/w.safetensors",
     "infer capture/images --run capture -o capture/images",
-    "split capture -o capture/blocks",
+    "split capture --blocks 2 -o capture/blocks",
 ];
 
 /// Command lines that would put a file of another kind in place of a photo.

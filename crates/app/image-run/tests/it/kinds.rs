@@ -113,7 +113,7 @@ fn a_region_reads_its_blocks_alone() {
         "draw @p.wgi -o @part.png --scale 1000",
         "expected a drawing of at most 268435456 pixels, found 300000 x",
     );
-    refused(here, "draw @p.wgi -o @part.jpg", "--out: expected the name of a PNG file");
+    refused(here, "draw @p.wgi -o @part.jpg", "expected a name that ends with .png");
     refused(here, "fit @p.png -o @p.wgi --psnr nan", "--psnr: expected a number of decibels, found NaN");
     // A file that is read as a whole is read once.
     let line = told(here, "draw @p.wgi -o @part.png");
