@@ -206,7 +206,7 @@ pub struct BenchCompress {
     #[arg(long)]
     pub chamfer: bool,
     /// Writes the table and curves as one page
-    #[arg(long, value_name = "FILE.html", value_parser = Output::file(&["html", "htm"]))]
+    #[arg(long, value_name = "FILE", value_parser = Output::file(&["html", "htm"]))]
     pub html: Option<Output>,
     /// Folder for the files of the methods, checkpoints, a log, summary.json and report.html
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]

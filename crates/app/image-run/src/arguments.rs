@@ -44,7 +44,7 @@ pub struct ImageFit {
     #[arg(value_name = "PICTURE", required_unless_present = "resume", num_args = 1..)]
     pub pictures: Vec<PathBuf>,
     /// The .wgi file of one picture, or a folder for files, checkpoints and a report
-    #[arg(short, long, value_name = "FILE.wgi|DIR", required_unless_present = "resume", value_parser = Output::file_or_folder(&["wgi"]))]
+    #[arg(short, long, value_name = "FILE|DIR", required_unless_present = "resume", value_parser = Output::file_or_folder(&["wgi"]))]
     pub out: Option<Output>,
     /// Goes on with the run in this folder, with its own settings
     #[arg(long, value_name = "RUN", conflicts_with_all = ["pictures", "out", "size", "steps", "seed", "coarse", "published"])]
@@ -89,7 +89,7 @@ pub struct ImageDraw {
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// The picture to write, PNG
-    #[arg(short, long, value_name = "FILE.png", value_parser = Output::file(&["png"]))]
+    #[arg(short, long, value_name = "FILE", value_parser = Output::file(&["png"]))]
     pub out: Output,
     /// Sides of the picture in parts of its own; smaller ones are filtered
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]

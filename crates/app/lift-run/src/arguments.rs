@@ -32,7 +32,7 @@ pub struct Lift {
     #[arg(long, value_name = "DIR")]
     pub mask_dir: Option<PathBuf>,
     /// File for the lifted features; pictures of them go into a folder beside it. With --demo: folder for pictures
-    #[arg(short, long, value_name = "FILE.safetensors", required_unless_present = "demo", value_parser = Output::file_or_folder(&["safetensors"]))]
+    #[arg(short, long, value_name = "FILE", required_unless_present = "demo", value_parser = Output::file_or_folder(&["safetensors"]))]
     pub out: Option<Output>,
     /// Shows what the solvers do on built-in scenes of these seeds, where the truth is known
     #[arg(long, value_name = "SEED", num_args = 1.., value_parser = clap::value_parser!(u64).range(..=MOST_SEED),

@@ -14,6 +14,7 @@ use answer::Answer;
 use clients::{Clients, Limits};
 use guard::Guard;
 use request::Request;
+use std::borrow::Cow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, TryLockError};
@@ -21,6 +22,7 @@ use std::thread::{self, Thread};
 use std::time::{Duration, Instant};
 use visit::Visit;
 use weaver_io::{SceneFormat, write_gaussians_to};
+use weaver_scene::Gaussians;
 use weaver_view::{RunPage, ServedPage};
 
 /// Formats that scenes are saved in.
@@ -199,7 +201,7 @@ impl<'a> Server<'a> {
         };
         let mut bytes = Vec::new();
         let ply = "ply".parse().expect("the format is in the table");
-        write_gaussians_to(&mut bytes, ply, scene)?;
+        write_gaussians_to(&mut bytes, ply, &drawable(scene))?;
         Ok(Answer::new("application/octet-stream", bytes))
     }
 
@@ -265,4 +267,26 @@ fn random() -> Result<String, Error> {
     let mut bytes = [0; 16];
     getrandom::fill(&mut bytes).map_err(Error::Random)?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// The Gaussians with those of a run that diverged made invisible: no file has a place for numbers that are not finite, and marks of the
+/// page go by the number of a Gaussian.
+fn drawable(scene: &Gaussians) -> Cow<'_, Gaussians> {
+    let per_row = 3 * scene.coefficients();
+    let is_finite = |i: &usize| {
+        let fields =
+            [&scene.means[*i][..], &scene.log_scales[*i], &scene.quats[*i], &scene.sh[i * per_row..][..per_row]];
+        fields.into_iter().flatten().all(|x| x.is_finite()) && !scene.opacity_logits[*i].is_nan()
+    };
+    let lost: Vec<usize> = (0..scene.len()).filter(|i| !is_finite(i)).collect();
+    if lost.is_empty() {
+        return Cow::Borrowed(scene);
+    }
+    let mut scene = scene.clone();
+    for i in lost {
+        (scene.means[i], scene.log_scales[i], scene.quats[i]) = ([0.0; 3], [0.0; 3], [1.0, 0.0, 0.0, 0.0]);
+        scene.opacity_logits[i] = f32::NEG_INFINITY;
+        scene.sh[i * per_row..][..per_row].fill(0.0);
+    }
+    Cow::Owned(scene)
 }

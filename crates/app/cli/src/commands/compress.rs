@@ -29,7 +29,7 @@ pub struct Compress {
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// The file to write, .wsz
-    #[arg(short, long, value_name = "FILE.wsz", value_parser = Output::file(&["wsz"]))]
+    #[arg(short, long, value_name = "FILE", value_parser = Output::file(&["wsz"]))]
     pub out: Output,
     /// Quality of pictures of the compressed scene beside those of the scene, decibels, at least in those that steps are chosen by; 46 is hard to tell apart, 40 shows on a closer look
     #[arg(long, value_name = "DECIBELS", default_value = "46", value_parser = decibels)]

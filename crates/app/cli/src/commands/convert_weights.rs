@@ -21,7 +21,7 @@ pub struct ConvertWeights {
     /// The checkpoint
     pub file: PathBuf,
     /// The safetensors file to write
-    #[arg(short, long, value_name = "FILE.safetensors", value_parser = Output::file(&["safetensors"]))]
+    #[arg(short, long, value_name = "FILE", value_parser = Output::file(&["safetensors"]))]
     pub out: Output,
 }
 

@@ -40,7 +40,7 @@ pub struct Meshing {
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// The mesh, PLY
-    #[arg(short, long, value_name = "FILE.ply", default_value = "mesh.ply", value_parser = Output::file(&["ply"]))]
+    #[arg(short, long, value_name = "FILE", default_value = "mesh.ply", value_parser = Output::file(&["ply"]))]
     out: Output,
     /// Side of a cell, world units [default: 0.1 m of a map; of a scene a 256th of the cameras' distance, and at least a pixel]
     #[arg(long, value_name = "DISTANCE")]

@@ -54,7 +54,7 @@ pub struct View {
     #[arg(long, value_name = "NAME")]
     pub expert: Option<String>,
     /// Writes one HTML file that needs nothing else, in place of a server
-    #[arg(long, value_name = "FILE.html", value_parser = Output::file(&["html", "htm"]))]
+    #[arg(long, value_name = "FILE", value_parser = Output::file(&["html", "htm"]))]
     pub html: Option<Output>,
     /// Moments of a moving scene that the file holds, evenly spread over the film
     #[arg(long, requires = "html", value_name = "N", default_value = "31", value_parser = clap::value_parser!(u16).range(2..=1000))]
