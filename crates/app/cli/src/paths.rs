@@ -175,7 +175,7 @@ mod tests {
         }
         for command in commands {
             let has = |line: &&str| line.starts_with(&format!("{command} "));
-            assert!(LINES.iter().chain(&MORE).any(|line| has(&line)), "{command}");
+            assert!(LINES.iter().chain(&MORE).any(has), "{command}");
         }
     }
 }

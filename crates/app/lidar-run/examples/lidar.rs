@@ -13,7 +13,7 @@ struct Line {
 
 #[derive(Subcommand)]
 enum Command {
-    Lidar(Lidar),
+    Lidar(Box<Lidar>),
     EvalTrajectory(EvalTrajectory),
     EvalMesh(EvalMesh),
 }
