@@ -45,6 +45,8 @@ class ReconstructOptions(_Matching, total=False):
     compress: float
     no_html: bool
     live: bool
+    #: Port of the page that follows; needs live.
+    port: int
 
 
 class FitOptions(_Matching, total=False):
@@ -73,6 +75,8 @@ class FitOptions(_Matching, total=False):
     compress: float
     no_html: bool
     live: bool
+    #: Port of the page that follows; needs live.
+    port: int
     lpips: Path
     config: Path
     #: Settings as "key=value".
