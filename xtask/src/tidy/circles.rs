@@ -27,11 +27,11 @@ const STATED: &[(&[&str], &str)] = &[
         "`Real` names the routines of each type, which are written in terms of `Real`",
     ),
     (
-        &["crates/app/bench/src/dump.rs", "crates/app/bench/src/raster.rs"],
+        &["methods/bench/src/dump.rs", "methods/bench/src/raster.rs"],
         "the dump is the frame that the bench has drawn, written by the bench",
     ),
     (
-        &["crates/app/bench/src/engine/rows.rs", "crates/app/bench/src/engine/vit.rs"],
+        &["methods/bench/src/engine/rows.rs", "methods/bench/src/engine/vit.rs"],
         "the table has rows of the network, and the network is made of the blocks in the table",
     ),
     (

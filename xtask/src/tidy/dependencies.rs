@@ -23,7 +23,7 @@ pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     for package in &workspace.packages {
         check_unused(package, &workspace.others, faults);
         // Configurations and files are formats: of the upper floors, and of what has weaver-io below it.
-        let upper = ["models", "app"].contains(&floors::of(package));
+        let upper = ["nets", "app", "methods"].contains(&floors::of(package));
         let formats = upper || package.short() == "io" || floors::below(&edges, package.short()).contains("io");
         if !package.exempt() && !formats {
             let device = |name: &str| package.name == "weaver-gpu" && DEVICE.contains(&name);

@@ -1,7 +1,7 @@
 //! Tests of the server, and of pages that it sends in a browser where there is one.
 
 #[allow(dead_code, reason = "one driver for two crates, which do not make the same calls")]
-#[path = "../../../../systems/view/tests/it/browser.rs"]
+#[path = "../../../../fit/view/tests/it/browser.rs"]
 mod browser;
 mod exhibit;
 mod hostile;
