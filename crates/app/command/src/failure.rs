@@ -63,7 +63,7 @@ impl Failure {
         match self {
             Self::OutputClosed => 0,
             Self::Error(error) => match Advice::of(error.as_ref()) {
-                Some(Advice::LessMemory { .. }) => MACHINE,
+                Some(Advice::LessMemory { .. } | Advice::SmallerNetwork) => MACHINE,
                 Some(_) => 2,
                 None if is_of_machine(error.as_ref()) => MACHINE,
                 None => 1,
@@ -100,6 +100,7 @@ fn advised(message: &str, advice: Advice) -> String {
                 if gaussians { "--geometry (cameras, depth and points only)" } else { "closing other programs" };
             format!("{message}; fewer photos, a smaller --size or {third} reduces it")
         }
+        Advice::SmallerNetwork => format!("{message}; smaller sizes in the section `model` reduce it"),
         _ => message.into(),
     }
 }

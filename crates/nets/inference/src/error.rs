@@ -61,7 +61,7 @@ pub enum Error {
         needed: u64,
         /// Bytes free.
         available: u64,
-        /// The remedy, [`Advice::LessMemory`].
+        /// The remedy, [`Advice::LessMemory`] or [`Advice::SmallerNetwork`].
         source: Advice,
     },
     /// The Gaussians could not be drawn.

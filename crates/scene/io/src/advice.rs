@@ -31,6 +31,9 @@ pub enum Advice {
         /// True if the Gaussians can be left out.
         gaussians: bool,
     },
+    /// A smaller network.
+    #[error("smaller sizes of the network need less memory")]
+    SmallerNetwork,
 }
 
 impl Advice {
