@@ -50,7 +50,7 @@ impl Failure {
         if error.kind() == io::ErrorKind::BrokenPipe {
             return Self::OutputClosed;
         }
-        Self::Error(format!("standard output: {error}").into())
+        io::Error::new(error.kind(), format!("standard output: {error}")).into()
     }
 
     /// A failure with this message and exit code 1.
@@ -206,7 +206,7 @@ mod tests {
     fn a_closed_pipe_is_no_error() {
         let failure = Failure::output(io::ErrorKind::BrokenPipe.into());
         assert_eq!((failure.exit_code(), failure.line()), (0, None));
-        let failure = Failure::output(io::ErrorKind::StorageFull.into());
-        assert_eq!(failure.exit_code(), 1);
+        let code = |kind: io::ErrorKind| Failure::output(kind.into()).exit_code();
+        assert_eq!([io::ErrorKind::StorageFull, io::ErrorKind::PermissionDenied].map(code), [75, 1]);
     }
 }

@@ -2,16 +2,15 @@
 
 use crate::files::folder::followed;
 use crate::files::unfinished::kind;
+use crate::files::written::{RECORD, entry};
 use crate::{Advice, Error, Result, check_writable, list_photos};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Write};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// The file in a folder of results that lists what this program wrote there, a line of JSON for each file.
-const RECORD: &str = "written.jsonl";
 /// Files by which a folder of results is told, also one from before there was a record: settings of runs are the others.
 const RESULTS: [&str; 3] = [RECORD, "run.json", "config.toml"];
 
@@ -274,11 +273,6 @@ impl Record {
         if whole < text.len() {
             file.set_len(whole as u64).map_err(Error::io(path))?;
         }
-        let entry = |line: &str| -> Option<(String, String)> {
-            let value: Value = serde_json::from_str(line).ok()?;
-            let name = value["file"].as_str().filter(|name| stays_within(name))?;
-            Some((name.to_string(), value["by"].as_str()?.to_string()))
-        };
         let written: Option<BTreeMap<_, _>> = text[..whole].lines().map(entry).collect();
         let written = written.ok_or_else(|| refused(path, "the record of what this program wrote", "another file"))?;
         Ok(Self { file, is_new: written.is_empty(), written })
@@ -293,11 +287,6 @@ impl Record {
         self.written.insert(name.into(), command.into());
         Ok(())
     }
-}
-
-/// True for a name that leads to no place outside of its folder.
-fn stays_within(name: &str) -> bool {
-    Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }
 
 /// Checks before long work that a file can be written where it is asked for, and is none that a command reads.
