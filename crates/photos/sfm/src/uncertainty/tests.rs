@@ -75,6 +75,11 @@ fn absent_distortion_is_not_freed() {
 
 /// Cameras before points on a wall, which errors of both kinds have moved: noise, and for each photo a smooth field of so many pixels.
 fn before_a_wall(poses: &[Pose], noise: f64, smooth: f64, seed: u64) -> Bundle {
+    before_relief(poses, 0.0, [noise, smooth], seed)
+}
+
+/// The same before points that are so far before and behind the wall.
+fn before_relief(poses: &[Pose], relief: f64, [noise, smooth]: [f64; 2], seed: u64) -> Bundle {
     let stream = Stream::new(seed, poses.len() as u64, "test.wall");
     let draw = |k: usize| 2.0 * stream.uniform::<f64>(k as u64) - 1.0;
     let intrinsics = Intrinsics { fx: 360.0, fy: 360.0, cx: 200.0, cy: 150.0 };
@@ -84,7 +89,12 @@ fn before_a_wall(poses: &[Pose], noise: f64, smooth: f64, seed: u64) -> Bundle {
         lenses: vec![Lens { free_focal: true, weight: 1.0, ..Lens::default() }],
         lens_of: vec![0; poses.len()],
         fixed: vec![false; poses.len()],
-        points: (0..400).map(|n| DVec3::new(2.2 * draw(1000 + 2 * n), 1.6 * draw(1001 + 2 * n), 4.0)).collect(),
+        points: (0..400)
+            .map(|n| {
+                let z = 4.0 + relief * draw(2000 + n);
+                DVec3::new(2.2 * draw(1000 + 2 * n), 1.6 * draw(1001 + 2 * n), z)
+            })
+            .collect(),
         ..Bundle::default()
     };
     for (point, position) in bundle.points.iter().enumerate() {
@@ -133,4 +143,35 @@ fn deviations_of_focal_lengths_hold_on_walls() {
         }
     }
     assert!(within + 1 >= all, "{within} of {all} within three deviations");
+}
+
+/// Along narrow arcs around a place with relief the focal length is within three of its deviations, which grow as the arc gets narrower.
+#[test]
+fn deviations_of_focal_lengths_hold_on_arcs() {
+    let (mut all, mut within) = (0, 0);
+    let mut told_by_width = Vec::new();
+    for degrees in [4.0_f64, 8.0, 16.0] {
+        let mut sum = 0.0;
+        for seed in 0..4 {
+            for errors in [[0.05, 0.01], [0.3, 0.05]] {
+                let pose = |i: i32| {
+                    let angle = degrees.to_radians() * f64::from(i) / 6.0;
+                    let turn = so3::exp(DVec3::Y * angle);
+                    let center = DVec3::new(4.0 * angle.sin(), 0.02 * f64::from(i).cos(), 4.0 - 4.0 * angle.cos());
+                    Pose::new(turn, -(turn * center))
+                };
+                let poses: Vec<Pose> = (-3..=3).map(pose).collect();
+                let bundle = before_relief(&poses, 1.5, errors, seed);
+                let told = Uncertainty::of(&bundle, &[true; 7]).map_or(f64::INFINITY, |u| u.focal);
+                let off = bundle.lenses[0].log_focal.abs();
+                println!("{degrees} {errors:?} {seed}: {off:.4} {told:.4} {:.2}", off / told);
+                all += 1;
+                within += usize::from(off <= 3.0 * told);
+                sum += told;
+            }
+        }
+        told_by_width.push(sum);
+    }
+    assert!(within + 1 >= all, "{within} of {all} within three deviations");
+    assert!(told_by_width.is_sorted_by(|narrow, wide| narrow > wide), "{told_by_width:?}");
 }
