@@ -3,7 +3,8 @@
 use weaver_kernels::byte_products::{LARGEST_SQUARE, TopTwo, chosen_products, top_products};
 use weaver_kernels::random::Stream;
 
-/// Vectors of random bytes, as long as they may be; some are one another's doubles, some lie along two bytes alone, and some are 0.
+/// Vectors of random bytes, as long as they may be; some are one another's doubles, some lie along two bytes alone, and
+/// some are 0.
 fn vectors(n: usize, depth: usize, seed: u64) -> Vec<u8> {
     let mut all = Vec::new();
     for i in 0..n {

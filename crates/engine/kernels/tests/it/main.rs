@@ -69,7 +69,7 @@ fn widen<T: Real>(x: &[T]) -> Vec<f64> {
     x.iter().map(|x| x.to_f64()).collect()
 }
 
-/// Asserts that `gradient` is that of `value` at `x`, by central differences.
+/// Asserts that `gradient` is the gradient of `value` at `x`, by central differences.
 fn assert_gradient(gradient: &[f64], x: &[f64], value: impl Fn(&[f64]) -> f64, tolerance: f64) {
     let mut at = x.to_vec();
     for i in (0..x.len()).step_by(x.len() / 40 + 1) {
