@@ -43,9 +43,12 @@ pub struct Observation {
 
 /// Cameras, lenses and points, with where points were seen.
 ///
-/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2 + sum v (ln s - e)^2 + sum b (k1^2 + k2^2) + sum u |h|^2` over poses, points and, where asked, lenses:
-/// pi(p) is where a point is seen by its camera, u where it was, d its [deviation](Observation::deviation), c (`scale` of `adjust`) the
-/// difference, in deviations, beyond which an observation counts for less and less; x are the movements of cameras from where they were [expected](Self::expected); s is the factor of focal lengths of a [`Lens`], e its expected logarithm and v the weight; k1 and k2 are its distortion and b the weight; h is the shift of its principal point and u the weight.
+/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2 + sum v (ln s - e)^2 + sum b
+/// (k1^2 + k2^2) + sum u |h|^2` over poses, points and, where asked, lenses: pi(p) is where a point is seen by its
+/// camera, u where it was, d its [deviation](Observation::deviation), c (`scale` of `adjust`) the difference, in
+/// deviations, beyond which an observation counts for less and less; x are the movements of cameras from where they
+/// were [expected](Self::expected); s is the factor of focal lengths of a [`Lens`], e its expected logarithm and v the
+/// weight; k1 and k2 are its distortion and b the weight; h is the shift of its principal point and u the weight.
 #[derive(Clone, Debug, Default)]
 pub struct Bundle {
     /// The cameras, one a photo.
@@ -73,23 +76,24 @@ pub struct Solved {
     pub cost: f64,
     /// Steps that lowered it.
     pub steps: usize,
-    /// True if no further step would have lowered it by much; `false` if there were not enough steps, or none was possible.
+    /// True if no further step would have lowered it by much; `false` if there were not enough steps, or none was
+    /// possible.
     pub converged: bool,
 }
 
 impl Bundle {
-    /// At most this many steps of Levenberg and Marquardt, points eliminated by the Schur complement. The same bits at any
-    /// number of threads.
+    /// At most this many steps of Levenberg and Marquardt, points eliminated by the Schur complement. The same bits at
+    /// any number of threads.
     ///
-    /// Only cameras that are not fixed, and lenses that are free, take part: some cameras among many that are fixed cost as
-    /// much as they would alone. Up to 200 of them, the matrix that is left is dense and its solution direct; beyond, only
-    /// cameras that see the same points meet in it. Where these can be numbered so that all that meet are near each other, as along
-    /// a walk, its solution is direct, too; else it is solved by conjugate gradients. A fall of the cost by less than 1e-7 ends it, or a step
-    /// in which all cameras and lenses together move by less than a hundredth of their standard deviation: points without depth would
-    /// go on for long, and tell cameras nothing.
+    /// Only cameras that are not fixed, and lenses that are free, take part: some cameras among many that are fixed
+    /// cost as much as they would alone. Up to 200 of them, the matrix that is left is dense and its solution direct;
+    /// beyond, only cameras that see the same points meet in it. Where these can be numbered so that all that meet are
+    /// near each other, as along a walk, its solution is direct, too; else it is solved by conjugate gradients. A fall
+    /// of the cost by less than 1e-7 ends it, or a step in which all cameras and lenses together move by less than a
+    /// hundredth of their standard deviation: points without depth would go on for long, and tell cameras nothing.
     ///
-    /// Sources: Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 6; Agarwal et al., Bundle adjustment in the
-    /// large, 2010; Nielsen, Damping parameter in Marquardt's method, 1999.
+    /// Sources: Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 6; Agarwal et al., Bundle
+    /// adjustment in the large, 2010; Nielsen, Damping parameter in Marquardt's method, 1999.
     ///
     /// # Panics
     /// If numbers of cameras, lenses or points are out of range, or observations are not ascending by point.
@@ -97,8 +101,8 @@ impl Bundle {
         self.adjust_within(scale, most_steps, &Limits::USUAL)
     }
 
-    /// The same until a step moves cameras and lenses by less than a third of their standard deviation, which leaves them within one of
-    /// where they would end: for what is adjusted again.
+    /// The same until a step moves cameras and lenses by less than a third of their standard deviation, which leaves
+    /// them within one deviation of the minimum: for bundles that are adjusted again later.
     pub(crate) fn adjust_roughly(&mut self, scale: f64, most_steps: usize) -> Solved {
         self.adjust_within(scale, most_steps, &Limits::ROUGH)
     }
@@ -174,7 +178,8 @@ impl Bundle {
         seen
     }
 
-    /// The median difference of observations from where their points are seen, pixels; not a number without observations.
+    /// The median difference of observations from where their points are seen, pixels; not a number without
+    /// observations.
     pub(crate) fn median_error(&self) -> f64 {
         let mut errors = self.errors();
         errors.sort_unstable_by(f64::total_cmp);

@@ -2,7 +2,7 @@
 
 use crate::estimate::Estimate;
 
-/// From this part of what the best explanation explains, another one is a rival.
+/// Another explanation is a rival from this part of the best one's support on.
 const RIVAL: f64 = 0.75;
 /// An estimate is doubtful whose points are this far off in the median, pixels.
 const OFF: f64 = 1.0;
@@ -39,8 +39,8 @@ pub enum Confidence {
 impl Estimate {
     /// Confidence in the cameras.
     ///
-    /// They are good where they are expected to be within 2 degrees, 5 % of the spread of their centers, and 5 % of the focal
-    /// length: two and a half of their standard deviations are.
+    /// They are good where they are expected to be within 2 degrees, 5 % of the spread of their centers, and 5 % of the
+    /// focal length: two and a half of their standard deviations are.
     pub fn confidence(&self) -> Confidence {
         let [turn, center] = self.uncertainty.as_ref().map_or([f64::INFINITY; 2], |u| u.most());
         let focal = self.uncertainty.as_ref().map_or(f64::INFINITY, |u| u.focal);

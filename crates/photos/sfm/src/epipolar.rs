@@ -1,4 +1,4 @@
-//! What two cameras say about where a point of one is in the other.
+//! Epipolar geometry: the places in one camera where a point of another may be.
 
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose, so3};

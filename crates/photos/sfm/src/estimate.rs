@@ -1,4 +1,4 @@
-//! Cameras of photos of which nothing else is known.
+//! Cameras of photos without any other information.
 
 use crate::bundle::{Bundle, Observation};
 use crate::features::Features;
@@ -30,17 +30,17 @@ pub enum LeftOut {
     Unplaced,
 }
 
-/// Estimated cameras, and what they were found by.
+/// Estimated cameras, and the points and observations behind them.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// The camera of each photo, or why it has none. The first is the origin; the mean distance from it to the points is 1, the
-    /// farthest 2 % aside.
+    /// The camera of each photo, or why it has none. The first is the origin; the mean distance from it to the points
+    /// is 1, the farthest 2 % aside.
     pub cameras: Vec<Result<Camera, LeftOut>>,
     /// The radial distortion of each photo's lens, where one was found.
     pub distortion: Vec<Option<Distortion>>,
     /// The points that photos agree about.
     pub points: Vec<DVec3>,
-    /// Where they were seen, ascending by point; cameras by number of the photo, pixels those of the photo as it is.
+    /// Observations of the points, ascending by point; cameras by number of the photo, in pixels of the photo as given.
     pub observations: Vec<Observation>,
     /// Median difference between where points are and were seen, pixels.
     pub error: f64,
@@ -48,23 +48,24 @@ pub struct Estimate {
     pub seen: Vec<usize>,
     /// Expected errors of focal lengths, rotations and centers; `None` without cameras, or where nothing holds them.
     pub uncertainty: Option<Uncertainty>,
-    /// Explained part of the best explanation with other rotations, over that of the one that was taken: 0 if none was met.
+    /// Support of the best explanation with other rotations, over the support of the chosen one: 0 if there was none.
     pub rival: f64,
-    /// Photos with a camera that only matches which may be chance tie to most of the others; where there are none, the part of the scene
-    /// of whose place there is most doubt, if more than half as many matches contradict it as hold it.
+    /// Photos with a camera that only matches which may be chance tie to most of the others; where there are none, the
+    /// part of the scene of whose place there is most doubt, if more than half as many matches contradict it as hold
+    /// it.
     pub untied: Vec<usize>,
-    /// Ratio of focal lengths to what they were told, by the lens of which that is farthest from 1; 1 where none was.
+    /// Ratio of estimated to given focal lengths, for the lens whose ratio is farthest from 1; 1 where none was given.
     pub focal_factor: f64,
     /// True if focal lengths were not known, and there are too few photos to tell them.
     pub focal_guessed: bool,
 }
 
-/// Estimates the cameras of photos and the points that they show: features, matches, relative poses of pairs, a scene that
-/// grows photo by photo from the best pair, and adjustment of all of it.
+/// Estimates the cameras of photos and the points that they show: features, matches, relative poses of pairs, a scene
+/// that grows photo by photo from the best pair, and adjustment of all of it.
 ///
-/// Where focal lengths are not known, pairs vote for them. Beginnings are tried until two lead to the same, and what explains
-/// most is taken. Photos that are only [located](Photo::located) change nothing of what the others find, to the bit. The same
-/// bits at any number of threads.
+/// Where focal lengths are not known, pairs vote for them. Initial pairs are tried until two lead to the same scene,
+/// and the scene with the largest support is taken. Photos that are only [located](Photo::located) do not change the
+/// result of the others, to the bit. The same bits at any number of threads.
 ///
 /// Sources: Schönberger and Frahm, Structure-from-Motion Revisited, 2016, for the order of growth; relative poses as in
 /// [`two_view`](crate::two_view()).
@@ -119,7 +120,7 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     let Some((bundle, placed)) = found else {
         let mut none = without_cameras(features, &pairs, &vec![false; photos.len()]);
         if one_place {
-            // What is only located would be found among others that have no place.
+            // Photos that are only located have nothing to be located in when the others have no place.
             let turned = |i: usize| photos[i].located || pairs.posed.iter().any(|pair| pair.photos.contains(&i));
             for (i, camera) in none.cameras.iter_mut().enumerate() {
                 if *camera != Err(LeftOut::Textureless) && turned(i) {
@@ -150,7 +151,7 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     estimate
 }
 
-/// Ratio of focal lengths to what they were told, by the lens of which that is farthest from 1.
+/// Ratio of estimated to given focal lengths, for the lens whose ratio is farthest from 1.
 fn focal_factor(bundle: &Bundle, placed: &[bool], taken: &[Taken]) -> f64 {
     let tells = (0..placed.len()).filter(|i| placed[*i] && taken[*i].focal.is_some());
     let off = tells.map(|photo| bundle.lenses[bundle.lens_of[photo]].log_focal);

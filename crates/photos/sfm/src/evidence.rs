@@ -1,4 +1,4 @@
-//! What is known before the first camera stands, and how much of it is believed.
+//! The evidence before the first camera is placed, and the trust in it.
 
 use crate::features::Features;
 use crate::pairs::Pair;
@@ -6,7 +6,8 @@ use crate::tracks::Track;
 
 /// An observation fits that is off by less than this, in deviations of keypoints.
 pub(crate) const FITS: f64 = 4.0;
-/// Explanations are told apart by what they explain to this: a wrong focal length explains as much, but less exactly.
+/// Explanations are compared by observations within this tolerance, in deviations of keypoints: a wrong focal length
+/// explains as many, but less exactly.
 pub(crate) const EXACT: f64 = 0.5;
 /// Steps of an adjustment while a scene grows.
 pub(crate) const STEPS: usize = 12;

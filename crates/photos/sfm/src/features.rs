@@ -12,8 +12,8 @@ const CONTRAST: f32 = 0.01;
 const EDGE: f32 = 12.0;
 /// Pixels at the border in which there are no keypoints.
 const BORDER: usize = 5;
-/// Largest distance of a keypoint from its pixel, in pixels and scales: more than half, so that one in the middle of two is not sent
-/// to and fro.
+/// Largest distance of a keypoint from its pixel, in pixels and scales: more than half, so that one in the middle of
+/// two is not sent to and fro.
 const NEAR: f32 = 0.6;
 /// Moves of a keypoint to the neighboring pixel while it is refined.
 const MOVES: usize = 5;
@@ -40,13 +40,13 @@ pub(crate) fn gray(rgb: &[u8]) -> Vec<f32> {
     rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect()
 }
 
-/// The keypoints of a photo, with what they look like.
+/// The keypoints of a photo, with their descriptors.
 #[derive(Clone, Debug, Default)]
 pub struct Features {
     /// `N` keypoints, the ones that stand out most first.
     pub keypoints: Vec<Keypoint>,
-    /// `[N, 128]`: square roots of normalized histograms, in whole numbers up to 127. Lengths are 250 up to rounding, so that
-    /// the product of two has 16 bits.
+    /// `[N, 128]`: square roots of normalized histograms, in whole numbers up to 127. Lengths are 250 up to rounding,
+    /// so that the product of two has 16 bits.
     pub descriptors: Vec<u8>,
 }
 
@@ -55,7 +55,7 @@ pub struct Features {
 struct Extremum {
     /// Where it is in its image.
     place: Place,
-    /// The image whose blur is nearest to its scale, among those of all octaves.
+    /// The image whose blur is nearest to its scale, over all octaves.
     image: usize,
     /// Where it is in the photo, and its scale there.
     pixel: DVec2,
@@ -69,10 +69,11 @@ impl Features {
     /// SIFT features of a gray photo `[height, width]` from 0 to 1, at most `most` of them: extrema of differences of
     /// Gaussians with histograms of gradients, whose square roots are compared.
     ///
-    /// Small photos are enlarged first. Where `mask` `[height, width]` is false there are none. The same at any number of threads.
+    /// Small photos are enlarged first. Where `mask` `[height, width]` is false there are none. The same at any number
+    /// of threads.
     ///
-    /// Sources: Lowe, Distinctive image features from scale-invariant keypoints, 2004; Arandjelovic and Zisserman, Three
-    /// things everyone should know to improve object retrieval, 2012, for the square roots.
+    /// Sources: Lowe, Distinctive image features from scale-invariant keypoints, 2004; Arandjelovic and Zisserman,
+    /// Three things everyone should know to improve object retrieval, 2012, for the square roots.
     ///
     /// ```
     /// use weaver_sfm::Features;
@@ -104,7 +105,7 @@ impl Features {
         extrema.retain(|e| e.rank < most);
         extrema.sort_by_key(|e| e.image);
         let mut found: Vec<Vec<(Keypoint, [u8; DESCRIPTOR])>> = vec![Vec::new(); extrema.len()];
-        // One image after the other, and each row by row: what is read lies close together.
+        // One image after the other, and each row by row, so that reads lie close together.
         let mut gradients = Gradients::default();
         let mut rest = &mut found[..];
         for extrema in extrema.chunk_by(|a, b| a.image == b.image) {
@@ -259,7 +260,8 @@ fn neighbors<V: Lanes<Scalar = f32>>(row: &[f32], x: usize) -> [V; 3] {
     [vector(0), vector(1), vector(2)]
 }
 
-/// The extremum near a pixel, between pixels and scales; `None` if it has little contrast, lies on an edge, or leads away.
+/// The extremum near a pixel, between pixels and scales; `None` if it has little contrast, lies on an edge, or leads
+/// away.
 fn refined(octave: &Octave, images: usize, mut layer: usize, mut x: usize, mut y: usize) -> Option<Extremum> {
     let (width, height) = (octave.width, octave.height);
     for _ in 0..MOVES {

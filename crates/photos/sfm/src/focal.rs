@@ -8,7 +8,7 @@ use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::parallel;
 
-/// Focal lengths that pairs vote for, over what is usual: the shortest, the ratio of neighbors, and how many there are.
+/// Focal lengths that pairs vote for, over the usual one: the shortest, the ratio of neighbors, and their number.
 const SHORTEST: f64 = 0.45;
 const RATIO: f64 = 1.09;
 const COUNT: usize = 24;
@@ -27,11 +27,11 @@ const RIVAL: f64 = 0.985;
 /// Cost of an unusual focal length: matches for the square of its logarithm.
 const UNUSUAL: f64 = 2.0;
 
-/// Focal lengths over what is usual that pairs of photos have their greatest support with, the best first; `cameras` have the
-/// usual one, and only their intrinsics count. Nothing where no pair tells.
+/// Focal lengths over the usual one at which pairs of photos have their greatest support, the best first; `cameras`
+/// have the usual one, and only their intrinsics count. Nothing where no pair tells.
 ///
-/// For each pair and focal length, the pose is found that most matches agree with; the sums over pairs are compared. Pairs that
-/// stand nearly still agree with any focal length, so those vote whose displacements differ most.
+/// For each pair and focal length, the pose is found that most matches agree with; the sums over pairs are compared.
+/// Pairs that stand nearly still agree with any focal length, so those vote whose displacements differ most.
 pub(crate) fn voted(
     features: &[Features],
     cameras: &[Camera],

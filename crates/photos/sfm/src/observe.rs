@@ -61,7 +61,8 @@ impl<'a> Observers<'a> {
         points
     }
 
-    /// Where photos see the point of a track, which has this number. Cameras that are located only now may still be far off.
+    /// Where photos see the point of a track, which has this number. Cameras that are located only now may still be far
+    /// off.
     pub fn observations(&self, track: &Track, position: DVec3, point: usize) -> impl Iterator<Item = Observation> {
         let near = move |(photo, k): &(usize, Keypoint)| {
             self.located[*photo]
@@ -78,7 +79,8 @@ impl<'a> Observers<'a> {
 }
 
 impl Bundle {
-    /// Triangulates tracks from the photos that are not located, and returns what all photos see of the points.
+    /// Triangulates tracks from the photos that are not located, and returns the observations of the points in all
+    /// photos.
     pub(crate) fn observe(
         &mut self,
         features: &[Features],

@@ -70,7 +70,7 @@ pub(crate) struct Pair {
     pub score: f64,
     /// The share of matches that a mere turn explains.
     pub turned: f64,
-    /// The share of what looked alike that agrees with the pose.
+    /// The share of the candidate matches that agrees with the pose.
     pub share: f64,
 }
 
@@ -80,13 +80,15 @@ impl Pair {
         self.turned > TURNED
     }
 
-    /// True if enough matches, and such a share of them, agree with the pose that it is not chance: repeated patterns and many photos make some pairs that are.
+    /// True if enough matches, and such a share of them, agree with the pose that it is not chance: repeated patterns
+    /// and many photos make some pairs that are.
     pub fn certain(&self, share: f64) -> bool {
         self.matches.len() >= CERTAIN && self.share >= share
     }
 }
 
-/// The relative poses of pairs, for cameras of which only the intrinsics count; `tau` is how exact keypoints are, pixels.
+/// The relative poses of pairs; only the intrinsics of the cameras are used. `tau` is the exactness of keypoints,
+/// pixels.
 pub(crate) fn posed(
     features: &[Features],
     cameras: &[Camera],
@@ -130,7 +132,8 @@ fn pose(
     apart.or_else(|| turned(*photos, found, &rays, tau))
 }
 
-/// Two photos of which a mere turn explains most. In copies of one nothing has a depth, so that no pose has anything in front.
+/// Two photos whose matches a pure rotation mostly explains. In copies of one nothing has a depth, so that no pose has
+/// anything in front.
 fn turned(photos: [usize; 2], found: &[Match], rays: &[[DVec2; 2]], tau: f64) -> Option<Pair> {
     let (rotation, explained) = rotation_only(rays, tau);
     if explained < FEWEST || 2 * explained < found.len() {
@@ -157,7 +160,7 @@ mod tests {
     use crate::features::Keypoint;
     use weaver_geometry::{Intrinsics, so3};
 
-    /// Two photos, the second of which shows the keypoints of the first after a turn; one match in `wrong` is none.
+    /// Two photos, the second with the keypoints of the first after a rotation; one match in `wrong` is none.
     fn pair(angle: f64, wrong: usize) -> Option<Pair> {
         let intrinsics = Intrinsics { fx: 170.0, fy: 170.0, cx: 96.0, cy: 72.0 };
         let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 192, height: 144 };

@@ -11,8 +11,9 @@ use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
 use weaver_kernels::parallel;
 
-/// Differences, in pixels, beyond which observations count for less and less, one adjustment after the other: while cameras
-/// are wrong, once they are adjusted, in the end, and where a camera is located. What is off by three of them is then left out.
+/// Differences, in pixels, beyond which observations count for less and less, one adjustment after the other: while
+/// cameras are wrong, once they are adjusted, in the end, and where a camera is located. Observations off by more than
+/// `FARTHEST` times the last of them are then left out.
 const WIDE: [f64; 4] = [16.0, 8.0, 4.0, 2.0];
 const NARROW: [f64; 1] = [2.0];
 const LAST: [f64; 2] = [2.0, 1.0];
@@ -24,8 +25,8 @@ const STEPS: usize = 40;
 const ANGLE: f64 = 0.5;
 /// Pixels from the epipolar line at which a match is believed once cameras are adjusted.
 const CERTAIN: f64 = 3.0;
-/// Least deviation of keypoints in photos of this width or wider, pixels: smaller ones are no more exact. Narrower photos are
-/// enlarged before keypoints are looked for.
+/// Least deviation of keypoints in photos of this width or wider, pixels: smaller ones are no more exact. Narrower
+/// photos are enlarged before keypoints are looked for.
 const SHARPEST: f64 = 1.0;
 const WIDTH: f64 = 384.0;
 const NARROWEST: f64 = 1.0 / 3.0;
@@ -44,12 +45,14 @@ pub(crate) struct Pass {
     scales: &'static [f64],
     farthest: f64,
     find: Find,
-    /// True if cameras were adjusted before: then only the last adjustment must be exact, as the others but choose what is left out.
+    /// True if cameras were adjusted before: then only the last adjustment must be exact, as the earlier ones only
+    /// choose the outliers.
     adjusted: bool,
 }
 
 impl Pass {
-    /// For cameras as wrong as this, in deviations of keypoints: what is clear in a whole photo is clearer than in a wide band.
+    /// For cameras as wrong as this, in deviations of keypoints: a match that is unambiguous in a whole photo is more
+    /// certain than one within a wide band.
     pub fn wide(farthest: f64) -> Self {
         Self { scales: &WIDE, farthest, find: |a, b, _| matches(a, b), adjusted: false }
     }
@@ -62,8 +65,8 @@ impl Pass {
 }
 
 impl Bundle {
-    /// Finds points anew with the cameras as they are, and adjusts both. Cameras that are `located` find no points: they
-    /// move to where they see those of the others.
+    /// Finds points anew with the cameras as they are, and adjusts both. Cameras that are `located` find no points:
+    /// they move to fit the points of the others.
     pub(crate) fn pass(&mut self, features: &[Features], near: &[[usize; 2]], located: &[bool], pass: &Pass) {
         let straight = self.straight(features);
         let pairs = paired(self, &straight, near, pass);
@@ -98,7 +101,7 @@ impl Bundle {
         Cow::Owned(straight)
     }
 
-    /// Leaves out what is not certain in the end.
+    /// Leaves out uncertain observations in the end.
     pub(crate) fn finish(&mut self) {
         self.prune(FARTHEST * LAST[1]);
     }
@@ -116,7 +119,8 @@ impl Bundle {
             observations: all.into_iter().filter(|o| located[o.camera] && agreed[o.point]).collect(),
             ..self.clone()
         };
-        // Where a camera stands wrong only wide scales reach what is right; once it stands right they let what is wrong pull.
+        // Where a camera stands wrong only wide scales reach the right observations; once it stands right, wide scales
+        // let wrong ones pull.
         let mut most = vec![0.0; self.cameras.len()];
         for scales in [&ALL[..], &NARROW, &LAST] {
             let mut tried = locating.clone();

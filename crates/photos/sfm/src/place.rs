@@ -21,7 +21,7 @@ const TRIED: usize = 4;
 /// The share of its matches with placed photos that must agree with a pose.
 const ENOUGH: f64 = 0.35;
 
-/// The order in which what a photo sees is looked up.
+/// The order in which the observations of a photo are looked up.
 pub(crate) fn by_pixel(a: DVec2, b: DVec2) -> Ordering {
     a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y))
 }
@@ -36,8 +36,8 @@ pub(crate) struct Place {
     pub share: f64,
 }
 
-/// The pose of a photo and how much speaks for it: points that it sees where they are or, where it sees too few, matches
-/// with photos that have a place. What each photo has `seen` is in the order of pixels.
+/// The pose of a photo and how much speaks for it: points that it sees where they are or, where it sees too few,
+/// matches with photos that have a place. The observations `seen` of each photo are in the order of pixels.
 pub(crate) fn place(
     evidence: &Evidence<'_>,
     bundle: &Bundle,
@@ -137,7 +137,8 @@ fn fitting(bundle: &Bundle, within: f64) -> (f64, usize) {
     bundle.fits(within).into_iter().fold((0.0, 0), |(sum, count), x| (sum + x, count + usize::from(x > 0.0)))
 }
 
-/// Where a camera stands that a pair puts beside another one: in the same place, and as far as points say that the other sees.
+/// Where a camera stands that a pair puts beside another one: in the same place, and as far as points say that the
+/// other sees.
 fn suggested(
     bundle: &Bundle,
     seen_by_other: &[Observation],

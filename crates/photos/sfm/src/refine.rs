@@ -8,7 +8,8 @@ use weaver_geometry::glam::{DMat3, DVec3};
 
 /// Factor on cameras' expected errors up to which a match is believed.
 const BELIEVED: f64 = 3.0;
-/// Standard deviation of where a keypoint is found, pixels, beside that of cameras: twice that of one alone, as neighbors err alike.
+/// Standard deviation of a keypoint's position, pixels, beside the cameras' deviations: twice the deviation of a single
+/// keypoint, as neighbors err alike.
 const PIXEL: f64 = 1.0;
 
 /// A photo and its camera, which may be a little wrong.
@@ -20,7 +21,7 @@ pub struct View<'a> {
     pub gray: Vec<f32>,
     /// Which pixels count, `[height, width]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
-    /// True if the other cameras and the points are found without it: it is located in what they found.
+    /// True if the other cameras and the points are found without it: it is then located in their scene.
     pub located: bool,
 }
 
@@ -52,7 +53,7 @@ impl Default for RefineSettings {
     }
 }
 
-/// Refined cameras, and what they were refined by.
+/// Refined cameras, and the evidence behind them.
 #[derive(Clone, Debug)]
 pub struct Refined {
     /// The cameras, in the order of the views; one that shares too few points with others is as it was.
@@ -72,7 +73,8 @@ pub struct Refined {
 /// Matches photos that nearly right cameras say to overlap, and adjusts cameras and points.
 ///
 /// Each given camera counts as a measurement of itself, as wrong as [`RefineSettings::expected`] says: of all scenes
-/// that explain the photos, which a similarity at least takes to one another, the nearest to the given cameras is found.
+/// that explain the photos, which a similarity at least takes to one another, the nearest to the given cameras is
+/// found.
 pub fn refine(views: &[View<'_>], settings: &RefineSettings) -> Refined {
     let features: Vec<Features> = views
         .iter()
@@ -128,7 +130,8 @@ impl RefineSettings {
     fn bundle(&self, views: &[View<'_>]) -> Bundle {
         let [degrees, part] = self.expected;
         let expected = |(view, depth): (&View<'_>, &f64)| {
-            // Beside observations, whose differences are divided by deviations; the variances are those of three numbers together.
+            // Beside observations, whose differences are divided by deviations; each variance is the sum over three
+            // numbers.
             let pixel = PIXEL / sharpest(&view.camera);
             let weight = |deviation: f64| 3.0 * (pixel / deviation).powi(2);
             let (turn, shift) = (weight(degrees.to_radians()), weight(part * depth));
@@ -145,8 +148,8 @@ impl RefineSettings {
     }
 }
 
-/// Distance of what each camera looks at: the point nearest to all axes or, where they are nearly parallel, some times
-/// the distance between cameras.
+/// Distance of each camera's subject: the point nearest to all axes or, where they are nearly parallel, some times the
+/// distance between cameras.
 fn distances(views: &[View<'_>]) -> Vec<f64> {
     let (mut matrix, mut sum) = (DMat3::ZERO, DVec3::ZERO);
     let centers: Vec<DVec3> = views.iter().map(|v| v.camera.pose.center()).collect();

@@ -10,11 +10,11 @@ use weaver_kernels::parallel::for_chunks;
 pub(crate) const SCALES: usize = 3;
 /// Images of an octave.
 pub(crate) const IMAGES: usize = SCALES + 3;
-/// Blur of the first image of an octave, pixels of the octave, beyond what the photo has: photos that were shrunk have
+/// Blur of the first image of an octave, pixels of the octave, beyond the photo's own: photos that were shrunk have
 /// little, and taking them for blurred costs a tenth of the pairs.
 pub(crate) const SIGMA: f32 = 1.6;
-/// Photos are enlarged by powers of two until their longer side is this long; all but large ones once at least, for the sake of
-/// small detail: without it, three quarters of the matches are missing.
+/// Photos are enlarged by powers of two until their longer side is this long; all but large ones once at least, for the
+/// sake of small detail: without it, three quarters of the matches are missing.
 const LEAST_SIDE: usize = 512;
 const LARGE: usize = 1024;
 /// Octaves end where an image is smaller.
@@ -51,8 +51,8 @@ pub(crate) struct Gradients {
 }
 
 impl Gradients {
-    /// Becomes the differences of the pixels to the right and left of each, and of those below and above; at the border, of
-    /// what there is.
+    /// Becomes the differences between the pixels to the right and left of each, and between the pixels below and
+    /// above; one-sided at the border.
     pub fn set(&mut self, image: Image) {
         let (width, height) = (image.width, image.height);
         if self.values.len() < width * height {
@@ -107,7 +107,8 @@ impl Octave {
         octave
     }
 
-    /// Every second pixel of every second row of the image that is blurred twice as much as the first, and what follows from it.
+    /// Every second pixel of every second row of the image that is blurred twice as much as the first, and the images
+    /// that follow from it.
     fn next(&self) -> Self {
         let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
         // The first pixel stays where it is.

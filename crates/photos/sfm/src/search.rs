@@ -1,4 +1,4 @@
-//! Scenes that explain photos, of which the best is taken.
+//! Search for the scene that explains the photos best.
 
 mod many;
 mod settle;
@@ -20,23 +20,23 @@ use crate::turning::turning;
 const LEAST_SEEN: usize = 25;
 /// Focal lengths that are tried where nothing is known.
 const FOCAL_LENGTHS: usize = 2;
-/// Photos of which many beginnings can be tried.
+/// Photos up to which many initial pairs can be tried.
 const FEW: usize = 8;
 /// Focal lengths by which photos without a scene may turn out to be turned.
 const POSSIBLE: [f64; 6] = [0.5, 0.65, 0.8, USUAL, 1.2, 1.6];
-/// Beginnings that are tried, and the most photos of which more than one is where the first reaches all.
+/// Initial pairs that are tried, and the most photos for which further ones are tried after the first has reached all.
 const BEGINNINGS: usize = 6;
 const SEVERAL: usize = 12;
 /// Focal lengths are tried until none is found that is by such a part another one, and at most so many.
 const ANOTHER: f64 = 0.04;
 const TRIED: usize = 4;
-/// The part of what another scene explains that one explains from which on they confirm each other.
+/// Two scenes confirm each other if the support of the lesser is at least this part of the better one's.
 const ALIKE: f64 = 0.9;
-/// The share of the matches of a pair that must agree where there are many photos. What leads one scene astray need not lead the
-/// other.
+/// The share of the matches of a pair that must agree where there are many photos. Two shares, since a wrong pair that
+/// misleads one scene need not be part of the other.
 const CERTAIN: [f64; 2] = [0.5, 0.65];
-/// Rotations farther apart than this are different, radians: while scenes grow, and once they are settled. Explanations are in which
-/// one of so many photos differs.
+/// Rotations farther apart than this are different, radians: while scenes grow, and once they are settled. Explanations
+/// are in which one of so many photos differs.
 const GROWN_APART: f64 = 0.1;
 const DIFFERENT: f64 = 0.035;
 const ONE_IN: usize = 8;
@@ -46,9 +46,10 @@ pub(crate) struct Scene {
     /// Cameras and points, and which photos have a place.
     pub found: Option<(Bundle, Vec<bool>)>,
     pub pairs: Pairs,
-    /// Explained part of the best explanation that is different, over that of the one that was taken.
+    /// Support of the best explanation that differs, over the support of the chosen one.
     pub rival: f64,
-    /// Photos that only what may be chance ties to the rest, or whose place matches with the rest contradict.
+    /// Photos tied to the rest only by pairs that may be chance, or whose place is contradicted by matches with the
+    /// rest.
     pub untied: Vec<usize>,
     /// True if there is no scene because the photos were taken by turning on the spot.
     pub one_place: bool,
@@ -69,7 +70,7 @@ pub(crate) struct Search<'a> {
     pairs: Pairs,
     /// The scenes that were grown.
     found: Vec<Grown>,
-    /// Explained part of the best of those that were given up while they were small, over that of the one that was not.
+    /// Support of the best of the scenes that were given up while they were small, over the support of the kept one.
     given_up: f64,
 }
 
@@ -145,14 +146,15 @@ impl<'a> Search<'a> {
                 self.pairs.posed = posed;
             }
             began.resize(self.found.len(), factor);
-            // Poses of pairs are as wrong as the focal length that they were found by: the one that came of it does better.
+            // Poses of pairs are as wrong as the focal length that they were found by: the one that came of it does
+            // better.
             let again = !self.focal_known() && waiting.is_empty() && tried.len() < TRIED && self.taken.len() <= SEVERAL;
             let found = best.filter(|_| again).map(|best| began[best] * self.found[best].focal_factor());
             waiting.extend(found.filter(|found| tried.iter().all(|tried| (found / tried).ln().abs() > ANOTHER)));
         }
     }
 
-    /// Grows scenes by pairs of which at least this share of the matches agrees.
+    /// Grows scenes from the pairs with at least this share of agreeing matches.
     fn grow(&mut self, bundle: &Bundle, posed: &[Pair], share: f64) {
         let few = self.taken.len() <= FEW;
         let absent = vec![false; self.taken.len()];
@@ -169,7 +171,7 @@ impl<'a> Search<'a> {
         let first = self.found.len();
         let mut tried = 0;
         for from in beginnings(&evidence).into_iter().map(|i| &certain[i]) {
-            // Of many photos, the next beginning is in what the others did not reach.
+            // Among many photos, the next initial pair is one that the other scenes did not reach.
             let reached = |grown: &Grown| from.photos.iter().all(|p| grown.placed[*p]);
             if tried == BEGINNINGS || self.taken.len() > SEVERAL && self.found[first..].iter().any(reached) {
                 continue;
@@ -194,7 +196,8 @@ impl<'a> Search<'a> {
         self.taken.iter().any(|t| t.focal.is_some())
     }
 
-    /// Focal lengths to begin with, over the longer side: what is told, or those that pairs vote for.
+    /// Focal lengths to begin with, over the longer side: the usual one if any is given, else the ones that pairs vote
+    /// for.
     fn focal_lengths(&self, tau: f64) -> Vec<f64> {
         if self.focal_known() {
             return vec![USUAL];
@@ -254,7 +257,7 @@ mod tests {
     use weaver_geometry::glam::{DMat3, DVec3};
     use weaver_geometry::{Camera, Intrinsics, Pose};
 
-    /// Sixteen photos, of which these are turned, in a world that is turned.
+    /// Sixteen photos in a rotated world; the photos in `turned` are rotated in addition.
     fn grown(turned: &[usize], world: f64) -> Grown {
         let camera = |i: usize| {
             let own = if turned.contains(&i) { 2.0 * DIFFERENT } else { 0.0 };

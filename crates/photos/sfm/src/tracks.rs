@@ -5,8 +5,8 @@ use crate::matching::Match;
 /// Keypoints of one point: photo and number there, at most one a photo, ascending by photo.
 pub type Track = Vec<(usize, usize)>;
 
-/// Joins matches of pairs of photos to tracks, the clearest first; a match that would join two keypoints of one photo is
-/// left out. `counts` are the numbers of keypoints of the photos.
+/// Joins matches of pairs of photos to tracks, the clearest first; a match that would join two keypoints of one photo
+/// is left out. `counts` are the numbers of keypoints of the photos.
 ///
 /// ```
 /// use weaver_sfm::{Match, tracks};

@@ -13,11 +13,11 @@ const NEARLY_ALL: f64 = 0.9;
 /// Matches of a pair that count, the clearest.
 const CLEAREST: usize = 200;
 
-/// True if the photos with a place were taken by turning on the spot: a turn of each pair alone explains nearly all matches between
-/// them, so that centers and points are where errors of matching have put them.
+/// True if the photos with a place were taken by turning on the spot: a turn of each pair alone explains nearly all
+/// matches between them, so that centers and points are where errors of matching have put them.
 ///
-/// A plane gives a homography, too, but one that is no turn unless its camera stays. All pairs count, as neighbors may stand nearly
-/// still in photos that are far apart otherwise. `tau` is how exact keypoints are, pixels.
+/// A plane gives a homography, too, but one that is no turn unless its camera stays. All pairs count, as neighbors may
+/// stand nearly still in photos that are far apart otherwise. `tau` is how exact keypoints are, pixels.
 ///
 /// Source: Hartley & Zisserman, Multiple View Geometry in Computer Vision, 2004, section 13.1.
 pub(crate) fn turning(features: &[Features], pairs: &[Pair], bundle: &Bundle, placed: &[bool], tau: f64) -> bool {

@@ -1,5 +1,5 @@
-//! Relative pose by robust descent on Sampson's distance, from what samples of five matches suggest: the same matches give
-//! the same pose, bit for bit.
+//! Relative pose by robust descent on Sampson's distance, from candidate poses of samples of five matches: the same
+//! matches give the same pose, bit for bit.
 
 mod normal;
 mod search;
@@ -19,8 +19,8 @@ const TURNING: usize = 14;
 const BRIDGED: f64 = 3.0;
 /// Number of the best descents that are carried to their optimum.
 const FINALISTS: usize = 3;
-/// Rotations farther apart than this, radians, and translations three times as far, are different explanations; they are rivals
-/// from this part of the best score.
+/// Rotations farther apart than this, radians, and translations three times as far, are different explanations; they
+/// are rivals from this part of the best score.
 const DIFFERENT: f64 = 0.1;
 const RIVAL: f64 = 0.7;
 /// Residuals are inliers up to this many times their scale.
@@ -94,7 +94,8 @@ pub fn two_view(matches: &[[DVec2; 2]], tau: f64) -> Option<TwoView> {
     judge(pose, matches, tau).map(|view| TwoView { rival, ..view })
 }
 
-/// A pose followed to where it explains rays best that differ a little from those it was found by, and its support there.
+/// A pose followed to where it explains rays best that differ a little from those it was found by, and its support
+/// there.
 pub(crate) fn followed(pose: &Pose, rays: &[Rays], tau: f64) -> (Pose, f64) {
     facing(&descend(*pose, rays, &[2.0 * tau, tau, tau]), rays, tau)
 }
@@ -104,10 +105,11 @@ fn differ(a: &Pose, b: &Pose) -> bool {
     a.angle_to(b) > DIFFERENT || a.translation.angle_between(b.translation) > 3.0 * DIFFERENT
 }
 
-/// The best pure rotation between two views, and how many matches it explains: x_j is within 2 `tau` of R x_i, projected.
+/// The best pure rotation between two views, and how many matches it explains: x_j is within 2 `tau` of R x_i,
+/// projected.
 ///
 /// Where it explains as many as [`two_view`] has inliers, the direction of translation and all depths are undetermined.
-/// Units are those of [`two_view`]; the identity and its count where the matches determine no rotation.
+/// Units as in [`two_view`]; the identity and its count where the matches determine no rotation.
 ///
 /// Sources: Kabsch, "A solution for the best rotation to relate two sets of vectors" (1976), made robust; Hartley &
 /// Zisserman (2004), section 13.1, for the homography of a rotating camera.
@@ -187,8 +189,8 @@ pub(crate) fn homogeneous(x: &[DVec2; 2]) -> Option<Rays> {
     x.iter().all(|x| x.length_squared() < 1e12).then(|| x.map(|x| x.extend(1.0)))
 }
 
-/// The rotation of the unit bearings of view i onto those of view j by iteratively reweighted least squares: bearings
-/// 0.15 apart count a half. The identity where bearings do not determine it.
+/// The rotation of the unit bearings of view i onto the bearings of view j by iteratively reweighted least squares:
+/// bearings 0.15 apart count a half. The identity where bearings do not determine it.
 fn robust_kabsch(rays: &[Rays]) -> DMat3 {
     let mut rotation = None;
     for _ in 0..6 {
@@ -206,7 +208,8 @@ fn robust_kabsch(rays: &[Rays]) -> DMat3 {
     rotation.unwrap_or(DMat3::IDENTITY)
 }
 
-/// The scale of residuals in each step of a descent: from so many tau, which bridges local minima, geometrically to tau.
+/// The scale of residuals in each step of a descent: from so many tau, which bridges local minima, geometrically to
+/// tau.
 fn annealing<const N: usize>(from: f64, tau: f64) -> [f64; N] {
     std::array::from_fn(|k| tau * from.powf(1.0 - k as f64 / (N - 1) as f64))
 }

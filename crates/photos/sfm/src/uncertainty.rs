@@ -19,7 +19,8 @@ const MOVED: f64 = 0.3;
 /// Photos from which on one coefficient of it is looked for, and two.
 const SEVERAL: usize = 6;
 const MANY: usize = 20;
-/// Standard deviations of what is held: of the principal point from the middle of photos, over their longer sides, and of k1.
+/// Standard deviations of the parameters held fixed: of the principal point from the middle of photos, over their
+/// longer sides, and of k1.
 const OFF_CENTER: f64 = 0.005;
 const UNSEEN: f64 = 0.01;
 /// Matches of a photo of a plane that count as independent: errors of the others are taken to be in common with theirs.
@@ -31,9 +32,10 @@ const STEPS: usize = 20;
 
 /// Expected errors of cameras: standard deviations, up to the world's place, turn and scale.
 ///
-/// Two parts are added by squares: that of the normal equations of the adjustment, with the noise that its residuals show; and how
-/// much the rest moves where photos are left out, which also shows errors that many observations have in common. The focal length of
-/// a scene that is one plane is told by so little that neither shows its error, and counts as if few matches of a photo were independent.
+/// Two parts are added by squares: the uncertainty by the normal equations of the adjustment, with the noise of its
+/// residuals; and the movement of the rest where photos are left out, which also shows errors that many observations
+/// have in common. The focal length of a scene that is one plane is told by so little that neither shows its error, and
+/// counts as if few matches of a photo were independent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Uncertainty {
     /// Of focal lengths, as a part of them: the lens that is told least; 0 where all were given.
@@ -47,11 +49,11 @@ pub struct Uncertainty {
 }
 
 impl Uncertainty {
-    /// That of the cameras that have a place.
+    /// The uncertainty of the cameras that have a place.
     pub(crate) fn of(bundle: &Bundle, placed: &[bool]) -> Option<Self> {
         let bundle = bundle.of_placed(placed);
         let noise = bundle.covariance(1.0)?.sigma;
-        // What is held may yet be off, and the rest with it.
+        // Parameters held fixed may yet be off, and the rest with them.
         let mut freed = bundle.clone();
         for lens in &mut freed.lenses {
             (lens.free_shift, lens.shift_weight) = (true, (noise / OFF_CENTER).powi(2));
@@ -61,7 +63,7 @@ impl Uncertainty {
         }
         let Covariance { focal, rotation, center, .. } = freed.covariance(1.0)?;
         let left_out = left_out(&bundle);
-        // What has no variance although it is adjusted is not known at all.
+        // An adjusted parameter without a variance is not known at all.
         let both = |of_all: f64, of_rest: f64| if of_all.is_nan() { f64::INFINITY } else { of_all.hypot(of_rest) };
         let focals =
             bundle.lenses.iter().zip(focal.into_iter().zip(left_out.focal)).filter(|(lens, _)| lens.free_focal);

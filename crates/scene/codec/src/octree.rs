@@ -14,8 +14,8 @@ const NONE: u32 = u32::MAX;
 
 /// Codes points on the grid of an octree, as Morton codes in ascending order, equal ones for equal points.
 ///
-/// Children of a cell are coded in two halves. Each is predicted by the faces of the cell behind which there are others, and by the
-/// parent's children. An encoder takes the points, a decoder any slice; both return the points.
+/// Children of a cell are coded in two halves. Each is predicted by the faces of the cell behind which there are
+/// others, and by the parent's children. An encoder takes the points, a decoder any slice; both return the points.
 ///
 /// # Errors
 /// When a stream has other than `count` points, or ends.

@@ -24,8 +24,8 @@ pub struct MeshErrors {
     pub f_score: f64,
 }
 
-/// Compares the points of a surface with those of a reference; `near` is the threshold of the F-score, meters. `None` where one has no
-/// points.
+/// Compares the points of a surface with a reference's; `near` is the threshold of the F-score, meters. `None` where
+/// one has no points.
 ///
 /// ```
 /// let plane = |z: f32| (0..100).map(|i| [i as f32 % 10.0, (i / 10) as f32, z]).collect::<Vec<_>>();

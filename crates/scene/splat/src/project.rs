@@ -184,8 +184,8 @@ impl<T: Real> tiles::Projection<T> for EwaProjection<'_, T> {
     }
 }
 
-/// Projects Gaussians `first..first + count`. Colors and features count only where a Gaussian may be seen: those of one
-/// behind the camera, or too faint, reject nothing.
+/// Projects Gaussians `first..first + count`. Colors and features count only where a Gaussian may be seen: behind the
+/// camera, or if it is too faint, they reject nothing.
 #[inline(always)]
 pub(crate) fn splats<V: Lanes>(
     view: &View<V>,
@@ -209,8 +209,8 @@ pub(crate) fn splats<V: Lanes>(
 
     let eps = <V::Scalar as Real>::EPSILON.to_f64();
     let [p, q, r] = each!(3, |i| shape.factor[i] * V::constant(BITS));
-    // Rounded up by more than what the pixels' own arithmetic may be off by: a few units in the last place of
-    // p dx and q dy, of which the latter is at most |q| / r times v.
+    // Rounded up by more than the error of the pixels' own arithmetic: a few units in the last place of p dx and q dy,
+    // and the latter is at most |q| / r times v.
     let limit = (opacity * V::constant(1.0 / ALPHA_MIN)).log2() + V::constant(1e-3);
     let rounding = (q / r).abs().mul_add(V::constant(16.0 * eps), V::constant(1.0 + 16.0 * eps));
     let radius = limit.sqrt() * rounding;

@@ -1,4 +1,4 @@
-//! What a surfel returns at a pixel, and what it receives back.
+//! The response of a surfel at a pixel, forward and backward.
 
 use crate::record::slot;
 use crate::{Lens, Sight};
@@ -52,7 +52,7 @@ pub struct Sample<V: Lanes> {
     /// 1 / D
     inverse: V,
     range: V,
-    /// Column and row of the center, less those of the pixel.
+    /// Column and row of the center, relative to the pixel.
     away: [V; 2],
     /// Where the low-pass filter takes the place of the plane.
     low: V::Mask,

@@ -35,8 +35,8 @@ pub(super) struct Limits {
     /// Residual of conjugate gradients, and most iterations.
     pub tolerance: f64,
     pub iterations: usize,
-    /// The squared movement of cameras and lenses in a step that is hardly damped, in standard deviations of what observations tell
-    /// of them, from which on they are settled.
+    /// Cameras and lenses are settled below this squared movement, in standard deviations by the observations, in a
+    /// step that is hardly damped.
     pub settled: f64,
 }
 
@@ -185,8 +185,8 @@ impl<'a> Descent<'a> {
         self.solver.solve(&self.reduced, &mut self.step)
     }
 
-    /// The squared movement of cameras and lenses with the step, in standard deviations: `x^T S x` with the reduced matrix `S`, which
-    /// is what the reduced right side makes of a step `x` that is hardly damped.
+    /// The squared movement of cameras and lenses with the step, in standard deviations: `x^T S x` with the reduced
+    /// matrix `S`, and `S x` is the reduced right side for a step `x` that is hardly damped.
     fn movement(&self) -> f64 {
         let along =
             |(row, x): (usize, &Row)| x.iter().zip(self.reduced.right(row)).map(|(x, right)| x * right).sum::<f64>();
@@ -247,7 +247,7 @@ impl<'a> Descent<'a> {
 }
 
 impl Sights<'_> {
-    /// Moves the points of a part by what goes with a step of cameras and lenses; tells the cost then.
+    /// Moves the points of a part along with a step of cameras and lenses, and sets the cost.
     #[inline(always)]
     fn attempt<const FUSED: bool>(&self, part: &mut Part, step: &[Row], damping: f64, fixed_points: bool) {
         part.predicted = 0.0;
@@ -263,7 +263,7 @@ impl Sights<'_> {
 }
 
 impl Part {
-    /// Movement of a point with a step of cameras and lenses. Adds what it is predicted to take off the cost.
+    /// Movement of a point with a step of cameras and lenses. Adds the predicted fall of the cost.
     #[inline(always)]
     pub fn movement(&mut self, point: usize, step: &[Row], damping: f64) -> DVec3 {
         let right = self.right[point];

@@ -1,4 +1,4 @@
-//! What several cameras share.
+//! Lenses: the parameters that several cameras share.
 
 use super::longer;
 use weaver_geometry::Camera;
@@ -46,11 +46,11 @@ impl Lens {
         DVec2::new(k.fx * at.x, k.fy * at.y) * scale + self.center(camera)
     }
 
-    /// Where a pinhole camera of the same focal length and principal point sees what a camera with this lens sees at a pixel, by
-    /// Newton's method on the distance from the axis.
+    /// The pixel of an ideal pinhole camera of the same focal length and principal point for a pixel of a camera with
+    /// this lens, by Newton's method on the distance from the axis.
     ///
-    /// Where the lens folds back, so that several points are seen at the pixel or none is, it is the nearest pixel that is
-    /// reached before the fold. [`project`](Self::project) is the inverse elsewhere.
+    /// Where the lens folds back, so that several points are seen at the pixel or none is, it is the nearest pixel that
+    /// is reached before the fold. [`project`](Self::project) is the inverse elsewhere.
     pub fn undistort(&self, camera: &Camera, pixel: DVec2) -> DVec2 {
         if self.k1 == 0.0 && self.k2 == 0.0 {
             return pixel;
@@ -77,7 +77,7 @@ impl Lens {
             if (next - r).abs() <= 2.0 * f64::EPSILON * r {
                 break;
             }
-            // Newton's step where it stays between what is too near and too far.
+            // Newton's step if it stays between the bounds.
             r = if next > low && next < high {
                 next
             } else if high.is_finite() {
@@ -89,7 +89,8 @@ impl Lens {
         center + seen * (r / far) * focal
     }
 
-    /// The least distance from the axis, over the depth, at which what is farther is not seen farther; infinite if none.
+    /// The least distance from the axis, over the depth, beyond which the projection no longer moves outward; infinite
+    /// if none.
     fn fold(&self) -> f64 {
         // The least positive root s = r^2 of 1 + 3 k1 s + 5 k2 s^2.
         let (a, b) = (5.0 * self.k2, 3.0 * self.k1);
@@ -97,7 +98,8 @@ impl Lens {
         if inside < 0.0 {
             return f64::INFINITY;
         }
-        // In this form neither root is a difference of nearly equal numbers for long, and a = 0 needs no case of its own.
+        // In this form neither root is a difference of nearly equal numbers for long, and a = 0 needs no case of its
+        // own.
         let root = inside.sqrt();
         let roots = [-2.0 / (b + root), -2.0 / (b - root)];
         roots.into_iter().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min).sqrt()

@@ -21,7 +21,7 @@ const HELD: f64 = 1e-15;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Group {
     pub rows: Range<usize>,
-    /// Where the blocks of each row begin, and where those of the last end.
+    /// Start of each row's blocks, and the end of the last row's.
     first: Vec<u32>,
     /// The column of each block, ascending; the last of a row is on the diagonal.
     columns: Vec<u32>,
@@ -70,7 +70,7 @@ impl Reduced {
         self.groups.iter().map(|g| g.columns.len()).sum()
     }
 
-    /// Fills matrix and right side for a damping, of which the inverses of points are already.
+    /// Fills matrix and right side for a damping, for which the inverses of points are ready.
     pub fn fill(&mut self, system: &System, parts: &[Part], damping: f64) {
         parallel::for_chunks(&mut self.groups, 1, |_, groups| {
             for group in groups {
@@ -146,7 +146,7 @@ impl Group {
             let diagonal = &mut self.values[range.end - 1];
             *diagonal = system.matrix[number];
             for i in 0..BLOCK {
-                // Of what nothing depends on the diagonal is 1 here and 0 there.
+                // An unknown without observations has 1 in `system.diagonal` and 0 in the matrix.
                 diagonal.0[i][i] = system.diagonal[number][i] * (1.0 + damping);
             }
             if system.lens[number] != NONE {
@@ -221,7 +221,7 @@ fn damped_inverse(matrix: &[f64; 6], damping: f64) -> [f64; 6] {
     let off = yz - l10 * xz;
     let l21 = off / d1;
     let d2 = zz - l20 * xz - l21 * off;
-    // False for what is not a number, too.
+    // False for NaN, too.
     let held = xx > 0.0 && d1 > HELD * yy && d2 > HELD * zz;
     if !held {
         return [0.0; 6];

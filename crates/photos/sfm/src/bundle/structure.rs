@@ -1,4 +1,4 @@
-//! Which numbers are unknown, and how what was seen connects them.
+//! The unknowns, and their connections by observations.
 
 use super::sums::{Coupling, Sums};
 use super::{Bundle, Lens};
@@ -8,13 +8,14 @@ use weaver_kernels::parallel;
 
 /// Mark of an item without a number.
 pub(super) const NONE: u32 = u32::MAX;
-/// Observations below which no further part of the points pays off, and most parts. Neither depends on the number of threads,
-/// so that sums never do.
+/// Observations below which no further part of the points pays off, and most parts. Neither depends on the number of
+/// threads, so that sums never do.
 const OBSERVATIONS: usize = 4096;
 const PARTS: usize = 32;
 
-/// The unknowns, in blocks of six: a lens that is adjusted, or the twist of a camera that is. Lenses come first, so that what
-/// they share with cameras belongs to the rows of cameras and no row is much longer than the others.
+/// The unknowns, in blocks of six: a lens that is adjusted, or the twist of a camera that is. Lenses come first, so
+/// that the blocks that they share with cameras belong to the rows of cameras and no row is much longer than the
+/// others.
 #[derive(Clone, Debug)]
 pub(super) struct Blocks {
     /// The block of each camera, or [`NONE`].
@@ -66,7 +67,7 @@ pub(super) struct Seen {
     /// One over the square of the deviation.
     pub precision: f64,
     pub camera: u32,
-    /// The numbers of the point and of the sums of the camera among those of the part; [`NONE`] if the camera needs no sums.
+    /// Indices of the point and of the camera's sums within the part; [`NONE`] if the camera needs no sums.
     pub point: u32,
     pub sums: u32,
     /// The entries of its point with the camera and with its lens, or [`NONE`].
@@ -80,7 +81,8 @@ pub(super) struct Part {
     /// Numbers of the points.
     pub numbers: Vec<u32>,
     pub seen: Vec<Seen>,
-    /// Where the entries of each point begin, and where the last end: one for every block that the point depends on, ascending.
+    /// Where the entries of each point begin, and where the last end: one for every block that the point depends on,
+    /// ascending.
     pub first_entry: Vec<u32>,
     /// The block of each entry.
     pub block: Vec<u32>,
@@ -108,8 +110,8 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// All parts of a bundle. Points that the same cameras see are put side by side, as far as their first three cameras tell:
-    /// what is done camera by camera then finds them near each other.
+    /// All parts of a bundle. Points that the same cameras see are put side by side, by their first three cameras: work
+    /// done camera by camera then finds them near each other.
     pub fn all(bundle: &Bundle, blocks: &Blocks) -> Vec<Self> {
         let observations = &bundle.observations;
         let mut of_point = vec![0..0; bundle.points.len()];

@@ -21,7 +21,7 @@ pub(super) type Row = [f64; PADDED];
 const WITH_LENS: usize = 11;
 const ALONE: usize = 7;
 
-/// Matrix and right side of cameras and lenses, without what points take off.
+/// Matrix and right side of cameras and lenses, before the points are eliminated.
 #[derive(Clone, Debug)]
 pub(super) struct System {
     /// Diagonal blocks.
@@ -54,7 +54,7 @@ impl System {
         }
     }
 
-    /// Adds up what observations and priors say.
+    /// Adds up observations and priors.
     pub fn sum(&mut self, bundle: &Bundle, blocks: &Blocks, parts: &[Part], poses: &[Pose], lenses: &[Lens]) {
         self.matrix.fill(Block::default());
         self.with_lens.fill(Block::default());
@@ -138,8 +138,9 @@ fn apart(pose: &Pose, from: &Pose) -> [f64; TWIST] {
     [v.x, v.y, v.z, w.x, w.y, w.z]
 }
 
-/// The derivative of the twist `x` of a pose by a twist that moves the pose: the inverse of the left Jacobian of SE(3), with `ad` the
-/// adjoint of x the sum of `B_n ad^n / n!` over Bernoulli's numbers B_n. Up to a turn by 1, what is left out is below 1e-9.
+/// The derivative of the twist `x` of a pose by a twist that moves the pose: the inverse of the left Jacobian of SE(3),
+/// with `ad` the adjoint of x the sum of `B_n ad^n / n!` over Bernoulli's numbers B_n. Up to a rotation by 1 radian,
+/// the truncation error is below 1e-9.
 ///
 /// Source: Barfoot, "State Estimation for Robotics", chapter 7.
 fn by_movement(x: &[f64; TWIST]) -> [[f64; TWIST]; TWIST] {

@@ -1,4 +1,4 @@
-//! Growth among many photos: what did not change is neither found again nor adjusted.
+//! Growth among many photos: unchanged parts are neither found again nor adjusted.
 
 use super::{GROWING, GROWN, Grown, LOST, TOGETHER, adjusted, contradicted, explained, join};
 use crate::bundle::{Bundle, Lens, Observation};
@@ -9,7 +9,8 @@ use weaver_geometry::glam::DVec3;
 
 /// The most photos among which all is found and adjusted each time.
 pub(crate) const MANY: usize = 30;
-/// Photos with a place up to which all are adjusted each time, and by which part more there are when all are adjusted again.
+/// Photos with a place up to which all are adjusted each time, and by which part more there are when all are adjusted
+/// again.
 const FEW: usize = 24;
 const MORE: f64 = 0.25;
 /// Photos that are tried at a time, those that see most.
@@ -40,8 +41,8 @@ struct Growth<'a> {
 }
 
 impl Grown {
-    /// The same as [`grow`](Self::grow), until so many photos have a place: all is adjusted only when many photos have joined;
-    /// in between, those that joined with those that see most of the same points.
+    /// The same as [`grow`](Self::grow), until so many photos have a place: all is adjusted only when many photos have
+    /// joined; in between, those that joined with those that see most of the same points.
     ///
     /// Source: Schönberger and Frahm, Structure-from-Motion Revisited, 2016, section 4.4.
     pub fn grow_locally(&mut self, evidence: &Evidence<'_>, until: usize) {
@@ -79,7 +80,7 @@ impl<'a> Growth<'a> {
         self.placed.iter().filter(|placed| **placed).count()
     }
 
-    /// Places photo after photo, as long as one sees enough of what there is.
+    /// Places photo after photo, as long as one sees enough points of the scene.
     fn run(&mut self, until: usize) {
         self.adjust_all();
         while self.count() < until {
@@ -95,7 +96,7 @@ impl<'a> Growth<'a> {
                 self.adjust_all();
             } else {
                 let mut wrong = contradicted(self.evidence, self.bundle, self.placed);
-                // What comes back to the same place is not taken out once more.
+                // A photo that comes back to the same place is not taken out once more.
                 wrong.retain(|photo| !std::mem::replace(&mut self.retracted[*photo], true));
                 if wrong.is_empty() {
                     return;

@@ -16,20 +16,22 @@ use crate::tracks::Track;
 
 /// Photos by which explanations are told apart.
 const TRIAL: usize = 32;
-/// Weight of points that another small scene explains, against their weight once it were settled: there, wrong ones are soon left behind.
+/// Weight of points that another small scene explains, against their weight once it were settled: there, wrong ones are
+/// soon left behind.
 const UNSETTLED: f64 = 0.85;
-/// Photos that each is compared with for what both have in common with a third one.
+/// Photos that each is compared with because both share content with a third one.
 const MORE: usize = 4;
-/// The part of the photos that a scene must reach, and of the matches that must agree with it, for no other to be grown.
+/// The part of the photos that a scene must reach, and of the matches that must agree with it, for no other to be
+/// grown.
 const NEARLY_ALL: f64 = 0.9;
-/// The part of the matches of either photo's best pair that pairs have in the first scene: where things repeat, photos of different
-/// ones have less in common than neighbors.
+/// The part of the matches of either photo's best pair that pairs have in the first scene: where things repeat, photos
+/// of different ones have less in common than neighbors.
 const STRONG: f64 = 0.5;
 /// The share of its matches that must agree with the cameras of a pair, so that points are found by it.
 const FITTING: f64 = 0.5;
 
 impl Search<'_> {
-    /// Grows scenes from what explains most of some photos.
+    /// Grows scenes from the best small scene.
     pub(super) fn run_many(&mut self) {
         let tau = tau(self.taken);
         let mut best: Option<(Grown, Bundle, Ranked)> = None;
@@ -59,7 +61,7 @@ impl Search<'_> {
         let rivals = others.iter().filter(|other| trial.differs(other, GROWN_APART));
         self.given_up = UNSETTLED * rivals.map(|other| other.each() / trial.each()).fold(0.0, f64::max);
         drop(others);
-        // Nothing looks at what agrees with no pose any more.
+        // Matches that agree with no pose are not read any more.
         self.pairs.matched.iter_mut().for_each(|(_, matches)| *matches = Vec::new());
         let mut begun = Some(trial);
         for end in [0, 2, 1].map(|level| posed.ends[level]) {
@@ -71,7 +73,7 @@ impl Search<'_> {
         self.pairs.posed = posed.pairs;
     }
 
-    /// Matches pairs of photos that are certain to show what a third one does; returns those that have a pose.
+    /// Matches pairs of photos whose overlap with a third photo is certain; returns the ones that have a pose.
     fn expanded(&mut self, posed: &[Pair], bundle: &Bundle, tau: f64) -> Vec<Pair> {
         let verified = posed.iter().filter(|pair| pair.certain(CERTAIN[0]));
         let verified: Vec<([usize; 2], usize)> = verified.map(|pair| (pair.photos, pair.matches.len())).collect();
@@ -126,7 +128,7 @@ impl Search<'_> {
         let first = self.found.len();
         let finish = |mut grown: Grown| {
             grown.grow_locally(&evidence, usize::MAX);
-            // What contradicts the scene is chance: it tells nothing of the rest.
+            // A pair that contradicts the scene is chance, and no evidence about the rest.
             let fits = |pair: &&Pair| {
                 pair.photos.iter().any(|photo| !grown.placed[*photo])
                     || grown.agreeing(features, pair) as f64 >= FITTING * pair.matches.len() as f64
@@ -143,7 +145,7 @@ impl Search<'_> {
             let grown = &self.found[first..];
             let reached = |photo: usize| grown.iter().any(|grown| grown.placed[photo]);
             let most = grown.iter().map(|grown| grown.value().0).max().unwrap_or(0);
-            // What is left must be able to become the largest.
+            // A scene of the remaining photos must be able to become the largest.
             let left = (0..self.taken.len()).filter(|photo| !reached(*photo)).count();
             if grown.len() == BEGINNINGS || left <= most {
                 break;
@@ -157,7 +159,7 @@ impl Search<'_> {
     }
 }
 
-/// Pairs with a pose, those first of which most speaks against chance.
+/// Pairs with a pose, the least likely to be chance first.
 struct Ranked {
     pairs: Vec<Pair>,
     /// Number of matches that agree, of as many as both photos could have, for a large share; the large share; a share.

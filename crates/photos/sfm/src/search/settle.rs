@@ -8,13 +8,14 @@ use crate::pairs::linked;
 use crate::passes::{Pass, near};
 use weaver_geometry::Pose;
 
-/// Explanations that are settled, of few photos and of more, and the part of what the best explains and places from which on one is.
+/// Most explanations that are settled, for few photos and for more; and the least support and the least number of
+/// placed photos of a settled one, as parts of the best one's.
 const SETTLED: [usize; 2] = [4, 2];
 const NEARLY: f64 = 0.6;
 const NEARLY_ALL: f64 = 0.9;
 /// Before they are settled, those are different in which photos are turned by more than this, radians.
 const APART: f64 = 0.05;
-/// The share of the matches of a pair that must agree for it to hold together what looks another way.
+/// The share of the matches of a pair that must agree for it to tie photos that look in different directions.
 const CERTAIN: f64 = 0.5;
 /// A photo that the others would turn by more than this is turned, if that explains more by such a part.
 const ASTRAY: f64 = 0.007;
@@ -41,7 +42,7 @@ impl Search<'_> {
         kept
     }
 
-    /// A scene of which all that its photos share is found, and what it then explains.
+    /// The scene with all points that its photos share, and its support.
     pub(super) fn settled(&self, grown: &Grown) -> Grown {
         let mut grown = grown.clone();
         if self.taken.len() <= FEW {
@@ -59,7 +60,7 @@ impl Search<'_> {
     /// Finds the distortion, and all that photos share once it is known.
     pub(super) fn finish(&self, bundle: &mut Bundle, placed: &[bool]) {
         if bundle.free_distortion(self.settings.distortion, placed) {
-            // What was thought wrong at the margins may be right.
+            // An observation rejected at the margins may be right.
             self.pass(bundle, placed, &Pass::FINE[0]);
         }
         self.pass(bundle, placed, &Pass::FINE[1]);
@@ -80,7 +81,7 @@ impl Search<'_> {
         bundle.pass(self.features, &pairs, &missing, pass);
     }
 
-    /// Aligns what surrounds keypoints, and adjusts to where they are then.
+    /// Aligns the surroundings of keypoints, and adjusts to their new places.
     fn align(&self, bundle: &mut Bundle) {
         bundle.align(self.photos);
         for (scale, farthest) in ALIGNING {
@@ -92,7 +93,8 @@ impl Search<'_> {
 
     /// Takes photo after photo out, and puts it where the others say that it belongs if more is explained by that.
     ///
-    /// The first photos of a scene were never placed by the others, and one photo that is turned a little bends many points after it.
+    /// The first photos of a scene were never placed by the others, and one photo that is turned a little bends many
+    /// points after it.
     fn reconsider(&self, grown: &mut Grown) {
         let absent = vec![false; self.taken.len()];
         let (features, pairs) = (self.features, &self.pairs.posed[..]);
@@ -187,7 +189,7 @@ mod tests {
             let settled = search.settled(&right);
             let aligned = settled.bundle.observations.iter().filter(|o| o.deviation < 0.5).count();
             assert!(2 * aligned > settled.bundle.observations.len(), "{aligned}");
-            // What was turned by hand is turned back, and so comes to the same end.
+            // A photo turned by hand is turned back, and so comes to the same end.
             let turned_back = search.settled(&search.found[0]);
             assert!(turned_back.support > 0.95 * settled.support);
             assert!(turned(&settled.bundle, &turned_back.bundle, 1, &right.placed) < 0.1 * 0.3);

@@ -20,8 +20,8 @@ const KEPT: usize = 10;
 
 /// The poses of the essential matrices that most matches support, each of one of the four it has; the best first.
 ///
-/// Sources: Fischler and Bolles, "Random sample consensus" (1981); Chum and Matas, "Matching with PROSAC" (2005), for the
-/// order of samples. Numbers are drawn by a counter, so that the same matches give the same poses.
+/// Sources: Fischler and Bolles, "Random sample consensus" (1981); Chum and Matas, "Matching with PROSAC" (2005), for
+/// the order of samples. Numbers are drawn by a counter, so that the same matches give the same poses.
 pub(super) fn hypotheses(rays: &[Rays], tau: f64) -> Vec<(Pose, f64)> {
     let n = rays.len();
     let stream = Stream::new(n as u64, 0, "sfm.five_points");
@@ -75,8 +75,8 @@ fn five_of(n: usize, stream: Stream, sample: usize) -> Option<[usize; 5]> {
 
 /// One of the four poses of an essential matrix.
 ///
-/// Source: Horn, "Recovering baseline and orientation from essential matrix" (1990): with E = \[t\]x R and |t| = 1, the matrix
-/// of cofactors of E is t t^T R, and \[t\]x E = t t^T R - R.
+/// Source: Horn, "Recovering baseline and orientation from essential matrix" (1990): with E = \[t\]x R and |t| = 1, the
+/// matrix of cofactors of E is t t^T R, and \[t\]x E = t t^T R - R.
 fn decomposed(matrix: &DMat3) -> Option<Pose> {
     let half_trace = 0.5 * matrix.to_cols_array().iter().map(|x| x * x).sum::<f64>();
     let e = *matrix * (1.0 / half_trace.sqrt());

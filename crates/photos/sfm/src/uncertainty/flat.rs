@@ -3,10 +3,11 @@
 use crate::bundle::Bundle;
 use weaver_geometry::glam::{DMat3, DVec3};
 
-/// A plane explains what is this near its place on it, in deviations of keypoints, and a scene of which so much is.
+/// A plane explains points within this distance of their places on it, in deviations of keypoints, and a scene if it
+/// explains at least this part of it.
 const NEAR: f64 = 1.0;
 const NEARLY_ALL: f64 = 0.9;
-/// Rounds of a fit that leave out what is far off, and how far that is, in medians.
+/// Rounds of a fit that rejects outliers, and the threshold, in medians.
 const ROUNDS: usize = 6;
 const FAR: f64 = 5.0;
 

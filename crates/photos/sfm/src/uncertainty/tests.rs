@@ -1,4 +1,4 @@
-//! Distortion that photos tell, of which they do not, and what is not asked for.
+//! Distortion that photos determine, that they do not determine, and that is not requested.
 
 use super::*;
 use crate::bundle::Lens;
@@ -39,7 +39,7 @@ fn seen_through(lens: Lens, cameras: usize) -> Bundle {
     bundle
 }
 
-/// Which coefficients are freed, and what they come to.
+/// The freed coefficients, and their values.
 fn freed(planted: [f64; 2], cameras: usize, find: Find) -> ([bool; 2], [f64; 2]) {
     let lens = Lens { k1: planted[0], k2: planted[1], ..Lens::default() };
     let mut bundle = seen_through(lens, cameras);
@@ -73,7 +73,8 @@ fn absent_distortion_is_not_freed() {
     assert_eq!(freed([0.0, 0.0], SEVERAL, Find::K1).0, [true, false]);
 }
 
-/// Cameras before points on a wall, which errors of both kinds have moved: noise, and for each photo a smooth field of so many pixels.
+/// Cameras before points on a wall, which errors of both kinds have moved: noise, and for each photo a smooth field of
+/// so many pixels.
 fn before_a_wall(poses: &[Pose], noise: f64, smooth: f64, seed: u64) -> Bundle {
     let stream = Stream::new(seed, poses.len() as u64, "test.wall");
     let draw = |k: usize| 2.0 * stream.uniform::<f64>(k as u64) - 1.0;
@@ -106,8 +107,8 @@ fn before_a_wall(poses: &[Pose], noise: f64, smooth: f64, seed: u64) -> Bundle {
     bundle
 }
 
-/// Where a wall is met going towards it, along it and around it, the focal length is within three of its deviations, which are small
-/// only where the wall is seen from different sides.
+/// Where a wall is met going towards it, along it and around it, the focal length is within three of its deviations,
+/// which are small only where the wall is seen from different sides.
 #[test]
 fn deviations_of_focal_lengths_hold_on_walls() {
     let (mut all, mut within) = (0, 0);

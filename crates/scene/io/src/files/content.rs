@@ -13,7 +13,7 @@ pub(crate) enum Content<'a> {
 }
 
 impl Content<'static> {
-    /// A file on disk; what has no length, such as a pipe, is read whole.
+    /// A file on disk; a file without a length, such as a pipe, is read whole.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let about = std::fs::metadata(path).map_err(Error::io(path))?;
         let length = usize::try_from(about.len()).ok().filter(|_| about.is_file());

@@ -2,7 +2,7 @@
 
 /// The number of bytes that can be used without swapping, if the system reports it.
 ///
-/// On Linux this is the available memory, or what the process's control group leaves, whichever is less.
+/// On Linux this is the available memory, or the rest of the process's control group, whichever is less.
 pub fn available_memory() -> Option<u64> {
     let system = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| available(&text));
     let number = |path: &str| std::fs::read_to_string(path).ok()?.trim().parse::<u64>().ok();

@@ -8,8 +8,8 @@ use std::path::Path;
 /// A command that is printed for somebody to paste, or for a shell to read: each word is quoted where it has to be.
 ///
 /// Words that stand in the source are given by [`new`](Self::new) and [`then`](Self::then), which take nothing else;
-/// all others by [`word`](Self::word) and [`path`](Self::path), which quote them. The text is one line, whatever the
-/// words hold: control characters, and bytes that are no text, become escapes in `$'...'`.
+/// all others by [`word`](Self::word) and [`path`](Self::path), which quote them. The text is always one line: control
+/// characters, and bytes that are no text, become escapes in `$'...'`.
 ///
 /// ```
 /// use weaver_io::ShellCommand;
@@ -65,7 +65,7 @@ impl ShellCommand {
         if dashed { self.word(Path::new(".").join(path)) } else { self.word(path) }
     }
 
-    /// A path as one word, for texts that name what to add to a command.
+    /// A path as one word, for texts that name an addition to a command.
     pub fn quoted(path: impl AsRef<Path>) -> String {
         Self::new("").path(path).text.trim_start().into()
     }

@@ -17,8 +17,9 @@ const PERMISSIONS: u32 = 0o666;
 
 /// A file that takes its name when it is complete, and is gone if it never is.
 ///
-/// On Linux it has no name in the meantime (`O_TMPFILE`), so that nothing stays when the process ends, whatever ends it. Elsewhere, and on
-/// file systems without such files, it has a hidden one: removed when this value is dropped, and by [`remove_unfinished`].
+/// On Linux it has no name in the meantime (`O_TMPFILE`), so that nothing stays after any end of the process.
+/// Elsewhere, and on file systems without such files, it has a hidden one: removed when this value is dropped, and by
+/// [`remove_unfinished`].
 ///
 /// ```
 /// use std::io::Write;
@@ -41,7 +42,8 @@ pub struct UnfinishedFile {
 }
 
 impl UnfinishedFile {
-    /// Creates a file that is to take this path, or the place where it leads if it is a link. Its folder is created as well if it is missing.
+    /// Creates a file that is to take this path, or the place where it leads if it is a link. Its folder is created as
+    /// well if it is missing.
     ///
     /// # Errors
     /// When the folder cannot be written to, or something is there that is no regular file.

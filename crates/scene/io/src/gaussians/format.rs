@@ -41,7 +41,7 @@ pub(super) enum Reader {
     Whole(fn(&Path, &[u8]) -> Result<SceneFile>),
 }
 
-/// Encoder of Gaussians, of which all fields have the same length.
+/// Encoder of Gaussians; all their fields have the same length.
 #[derive(Clone, Copy)]
 pub(super) enum Writer {
     /// To a stream, a block at a time; the path is for messages.

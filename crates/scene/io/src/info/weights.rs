@@ -44,7 +44,7 @@ struct Module {
     types: BTreeSet<String>,
 }
 
-/// Modules and their parts by name; a part's name has a zero character where that of its module ends.
+/// Modules and their parts by name; a part's name has a zero character at the end of its module's name.
 struct Modules(BTreeMap<String, Module>);
 
 impl Modules {

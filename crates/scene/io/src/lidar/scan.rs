@@ -31,11 +31,11 @@ impl LidarScan {
     }
 }
 
-/// Reads a scan: by the ending `.bin` (32-bit x y z intensity as KITTI's, or x y z), `.ply`, `.pcd` (ascii, binary, binary_compressed) or
-/// `.npy` (`[P, 3]` or more columns).
+/// Reads a scan: by the ending `.bin` (32-bit x y z intensity as KITTI's, or x y z), `.ply`, `.pcd` (ascii, binary,
+/// binary_compressed) or `.npy` (`[P, 3]` or more columns).
 ///
-/// Columns `time`, `t`, `timestamp` or `time_stamp` of PLY and PCD become times. A `.bin` whose size is a multiple of 16 and of 12 bytes has
-/// four numbers a point if every fourth is between 0 and 255, and three else.
+/// Columns `time`, `t`, `timestamp` or `time_stamp` of PLY and PCD become times. A `.bin` whose size is a multiple of
+/// 16 and of 12 bytes has four numbers a point if every fourth is between 0 and 255, and three else.
 ///
 /// # Errors
 /// When the file cannot be read, is malformed or has no points.

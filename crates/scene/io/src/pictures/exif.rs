@@ -1,4 +1,4 @@
-//! What a camera writes into its photos about itself.
+//! The camera's own record in its photos.
 
 use crate::{Error, Result};
 use std::fs::File;

@@ -53,7 +53,7 @@ fn nothing_is_written_where_something_is_read() {
         refused(OutputFolder::claim(link.join("new"), "fit", [&photos]), &["link/new"]);
         refused(OutputFolder::claim(photos.join("new"), "fit", [&link]), &["photos/new"]);
     }
-    // Beside what is read: but not in it.
+    // Beside the inputs: but not in them.
     let out = OutputFolder::claim(parent.path(), "fit", [&photos]).unwrap();
     out.check(["photo"]).unwrap();
     refused(out.file("photos/new.png"), &["photos/new.png", "apart from what is read"]);

@@ -39,7 +39,7 @@ fn ones<T: Real>(scene: &Scene<T>) -> Planes<T> {
     Planes { image, alpha, depth, features }
 }
 
-/// Renders and differentiates: everything that comes out is a number, whatever went in.
+/// Renders and differentiates: every output is a number, for any input.
 fn endure<T: Real>(scene: &Scene<T>, cotangents: &Planes<T>) -> Result<(), TestCaseError> {
     let mut workspace = Workspace::new();
     let (planes, stats) = scene.render_in(&mut workspace);

@@ -6,7 +6,7 @@ use std::path::Path;
 use weaver_geometry::Similarity;
 use weaver_geometry::glam::{DMat3, DMat4, DQuat, DVec3};
 
-/// Largest difference of scales along axes, and of angles between them, from those of a similarity.
+/// Largest difference from a similarity, in scales along axes and angles between them.
 const TOLERANCE: f64 = 1e-4;
 
 /// The meshes that a scene shows, and the transform of each; none where it stays as it is.

@@ -162,7 +162,7 @@ impl<'p> Machine<'p> {
     }
 
     fn pop(&mut self) -> Outcome<Id> {
-        // What lies below a mark is not for the taking.
+        // Values below a mark cannot be popped.
         let floor = self.marks.last().copied().unwrap_or(0);
         if self.stack.len() <= floor {
             Err("nothing left on the stack".into())
