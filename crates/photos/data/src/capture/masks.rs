@@ -14,7 +14,8 @@ pub(super) struct Mask {
     folder: PathBuf,
 }
 
-/// Where the masks of a capture's photos are: `mask_path` of the frame, relative to the capture's folder; else [`beside`] the photo.
+/// Where the masks of a capture's photos are: `mask_path` of the frame, relative to the capture's folder; else
+/// [`beside`] the photo.
 ///
 /// # Errors
 /// When a `mask_path` is not there, or as [`beside`].
@@ -23,7 +24,8 @@ pub(super) fn of_capture(photos: &[Photo], folder: &Path) -> Result<Vec<Mask>, E
     beside(photos.iter().map(|photo| (photo.frame.path.as_path(), folder.to_path_buf(), named(photo))))
 }
 
-/// Where the masks of photos are that belong to no capture: in a folder `masks` beside the photo, or beside the photo's folder.
+/// Where the masks of photos are that belong to no capture: in a folder `masks` beside the photo, or beside the photo's
+/// folder.
 ///
 /// # Errors
 /// As [`beside`].
@@ -48,11 +50,12 @@ fn folder_of(photo: &Path) -> PathBuf {
 
 /// Where each photo's mask is, of photos, the folders of their captures, and the files that are named.
 ///
-/// Without a name it is a file in `masks/` with the photo's path, or with the end of it: `masks/images/a/1.png`, `masks/a/1.png` and
-/// `masks/1.png` may be that of `images/a/1.png`. It has the photo's extension, `.png` in its place, or `.png` behind it.
+/// Without a name it is a file in `masks/` with the photo's path, or with the end of it: `masks/images/a/1.png`,
+/// `masks/a/1.png` and `masks/1.png` may mask `images/a/1.png`. It has the photo's extension, `.png` in its place, or
+/// `.png` behind it.
 ///
 /// # Errors
-/// When a file that is named is not there, or a file in `masks/` would be that of several photos.
+/// When a file that is named is not there, or a file in `masks/` would belong to several photos.
 fn beside<'a>(photos: impl Iterator<Item = (&'a Path, PathBuf, Option<PathBuf>)>) -> Result<Vec<Mask>, Error> {
     let mut owners: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     let mut masks = Vec::new();
@@ -102,9 +105,10 @@ impl Mask {
 /// A photo whose mask takes more than so much of a pixel has no color of its own there.
 const LEAST_INSIDE: f32 = 0.5;
 
-/// Cuts a photo that was read over white by its mask that was read in the same way, and returns which pixels count; `None` if all do.
+/// Cuts a photo that was read over white by its mask that was read in the same way, and returns which pixels count;
+/// `None` if all do.
 ///
-/// Masked pixels become white. Pixels on the border, which are part white, get the color of what is inside.
+/// Masked pixels become white. Pixels on the border, which are part white, get the color of their inner part.
 pub(super) fn cut(photo: &mut Image, mask: &Image) -> Option<Vec<bool>> {
     let mut inside = Vec::with_capacity(photo.width * photo.height);
     for (color, part) in photo.pixels.chunks_exact_mut(3).zip(mask.pixels.chunks_exact(3)) {

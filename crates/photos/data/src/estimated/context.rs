@@ -18,9 +18,11 @@ pub struct EstimatedContext {
 }
 
 impl Scene {
-    /// Estimates the cameras of some views from their photos alone, for photos of `size` (height, width) that show the same.
+    /// Estimates the cameras of some views from their photos alone, for photos of `size` (height, width) that show the
+    /// same.
     ///
-    /// `focal_known` says whether the views' focal lengths are told, as EXIF would. `None` where fewer than two views get a camera.
+    /// `focal_known` says whether the views' focal lengths are told, as EXIF would. `None` where fewer than two views
+    /// get a camera.
     ///
     /// # Panics
     /// If a view is out of range.

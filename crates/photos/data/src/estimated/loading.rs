@@ -71,10 +71,11 @@ const SAME_PROPORTIONS: f64 = 0.01;
 /// Focal lengths that differ by less than this part are the same: files tell whole millimeters.
 const SAME_FOCAL: f64 = 0.05;
 
-/// The number of each photo's lens, without gaps. If photos share lenses, those of the same proportions, upright or not, have one, as
-/// long as they are told to have the same focal length; else each has its own.
+/// The number of each photo's lens, without gaps. If photos share lenses, photos of the same proportions, upright or
+/// not, and of the same given focal length have one; else each has its own.
 ///
-/// Photos that tell nothing have the lens of the others of their proportions where these have one, else one of their own.
+/// Photos that tell nothing have the lens of the others of their proportions where these have one, else one of their
+/// own.
 pub(super) fn lenses_of(photos: &[Loaded], focals: &[Option<f64>], shared: bool) -> Vec<usize> {
     if !shared {
         return (0..photos.len()).collect();

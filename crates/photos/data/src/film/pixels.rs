@@ -37,7 +37,7 @@ impl Pixels {
     }
 }
 
-/// Equal are those whose pixels are, wherever they lie; what cannot be read equals nothing.
+/// Equal if the pixels are equal, in memory or in files; unreadable pixels equal nothing.
 impl PartialEq for Pixels {
     fn eq(&self, other: &Self) -> bool {
         matches!((self.bytes(), other.bytes()), (Ok(a), Ok(b)) if a == b)

@@ -65,8 +65,8 @@ impl Pyramid {
         Self { levels }
     }
 
-    /// The color at `p` as seen by a ray that covers `footprint` (both in widths of the image): bilinear, at the level whose
-    /// texels are about as large.
+    /// The color at `p` as seen by a ray that covers `footprint` (both in widths of the image): bilinear, at the level
+    /// whose texels are about as large.
     pub fn at(&self, p: DVec2, footprint: f64) -> DVec3 {
         let level = (footprint * SIZE as f64).log2().round().clamp(0.0, (self.levels.len() - 1) as f64) as usize;
         let texels = &self.levels[level];

@@ -105,7 +105,7 @@ impl Shape {
             Self::Block { center, half, turn } => {
                 enter_box(into_block(origin - center, turn), into_block(direction, turn), half)
             }
-            // Rays stay rays, and their parameter what it is.
+            // The map is affine: rays stay rays, and their parameter stays the same.
             Self::Turned { center, half, into, round } => {
                 let (o, d) = (into * (origin - center), into * direction);
                 if round { enter_ball(-o / half, d / half, 1.0) } else { enter_box(o, d, half) }

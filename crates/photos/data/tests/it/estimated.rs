@@ -91,7 +91,8 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     found
 }
 
-/// promise: cameras that cannot be written leave those before them as they are, to the byte: no reader takes a mixture of both for one result.
+/// promise: cameras that cannot be written leave those before them as they are, to the byte: no reader takes a mixture
+/// of both for one result.
 #[test]
 fn results_replace_those_before_whole_or_not() {
     let temporary = tempfile::tempdir().unwrap();
@@ -191,7 +192,8 @@ fn photos_of_two_zooms_have_two_lenses() {
     let truth = scene(3, &ProceduralOptions { width: 200, height: 150, views: 20 });
     let (focal, mut paths) = (truth.views[0].camera.intrinsics.fx, Vec::new());
     for (i, view) in truth.views.iter().step_by(2).enumerate() {
-        // Every third one is cropped to three quarters and enlarged, as a zoom does; the camera of every fourth one was held upright.
+        // Every third one is cropped to three quarters and enlarged, as a zoom does; the camera of every fourth one was
+        // held upright.
         let zoom = if i % 3 == 1 { 4.0 / 3.0 } else { 1.0 };
         let [x, y] = [100.0, 75.0].map(|half| half - half / zoom);
         let part = view.image.resize(200, 150, [x, y, 200.0 - x, 150.0 - y]);
@@ -213,7 +215,8 @@ fn photos_of_two_zooms_have_two_lenses() {
     }
 }
 
-/// Estimates photos as they are and stored by these orientations, and checks that both give the same cameras, and what is written.
+/// Estimates photos as they are and stored by these orientations, and checks that both give the same cameras, and the
+/// written files.
 fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options: &EstimatePhotosOptions) {
     let temporary = tempfile::tempdir().unwrap();
     let [clean, stored] = ["clean", "stored"].map(|name| temporary.path().join(name));
@@ -342,7 +345,7 @@ fn unusable_photos_are_named_and_left_out() {
     let cut = folder.join("cut.png");
     let bytes = fs::read(&good[0]).unwrap();
     fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
-    // The flags stay with their photos, and cameras are those of the good photos alone.
+    // The flags stay with their photos, and cameras belong to the good photos alone.
     let mut paths = good.clone();
     paths.insert(0, heic);
     paths.insert(4, cut);

@@ -51,7 +51,8 @@ fn every_camera_sees_every_kind_of_motion() {
             let most = frames.clone().fold([0; MOTIONS.len()], |a, b| std::array::from_fn(|i| a[i].max(b[i])));
             let least = frames.fold([usize::MAX; MOTIONS.len()], |a, b| std::array::from_fn(|i| a[i].min(b[i])));
             assert!(most[1..].iter().all(|&n| n >= 12), "seed {seed}, camera {viewpoint}: {most:?}");
-            // In front of the others, and whole in the picture, but for the last, which is gone at first and in the end.
+            // In front of the others, and whole in the picture, but for the last, which is gone at first and in the
+            // end.
             assert!(least[1..5].iter().all(|&n| n >= 6) && least[5] == 0, "seed {seed}, camera {viewpoint}: {least:?}");
         }
     }

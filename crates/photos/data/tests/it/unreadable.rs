@@ -84,7 +84,7 @@ fn one_unreadable_photo_in_four_is_left_out() {
     let (numbers, remarks) = loaded(folder.path()).unwrap();
     assert_eq!((numbers, remarks.len()), (vec![0, 1, 3], 1));
     assert!(remarks[0].contains("1 of 4 photos cannot be read") && remarks[0].contains("2.png"), "{remarks:?}");
-    // What is asked for may be fewer photos: the held-out one alone.
+    // A request may cover fewer photos: the held-out one alone.
     let held_out = PosedOptions { held_out_only: true, ..PosedOptions::default() };
     assert_eq!(posed::load(folder.path(), &held_out).unwrap().photos.len(), 1);
     cut_short(&at("0.png"));

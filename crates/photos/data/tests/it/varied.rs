@@ -1,4 +1,4 @@
-//! Varied scenes: what varies is there, every view shows something, and nothing is exact in name only.
+//! Varied scenes: every variation occurs, every view shows something, and exact data are exact.
 
 use crate::quality::{mean_color, nearest_copied};
 use std::sync::LazyLock;
