@@ -1,11 +1,11 @@
-//! What can be wrong with a call.
+//! Errors of a call.
 
 use weaver_splat::RasterError;
 
 /// Photos that cannot be aligned as they are given. `photo` counts from 0.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AlignError {
-    /// The numbers of a photo or of its mask are not those of its camera's size.
+    /// The numbers of a photo or of its mask do not fit its camera's size.
     #[error("photo {photo}: expected {expected} numbers in its {what} of {width}x{height}, found {found}")]
     Size {
         /// Which photo.

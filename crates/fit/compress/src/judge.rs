@@ -63,7 +63,8 @@ impl Judge {
         Ok(squares.iter().map(|square| -10.0 * square.max(LEAST).log10()).sum::<f64>() / squares.len() as f64)
     }
 
-    /// Mean of the decibels of a scene's pictures beside photos of its cameras; with NaN where a photo is masked altogether.
+    /// Mean of the decibels of a scene's pictures beside photos of its cameras; with NaN where a photo is masked
+    /// altogether.
     ///
     /// # Errors
     /// Where the scene cannot be drawn.

@@ -5,7 +5,7 @@ use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose, se3};
 use weaver_kernels::parallel;
 
-/// Numbers of a camera: those of a twist, translation, then rotation.
+/// Numbers of a camera: a twist's, translation, then rotation.
 pub(crate) const TWIST: usize = 6;
 /// Rows of pixels of a task.
 const GRAIN: usize = 8;
@@ -35,10 +35,10 @@ pub struct Views<'a> {
 
 /// The equations of a Gauss-Newton step of a camera toward its photo, the scene as it is.
 ///
-/// A pixel u at depth z moves by `J x` under the camera's numbers x, and the color drawn there changes by `-c' J x`, with c'
-/// the mean of the slopes of image and photo (which makes the step one of second order). Of
-/// `sum w |image - photo - c' J x|^2` with w = 1 / max(|image - photo|, 0.05), which counts what does not fit by its absolute value,
-/// these are the matrix `sum w J^T c'^T c' J` and the right side `sum w J^T c'^T (image - photo)`.
+/// A pixel u at depth z moves by `J x` under the camera's numbers x, and the color drawn there changes by `-c' J x`,
+/// with c' the mean of the slopes of image and photo (which makes the step one of second order). The matrix `sum w J^T
+/// c'^T c' J` and the right side `sum w J^T c'^T (image - photo)` belong to the cost `sum w |image - photo - c' J x|^2`
+/// with w = 1 / max(|image - photo|, 0.05), which counts misfits by their absolute value.
 ///
 /// Sources: Lucas and Kanade, 1981; Benhimane and Malis, Real-time image-based tracking of planes using efficient
 /// second-order minimization, 2004, for the mean of the slopes.
@@ -52,7 +52,7 @@ pub struct Alignment {
 }
 
 impl Alignment {
-    /// Of a camera and what it sees.
+    /// The equations of a camera and its view.
     pub fn new(camera: &Camera, views: &Views<'_>) -> Self {
         let (width, height) = (camera.width, camera.height);
         let mut rows = vec![Self::default(); height.saturating_sub(2)];

@@ -4,11 +4,12 @@ use weaver_geometry::glam::DVec3;
 use weaver_scene::Photo;
 use weaver_scene::PointCloud;
 
-/// Agreement of photos about the colors of the points that they share: the gain of each photo, and how well it explains them.
+/// Agreement of photos about the colors of the points that they share: the gain of each photo, and how well it explains
+/// them.
 ///
-/// The logarithm of the color that photo i shows of point p is `l_ip = g_i + c_p`, a channel at a time; `g` and `c` minimize the
-/// sum of `|l_ip - g_i - c_p|`, by medians in turns, so that highlights and hidden points do not count. Gains are those of the photos'
-/// own exposure and white balance; their mean is 1.
+/// The logarithm of the color that photo i shows of point p is `l_ip = g_i + c_p`, a channel at a time; `g` and `c`
+/// minimize the sum of `|l_ip - g_i - c_p|`, by medians in turns, so that highlights and hidden points do not count.
+/// Gains stand for the photos' own exposure and white balance; their mean is 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorAgreement {
     /// Gain of each photo, red, green and blue; 1 where too few points are shared.
@@ -27,7 +28,7 @@ const TURNS: usize = 20;
 const RANGE: [f32; 2] = [8.0, 247.0];
 /// Fewer points say nothing.
 const LEAST_POINTS: usize = 50;
-/// Gains are those of photos if colors of other points agree so much better with them ...
+/// Gains count as real if colors of other points agree so much better with them ...
 const BETTER: f64 = 0.9;
 /// ... and if half of the photos differ by as much from the mean.
 const DIFFERENT: f64 = 0.02;
@@ -41,7 +42,7 @@ struct Sample {
 }
 
 impl ColorAgreement {
-    /// The agreement of photos, of which each sees the points of these indices.
+    /// The agreement of photos; each sees the points of these indices.
     ///
     /// Panics unless there are as many lists as photos.
     pub fn of(photos: &[Photo], points: &PointCloud, visible: &[Vec<u32>]) -> Self {
@@ -75,8 +76,8 @@ impl ColorAgreement {
         median(&mut self.gains.iter().map(far).collect::<Vec<_>>())
     }
 
-    /// True if photos differ in exposure or white balance: gains, fitted to half of the points, bring the colors of the others
-    /// together.
+    /// True if photos differ in exposure or white balance: gains, fitted to half of the points, bring the colors of the
+    /// others together.
     pub fn differ(&self) -> bool {
         self.points >= LEAST_POINTS && self.with < BETTER * self.without && self.spread() > DIFFERENT
     }
@@ -122,7 +123,7 @@ fn gains(points: &[&[Sample]], photos: usize) -> Vec<[f64; 3]> {
     gains
 }
 
-/// The median difference of a photo's color of a point, without its gain, from what the photos say in the median.
+/// The median difference of a photo's color of a point, without its gain, from the median over photos.
 fn disagreement(points: &[&[Sample]], gains: &[[f64; 3]]) -> f64 {
     let mut all = Vec::new();
     for samples in points {

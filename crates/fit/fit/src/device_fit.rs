@@ -7,7 +7,8 @@ use weaver_splat::{CpuRasterizer, GaussianStatistics, RasterError, RasterSetting
 
 /// A rasterizer that a [`Fit`](crate::Fit) draws by.
 ///
-/// `Arc<dyn FitRasterizer>` coerces to [`AnyRasterizer<f32>`](weaver_splat::AnyRasterizer) where only drawing is needed.
+/// `Arc<dyn FitRasterizer>` coerces to [`AnyRasterizer<f32>`](weaver_splat::AnyRasterizer) where only drawing is
+/// needed.
 pub trait FitRasterizer: Rasterizer<f32> {
     /// Starts a fit on the rasterizer's device; `None` where the host's memory is also the rasterizer's.
     fn device_fit(&self) -> Option<Box<dyn DeviceFit>> {
@@ -17,11 +18,12 @@ pub trait FitRasterizer: Rasterizer<f32> {
 
 impl FitRasterizer for CpuRasterizer {}
 
-/// A fit of Gaussians to photos in the memory of a device, such as a graphics card: a step copies a photo to it, and only the loss
-/// back.
+/// A fit of Gaussians to photos in the memory of a device, such as a graphics card: a step copies a photo to it, and
+/// only the loss back.
 ///
-/// The loss is `(1 - w) mean |image - photo| + w (1 - SSIM)` and regularizers that are linear in opacities and scales, the step one of
-/// Adam with beta 0.9 and 0.999 and an eps of 1e-15 (Kerbl et al., 3D Gaussian splatting, 2023, section 5).
+/// The loss is `(1 - w) mean |image - photo| + w (1 - SSIM)` and regularizers that are linear in opacities and scales,
+/// the step one of Adam with beta 0.9 and 0.999 and an eps of 1e-15 (Kerbl et al., 3D Gaussian splatting, 2023, section
+/// 5).
 pub trait DeviceFit: Debug + Send {
     /// Takes Gaussians over, in place of those before; statistics begin anew.
     ///
@@ -42,7 +44,7 @@ pub trait DeviceFit: Debug + Send {
         Vec::new()
     }
 
-    /// Brings the Gaussians back, as many as were loaded. Adds what was found since statistics were brought back last.
+    /// Brings the Gaussians back, as many as were loaded. Adds the statistics since they were brought back last.
     ///
     /// # Errors
     ///

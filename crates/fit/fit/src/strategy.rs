@@ -68,8 +68,8 @@ impl Regularizer {
 
 /// A way to control density.
 ///
-/// A strategy never makes more Gaussians than [`Moment::budget`]. It is a function of what it is given: a run that is resumed
-/// goes on with a new strategy of the same settings.
+/// A strategy never makes more Gaussians than [`Moment::budget`]. It is a function of its arguments: a run that is
+/// resumed goes on with a new strategy of the same settings.
 pub trait Strategy: Debug + Send {
     /// Regularizer added to the loss of a step with so many Gaussians.
     fn regularizer(&self, _moment: &Moment, _gaussians: usize) -> Regularizer {
@@ -79,8 +79,8 @@ pub trait Strategy: Debug + Send {
     /// True if the statistics of backward passes are wanted at this moment; they cost a little.
     fn wants_statistics(&self, moment: &Moment) -> bool;
 
-    /// True if [`adapt`](Self::adapt) may change anything at this moment; where it says no, it is not called, and a device keeps the
-    /// Gaussians.
+    /// True if [`adapt`](Self::adapt) may change anything at this moment; where it says no, it is not called, and a
+    /// device keeps the Gaussians.
     fn is_due(&self, _moment: &Moment) -> bool {
         true
     }

@@ -71,7 +71,7 @@ pub enum Choice {
     Fastest,
     /// The one with this number.
     Number(usize),
-    /// The first whose name contains this, in whatever case.
+    /// The first whose name contains this, in upper or lower case.
     Name(String),
 }
 

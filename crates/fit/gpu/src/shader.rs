@@ -1,7 +1,7 @@
 //! The shaders: which files make up each, and where it is entered.
 //!
-//! The files are in `shaders/`, one for each pass and some that passes share. WGSL has no
-//! imports: what a pass needs is put in front of it.
+//! The files are in `shaders/`, one for each pass and some that passes share. WGSL has no imports: the shared files of
+//! a pass are put in front of it.
 
 /// A file of WGSL.
 #[derive(Clone, Copy, Debug)]

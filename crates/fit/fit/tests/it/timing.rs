@@ -29,7 +29,7 @@ impl Strategy for Slow {
     }
 }
 
-/// promise: what a run does as often however long it is counts once, and no part of it as the steps'.
+/// promise: periodic work counts once for a run of any length, and no part of it as the steps'.
 #[test]
 fn rounds_are_no_part_of_steps() {
     let settings = plain(StrategyKind::Keep, 1000, 20);
