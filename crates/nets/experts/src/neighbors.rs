@@ -8,7 +8,8 @@ use weaver_kernels::nearest_neighbors::nearest_neighbors;
 /// Gaussians per parallel chunk.
 pub(crate) const GRAIN: usize = 256;
 
-/// Lists of nearest neighbors: for each of R Gaussians m = k + 1 indices, itself and its k nearest neighbors among all N.
+/// Lists of nearest neighbors: for each of R Gaussians m = k + 1 indices, itself and its k nearest neighbors among all
+/// N.
 ///
 /// All Gaussians have a list (R = N), except in a [`part`](Neighbors::part). Cheap to clone.
 #[derive(Clone, Debug)]
@@ -30,14 +31,16 @@ struct Lists {
 }
 
 impl Neighbors {
-    /// Finds the k nearest neighbors of each of `means` `[N, 3]`, exactly; see [`nearest_neighbors`]. Not differentiable.
+    /// Finds the k nearest neighbors of each of `means` `[N, 3]`, exactly; see [`nearest_neighbors`]. Not
+    /// differentiable.
     pub fn search<T: Real>(means: &[T], k: usize, pool: &Pool) -> Self {
         let mut index = pool.buffer::<u32>(means.len() / 3 * (k + 1));
         nearest_neighbors(means, k, &mut index);
         Self::from_index(index, k + 1, pool)
     }
 
-    /// Takes lists `[N, m]` of indices below N as they are, with m = `per_gaussian`. Panics unless they are whole lists.
+    /// Takes lists `[N, m]` of indices below N as they are, with m = `per_gaussian`. Panics unless they are whole
+    /// lists.
     pub fn from_lists(index: &[u32], per_gaussian: usize, pool: &Pool) -> Self {
         assert_eq!(index.len() % per_gaussian, 0, "every Gaussian has {per_gaussian} neighbors");
         Self::from_index(pool.copy_of(index), per_gaussian, pool)

@@ -1,4 +1,4 @@
-//! What can go wrong between photos and a scene.
+//! Errors between photos and a scene.
 
 use std::path::PathBuf;
 use weaver_io::Advice;
@@ -45,7 +45,7 @@ pub enum Error {
     Checkpoint {
         /// The checkpoint.
         path: PathBuf,
-        /// The key, what was expected and what was found.
+        /// The key, the expected and the found value.
         message: String,
     },
     /// The network's output holds NaN or infinity.

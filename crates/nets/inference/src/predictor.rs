@@ -1,4 +1,4 @@
-//! What every trained model can do: photos to Gaussians, and Gaussians to pictures.
+//! The interface of every trained model: photos to Gaussians, and Gaussians to pictures.
 
 use crate::{Error, ViewOpacity};
 use std::borrow::Cow;
@@ -46,11 +46,12 @@ pub enum CameraSource<'a> {
     /// These, in the frame of camera 0 and in training units.
     Given(&'a [Camera]),
     /// These, in the frame of camera 0 and in units of their own: they are scaled so that the mean distance of the
-    /// centers to camera 0 equals that of the predicted ones.
+    /// centers to camera 0 equals the predicted cameras'.
     GivenUnscaled(&'a [Camera]),
-    /// These and the points that their photos show, in the frame of camera 0 and in units of their own: they are scaled so that
-    /// the mean distance from camera 0 to the points is 1, as in training, and depth is brought to the points
-    /// ([`depth_to_points`](crate::depth_to_points())). Where no photo shows a point, as [`CameraSource::GivenUnscaled`].
+    /// These and the points that their photos show, in the frame of camera 0 and in units of their own: they are scaled
+    /// so that the mean distance from camera 0 to the points is 1, as in training, and depth is brought to the points
+    /// ([`depth_to_points`](crate::depth_to_points())). Where no photo shows a point, as
+    /// [`CameraSource::GivenUnscaled`].
     GivenWithPoints {
         /// The cameras of the photos.
         cameras: &'a [Camera],
@@ -60,7 +61,7 @@ pub enum CameraSource<'a> {
 }
 
 impl<'a> CameraSource<'a> {
-    /// The cameras that are given, in whatever units.
+    /// The cameras that are given, in any units.
     pub fn given(self) -> Option<&'a [Camera]> {
         match self {
             Self::Predicted => None,
@@ -96,7 +97,8 @@ pub struct Density {
 pub struct Prediction {
     /// The Gaussians, in the frame of camera 0.
     pub gaussians: ActivatedGaussians,
-    /// Their opacities, where these depend on the view; those of the Gaussians are then of the mean logit over the cameras.
+    /// Their opacities, where these depend on the view; the Gaussians' own opacities then have the mean logit over the
+    /// cameras.
     pub view_opacity: Option<ViewOpacity>,
     /// The cameras that the Gaussians were built with: the network's, or the given ones.
     pub cameras: Vec<Camera>,
@@ -104,7 +106,7 @@ pub struct Prediction {
     pub predicted: Vec<Camera>,
     /// Depth along the optical axis `[V, H, W]`.
     pub depth: Vec<f32>,
-    /// Gaussians of each pixel `[V, H, W]`; those of a cell at its first pixel.
+    /// Gaussians of each pixel `[V, H, W]`; a cell's are counted at its first pixel.
     pub counts: Vec<u8>,
     /// Gaussians per pixel around each pixel `[V, H, W]`: of a cell, its number over its pixels.
     pub density: Vec<f32>,
@@ -126,8 +128,8 @@ impl Prediction {
         self.scaled_by.unwrap_or_else(|| spread_ratio(&self.predicted, cameras))
     }
 
-    /// The factor that gives cameras the mean distance to camera 0 of those that the Gaussians were built with; 1 where either
-    /// stand still.
+    /// The factor that gives cameras the mean distance to camera 0 of those that the Gaussians were built with; 1 where
+    /// either stand still.
     pub fn scale_to_used(&self, cameras: &[Camera]) -> f64 {
         spread_ratio(&self.cameras, cameras)
     }
@@ -147,13 +149,13 @@ pub struct JointPrediction {
 pub enum Look<'a> {
     /// Nobody's: of the light nothing is said.
     Unknown,
-    /// That of a photo.
+    /// The light of a photo.
     Of(Photos<'a>),
-    /// Between that of two photos: a part of the second, 0 to 1.
+    /// Between the light of two photos: a part of the second, 0 to 1.
     Between(Photos<'a>, Photos<'a>, f32),
 }
 
-/// A prediction, and what its Gaussians look like in different light.
+/// A prediction, and its Gaussians' colors in different light.
 #[derive(Clone, Debug)]
 pub struct LookPrediction {
     /// The Gaussians, with the first look's colors.
@@ -164,7 +166,7 @@ pub struct LookPrediction {
 
 /// A trained model with its weights.
 ///
-/// A predictor owns what it needs, so that a server or a binding to another language can hold one for as long as it
+/// A predictor owns all its data, so that a server or a binding to another language can hold one for as long as it
 /// likes. Predictions are the same bits at any number of threads.
 pub trait Predictor: fmt::Debug + Send {
     /// Predicts the Gaussians of a scene from its photos. `stream` feeds allocations that draw random numbers.
@@ -227,7 +229,7 @@ pub trait Predictor: fmt::Debug + Send {
     /// The renderer of Gaussians; another one may be put in its place.
     fn renderer(&mut self) -> &mut Renderer;
 
-    /// Renders what was predicted with the model's settings: one image per camera, values clamped to [0, 1].
+    /// Renders a prediction with the model's settings: one image per camera, values clamped to [0, 1].
     ///
     /// # Errors
     /// When sizes do not fit or there are too many Gaussians for one call.
@@ -250,8 +252,9 @@ pub trait Predictor: fmt::Debug + Send {
 
 /// A model that says where further photos were taken, beside those that its Gaussians are made of.
 pub trait Joint {
-    /// Predicts the Gaussians of a scene from the first `context` photos, and the cameras of all of them at once: the model has then seen
-    /// the photos that its pictures are compared with, though nothing of them is in the Gaussians but what they say about cameras.
+    /// Predicts the Gaussians of a scene from the first `context` photos, and the cameras of all of them at once: the
+    /// model has then seen the photos that its pictures are compared with, though they affect the Gaussians through the
+    /// cameras alone.
     ///
     /// # Errors
     /// As [`Predictor::predict`].
@@ -264,7 +267,8 @@ pub trait Joint {
     ) -> Result<JointPrediction, Error>;
 }
 
-/// A model that knows about light. Without being asked, [`Predictor::predict`] shows a place in the light of the first photo.
+/// A model that knows about light. Without being asked, [`Predictor::predict`] shows a place in the light of the first
+/// photo.
 pub trait Lights {
     /// Predicts the Gaussians of a scene once, and their colors under each of some looks, at least one.
     ///
@@ -307,7 +311,7 @@ pub(crate) fn spread_ratio(predicted: &[Camera], given: &[Camera]) -> f64 {
     if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
 }
 
-/// Which pixels count of views of so many pixels `[V, H, W]`, of those of each; `None` if all do.
+/// Mask `[V, H, W]` of the pixels that count, joined from each view's; `None` if all do.
 pub(crate) fn inside_of<'a>(
     views: impl Iterator<Item = Option<&'a [bool]>> + Clone,
     pixels: usize,

@@ -247,7 +247,7 @@ fn some_steps_of_training_give_every_pixel_as_many() {
         let of = |counts: &[usize]| counts.iter().filter(|count| **count == 12 * expert).count();
         assert!((70..130).contains(&of(&always)) && (10..40).contains(&of(&some)), "{} {}", of(&always), of(&some));
     }
-    // The other steps are what they would have been.
+    // The other steps stay the same.
     assert!(never.iter().zip(&some).all(|(never, some)| never == some || some % 12 == 0));
 }
 
