@@ -13,7 +13,7 @@ const GRAIN: usize = 8;
 const SMALL: f64 = 0.05;
 /// Slope of the colors, per pixel, that every pixel is taken to have at least: where nothing is seen, cameras stay.
 const LEAST_SLOPE: f64 = 2e-3;
-/// Pixels that a step moves the picture by at most, root mean square.
+/// Pixels that a step moves the picture by at most, root mean square: linearized colors hold no farther.
 const LONGEST: f64 = 2.0;
 
 type Matrix = [[f64; TWIST]; TWIST];
@@ -72,6 +72,7 @@ impl Alignment {
     fn add_pixel(&mut self, camera: &Camera, views: &Views<'_>, x: usize, y: usize) {
         let at = y * camera.width + x;
         let alpha = f64::from(views.alpha[at]);
+        // A pixel that is mostly background has no depth to move by.
         if alpha < 0.5 || views.mask.is_some_and(|mask| !mask[at]) {
             return;
         }

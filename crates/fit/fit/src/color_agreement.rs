@@ -24,13 +24,13 @@ pub struct ColorAgreement {
 
 /// Turns of the medians.
 const TURNS: usize = 20;
-/// Values darker or brighter than these say nothing about gains.
+/// Mean values darker or brighter than these are clipped in part, and say nothing about gains.
 const RANGE: [f32; 2] = [8.0, 247.0];
-/// Fewer points say nothing.
+/// Fewer shared points say nothing.
 const LEAST_POINTS: usize = 50;
-/// Gains count as real if colors of other points agree so much better with them ...
+/// Photos differ in exposure if gains bring points that they were not fitted to together by this factor ...
 const BETTER: f64 = 0.9;
-/// ... and if half of the photos differ by as much from the mean.
+/// ... and if half of the gains differ from their mean by this part.
 const DIFFERENT: f64 = 0.02;
 
 /// A color that a photo shows of a point.

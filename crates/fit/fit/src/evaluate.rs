@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use weaver_losses::{Lpips, metrics};
 
-/// Smallest side of an image that SSIM is computed for.
+/// Smallest side of an image that SSIM is computed for: the side of its window.
 const LEAST_SIDE: usize = 11;
 
 /// Quality of an image beside a photo, or the mean of images beside photos.

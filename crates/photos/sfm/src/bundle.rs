@@ -44,11 +44,12 @@ pub struct Observation {
 /// Cameras, lenses and points, with where points were seen.
 ///
 /// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2 + sum v (ln s - e)^2 + sum b
-/// (k1^2 + k2^2) + sum u |h|^2` over poses, points and, where asked, lenses: pi(p) is where a point is seen by its
-/// camera, u where it was, d its [deviation](Observation::deviation), c (`scale` of `adjust`) the difference, in
-/// deviations, beyond which an observation counts for less and less; x are the movements of cameras from where they
-/// were [expected](Self::expected); s is the factor of focal lengths of a [`Lens`], e its expected logarithm and v the
-/// weight; k1 and k2 are its distortion and b the weight; h is the shift of its principal point and u the weight.
+/// (k1^2 + k2^2) + sum a |h|^2` over poses, points and free lenses. The first sum is over observations: pi(p) is the
+/// projection of the point, u the observed pixel, d the [deviation](Observation::deviation), and c (`scale` of
+/// `adjust`) the residual, in deviations, beyond which an observation counts for less and less. The others are priors:
+/// x is each number of the twist of a camera from its [expected](Self::expected) pose, and w its weight; s is the
+/// factor on focal lengths of a [`Lens`], e its expected logarithm and v its weight; k1 and k2 are the distortion and b
+/// its weight; h is the shift of the principal point and a its weight.
 #[derive(Clone, Debug, Default)]
 pub struct Bundle {
     /// The cameras, one a photo.
@@ -90,7 +91,7 @@ impl Bundle {
     /// beyond, only cameras that see the same points meet in it. Where these can be numbered so that all that meet are
     /// near each other, as along a walk, its solution is direct, too; else it is solved by conjugate gradients. A fall
     /// of the cost by less than 1e-7 ends it, or a step in which all cameras and lenses together move by less than a
-    /// hundredth of their standard deviation: points without depth would go on for long, and tell cameras nothing.
+    /// hundredth of their standard deviation: points without depth would go on for long without any effect on cameras.
     ///
     /// Sources: Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 6; Agarwal et al., Bundle
     /// adjustment in the large, 2010; Nielsen, Damping parameter in Marquardt's method, 1999.

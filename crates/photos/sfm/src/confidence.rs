@@ -22,9 +22,9 @@ pub enum Confidence {
     Ambiguous,
     /// Points are not where photos see them.
     Inexact,
-    /// The focal length is not known, and two photos hardly tell it.
+    /// The focal length is not given, and two photos hardly determine it.
     Guessed,
-    /// Parts of the scene have too little in common to tell how they stand to each other, or matches contradict it.
+    /// Parts of the scene have too little in common to fix their relative place, or matches contradict it.
     Untied,
     /// The focal length may be more than 5 % off.
     LooseFocal,

@@ -24,7 +24,7 @@ pub enum LeftOut {
     Textureless,
     /// It has nothing in common with the others.
     Unmatched,
-    /// It was taken from the place of others, by turning or not at all: how far anything is away cannot be told.
+    /// It was taken from the place of others, with a rotation or none: depth cannot be determined.
     OnePlace,
     /// It shows something in common with others, but too little, or of another scene.
     Unplaced,
@@ -56,7 +56,7 @@ pub struct Estimate {
     pub untied: Vec<usize>,
     /// Ratio of estimated to given focal lengths, for the lens whose ratio is farthest from 1; 1 where none was given.
     pub focal_factor: f64,
-    /// True if focal lengths were not known, and there are too few photos to tell them.
+    /// True if focal lengths were not given, and there are too few photos to determine them.
     pub focal_guessed: bool,
 }
 

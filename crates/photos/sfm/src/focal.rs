@@ -1,4 +1,4 @@
-//! The focal length of photos that do not tell it, from how well pairs of them explain themselves with each.
+//! The focal length of photos without one, from the support of pairs at each candidate.
 
 use crate::features::Features;
 use crate::lenses::USUAL;
@@ -28,7 +28,7 @@ const RIVAL: f64 = 0.985;
 const UNUSUAL: f64 = 2.0;
 
 /// Focal lengths over the usual one at which pairs of photos have their greatest support, the best first; `cameras`
-/// have the usual one, and only their intrinsics count. Nothing where no pair tells.
+/// have the usual one, and only their intrinsics count. Empty if no pair decides.
 ///
 /// For each pair and focal length, the pose is found that most matches agree with; the sums over pairs are compared.
 /// Pairs that stand nearly still agree with any focal length, so those vote whose displacements differ most.

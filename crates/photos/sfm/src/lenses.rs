@@ -128,9 +128,9 @@ impl EstimateOptions {
 }
 
 impl Bundle {
-    /// The cameras of `photos`; this bundle holds the cameras with these numbers, ascending. The others have the lens
-    /// of one of these where they share it, with the focal length that they tell; or one of their own, as long as they
-    /// tell or as these are.
+    /// The cameras of `photos`; this bundle holds the cameras with these numbers, ascending. The others share the lens
+    /// of one of these if it is the same, with their given focal length; else they have one of their own, with their
+    /// given focal length or the median of these.
     pub(crate) fn among(self, numbers: &[usize], photos: &[Taken]) -> Self {
         let lenses = Lenses::new(photos);
         let of_longer = |i: usize| self.camera(i).intrinsics.fx / photos[numbers[i]].longer();

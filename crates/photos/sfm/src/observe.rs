@@ -15,7 +15,7 @@ const GRAIN: usize = 64;
 /// Cameras that look for points.
 pub(crate) struct Observers<'a> {
     features: &'a [Features],
-    /// With their focal lengths, and as they were told.
+    /// With their focal lengths, and as given.
     cameras: Vec<Camera>,
     told: &'a [Camera],
     lenses: Vec<Lens>,

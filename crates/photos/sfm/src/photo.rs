@@ -12,8 +12,8 @@ pub struct Photo<'a> {
     pub size: [usize; 2],
     /// Which pixels count, `[height, width]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
-    /// The focal length, pixels, as far as it is told. Without one, it takes the focal length of the others: of the
-    /// same lens or, if these have none, of all.
+    /// The focal length, pixels, if it is given. Without one, it takes the focal length of the others: of the same lens
+    /// or, if these have none, of all.
     pub focal: Option<f64>,
     /// Number of the lens that took it; numbers may have gaps. Photos of one lens share one factor of their focal
     /// lengths, distortion and principal point. Photos of one lens that were cropped to other proportions count as of
@@ -41,7 +41,8 @@ impl<'a> Photo<'a> {
 pub enum Find {
     /// None: both are 0.
     Off,
-    /// k1, and of many photos k2, where photos tell them: where they are several of their standard deviations from 0.
+    /// k1, and of many photos k2, where photos determine them: where they are several of their standard deviations from
+    /// 0.
     #[default]
     Told,
     /// k1.

@@ -1,7 +1,7 @@
 //! Which photos may show the same things, for any number of photos.
 //!
 //! Descriptors of keypoints are quantized to words of a [`Vocabulary`] made for these very photos; photos that share
-//! rare words come first. The largest keypoints of those are then matched, which tells chance from the same place.
+//! rare words come first. The largest keypoints of those are then matched, which separates chance from the same place.
 //!
 //! Sources: Sivic and Zisserman, Video Google: a text retrieval approach to object matching in videos, 2003; Nistér and
 //! Stewénius, Scalable recognition with a vocabulary tree, 2006, for the words in two steps; Jégou, Douze and Schmid,

@@ -16,27 +16,29 @@ use crate::retrieval::candidates;
 use crate::ties::untied;
 use crate::turning::turning;
 
-/// Points that a photo with a camera must see at least.
+/// Points that a photo with a camera must see at least, as many as [`Trust::POINTS`] takes to place it.
 const LEAST_SEEN: usize = 25;
-/// Focal lengths that are tried where nothing is known.
+/// Focal lengths, the best by the votes of pairs, that are tried if none is given.
 const FOCAL_LENGTHS: usize = 2;
 /// Photos up to which many initial pairs can be tried.
 const FEW: usize = 8;
-/// Focal lengths by which photos without a scene may turn out to be turned.
+/// Focal lengths by which photos without a scene are checked for a rotation on the spot.
 const POSSIBLE: [f64; 6] = [0.5, 0.65, 0.8, USUAL, 1.2, 1.6];
 /// Initial pairs that are tried, and the most photos for which further ones are tried after the first has reached all.
 const BEGINNINGS: usize = 6;
 const SEVERAL: usize = 12;
-/// Focal lengths are tried until none is found that is by such a part another one, and at most so many.
+/// Further focal lengths are tried as long as the best scene's own differs from every tried one by more than this, in
+/// the logarithm; and the most that are tried.
 const ANOTHER: f64 = 0.04;
 const TRIED: usize = 4;
 /// Two scenes confirm each other if the support of the lesser is at least this part of the better one's.
 const ALIKE: f64 = 0.9;
-/// The share of the matches of a pair that must agree where there are many photos. Two shares, since a wrong pair that
-/// misleads one scene need not be part of the other.
+/// Shares of the matches of a pair that must agree where there are many photos. Without the lower one, the first growth
+/// led kitchen 20 degrees astray in place of 0.2. Two shares, since a wrong pair that misleads one scene need not be
+/// part of the other.
 const CERTAIN: [f64; 2] = [0.5, 0.65];
-/// Rotations farther apart than this are different, radians: while scenes grow, and once they are settled. Explanations
-/// are in which one of so many photos differs.
+/// Rotations farther apart than this are different, radians: while scenes grow, adjusted only roughly, and once they
+/// are settled. Two explanations differ if one of so many photos does: a single wrong photo is no other explanation.
 const GROWN_APART: f64 = 0.1;
 const DIFFERENT: f64 = 0.035;
 const ONE_IN: usize = 8;
@@ -61,7 +63,7 @@ impl Scene {
     }
 }
 
-/// A search for it.
+/// A search for the best scene.
 pub(crate) struct Search<'a> {
     taken: &'a [Taken],
     features: &'a [Features],
@@ -96,9 +98,11 @@ impl<'a> Search<'a> {
         let rival = others.map(|other| other.support / settled[best].support).fold(self.given_up, f64::max);
         let Grown { mut bundle, mut placed, .. } = settled.swap_remove(best);
         self.finish(&mut bundle, &placed);
+        // Photos from one place can make a scene, too, but its depths are undetermined.
         if self.one_place(&bundle, &placed) {
             return Scene { one_place: true, ..Scene::none(self.pairs) };
         }
+        // The last passes may have left a camera with too few observations.
         placed.iter_mut().zip(bundle.seen()).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
         bundle.observations.retain(|o| placed[o.camera]);
         if !placed.contains(&true) {
@@ -110,7 +114,7 @@ impl<'a> Search<'a> {
         Scene { found: Some((bundle, placed)), rival, untied, ..Scene::none(self.pairs) }
     }
 
-    /// No scene. Nothing has told the focal length then, so that each that is possible may explain turns.
+    /// No scene. Without a scene the focal length is unknown, so that a rotation by any possible one counts.
     fn without_cameras(self) -> Scene {
         let all = vec![true; self.taken.len()];
         let of = |factor: &f64| self.one_place(&self.settings.bundle(self.taken, *factor), &all);
@@ -146,8 +150,8 @@ impl<'a> Search<'a> {
                 self.pairs.posed = posed;
             }
             began.resize(self.found.len(), factor);
-            // Poses of pairs are as wrong as the focal length that they were found by: the one that came of it does
-            // better.
+            // Poses of pairs are as wrong as the focal length that they were found by: the adjusted one of the best
+            // scene may do better.
             let again = !self.focal_known() && waiting.is_empty() && tried.len() < TRIED && self.taken.len() <= SEVERAL;
             let found = best.filter(|_| again).map(|best| began[best] * self.found[best].focal_factor());
             waiting.extend(found.filter(|found| tried.iter().all(|tried| (found / tried).ln().abs() > ANOTHER)));
@@ -178,12 +182,15 @@ impl<'a> Search<'a> {
             }
             tried += 1;
             for pose in std::iter::once(&from.pose).chain(&from.rival) {
+                // Two initial pairs that lead to the same best scene are enough.
                 if confirmed(&self.found, first) {
                     return;
                 }
                 let mut grown = Grown::new(bundle.clone(), from.photos, pose);
                 grown.grow(&evidence);
                 if !few {
+                    // Doubtful pairs join once the certain ones have fixed the scene; they must then agree with its
+                    // points.
                     grown.grow(&all);
                 }
                 self.found.push(grown);
@@ -191,7 +198,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// True if a focal length is told.
+    /// True if any photo has a given focal length.
     fn focal_known(&self) -> bool {
         self.taken.iter().any(|t| t.focal.is_some())
     }
@@ -200,6 +207,7 @@ impl<'a> Search<'a> {
     /// for.
     fn focal_lengths(&self, tau: f64) -> Vec<f64> {
         if self.focal_known() {
+            // The lenses of all photos then follow from the given focal lengths, and this factor is not used.
             return vec![USUAL];
         }
         let usual = self.settings.bundle(self.taken, USUAL).cameras;
@@ -215,7 +223,7 @@ fn best(scenes: &[Grown]) -> Option<usize> {
     (0..scenes.len()).reduce(|a, b| if scenes[b].value() > scenes[a].value() { b } else { a })
 }
 
-/// True if two scenes, and no better one, say the same; one of them is among those from `first` on.
+/// True if another scene confirms the best one, and one of both is among the scenes from `first` on.
 fn confirmed(found: &[Grown], first: usize) -> bool {
     let Some(best) = best(found) else { return false };
     let alike = |other: &Grown| {
@@ -245,7 +253,7 @@ impl Grown {
             |bundle: &Bundle, i: usize, from: usize| bundle.cameras[i].pose.relative_to(&bundle.cameras[from].pose);
         let turned =
             |i: usize, from: usize| turn(&self.bundle, i, from).angle_to(&turn(&other.bundle, i, from)) > least;
-        // Seen from the photo that agrees with most.
+        // Relative to the photo that most others agree with, so that a rotation of the world does not count.
         let fewest = both.iter().map(|from| both.iter().filter(|i| turned(**i, *from)).count()).min();
         fewest.is_some_and(|fewest| fewest > 0 && fewest * ONE_IN >= both.len())
     }

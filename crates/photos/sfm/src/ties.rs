@@ -93,7 +93,7 @@ mod tests {
         }
     }
 
-    /// Photos that only chance ties to the others are told.
+    /// Photos that only chance ties to the others are named.
     #[test]
     fn photos_tied_by_chance_are_named() {
         let pairs = [

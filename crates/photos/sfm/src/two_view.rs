@@ -10,7 +10,7 @@ use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_geometry::{Pose, Similarity, so3};
 use weaver_kernels::parallel;
 
-/// The fewest matches a pose is estimated from: its five unknowns, and some to tell wrong matches by.
+/// The fewest matches a pose is estimated from: its five unknowns, and some to reject wrong matches by.
 const FEWEST: usize = 8;
 /// Gauss-Newton steps from each start, and of a descent to the rotation that explains most.
 const STEPS: usize = 6;

@@ -13,7 +13,8 @@ use weaver_kernels::parallel;
 
 /// Standard deviation of a distortion that is expected before anything is seen.
 const BENT: f64 = 0.2;
-/// A distortion is told that is so many of its standard deviations from 0, and moves a corner by so many pixels.
+/// A distortion counts as determined if it is so many of its standard deviations from 0, and moves a corner by so many
+/// pixels.
 const TOLD: f64 = 6.0;
 const MOVED: f64 = 0.3;
 /// Photos from which on one coefficient of it is looked for, and two.
@@ -34,11 +35,11 @@ const STEPS: usize = 20;
 ///
 /// Two parts are added by squares: the uncertainty by the normal equations of the adjustment, with the noise of its
 /// residuals; and the movement of the rest where photos are left out, which also shows errors that many observations
-/// have in common. The focal length of a scene that is one plane is told by so little that neither shows its error, and
-/// counts as if few matches of a photo were independent.
+/// have in common. The focal length of a scene that is one plane is determined so weakly that neither shows its error,
+/// and counts as if few matches of a photo were independent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Uncertainty {
-    /// Of focal lengths, as a part of them: the lens that is told least; 0 where all were given.
+    /// Of focal lengths, as a part of them: the largest of any lens; 0 where all were given.
     pub focal: f64,
     /// Of rotations, radians, by photo; 0 without a camera.
     pub rotations: Vec<f64>,
@@ -68,7 +69,8 @@ impl Uncertainty {
         let focals =
             bundle.lenses.iter().zip(focal.into_iter().zip(left_out.focal)).filter(|(lens, _)| lens.free_focal);
         let focal = focals.map(|(_, (of_all, of_rest))| both(of_all, of_rest)).fold(0.0, f64::max);
-        // A plane tells a focal length by second-order effects, which errors that all matches have in common imitate.
+        // A plane determines a focal length by second-order effects, which errors that all matches have in common
+        // imitate.
         let each = bundle.observations.len() as f64 / bundle.cameras.len().max(1) as f64;
         let focal = if bundle.flat() { focal * (each / INDEPENDENT).max(1.0).sqrt() } else { focal };
         let of_photos = |of_all: Vec<f64>, of_rest: Vec<f64>| {
@@ -180,7 +182,7 @@ impl Bundle {
         }
     }
 
-    /// Frees the distortion of lenses as far as it is asked for and told; returns whether any is.
+    /// Frees the distortion of lenses as far as it is requested and determined; returns whether any is.
     pub(crate) fn free_distortion(&mut self, find: Find, placed: &[bool]) -> bool {
         let count = placed.iter().filter(|placed| **placed).count();
         let [first, second] = match find {

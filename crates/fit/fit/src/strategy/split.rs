@@ -19,9 +19,10 @@ pub struct Split {
     settings: Density,
 }
 
-/// Standard deviations between the middle of a Gaussian and its halves.
+/// Standard deviations between the middle of a Gaussian and its halves. This, the shrinking and the schedule of growth
+/// were varied one at a time, and gained less than 0.15 dB.
 const OFFSET: f32 = 0.5;
-/// Logarithm of the shrinking of the split axis.
+/// Logarithm of the shrinking of the split axis, to 0.6.
 const SHRINK: f32 = -0.51;
 
 /// Part of the rounds after which all room is used; the others only replace faded Gaussians.

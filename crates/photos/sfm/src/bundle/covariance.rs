@@ -12,15 +12,15 @@ use super::{Bundle, TWIST};
 use weaver_geometry::glam::DVec3;
 use weaver_kernels::parallel;
 
-/// Movements of the world that no observation tells: turns, shifts and a scale.
+/// Movements of the world that no observation determines: rotations, shifts and a scale.
 const GAUGE: usize = 7;
 /// Information of observations or priors about such a movement, over the mean of the diagonal, below which there is
 /// none.
 const UNTOLD: f64 = 1e-10;
-/// The determinant of a point's matrix over the cube of its trace below which the distance is not told: rays that
+/// The determinant of a point's matrix over the cube of its trace below which the distance is undetermined: rays that
 /// differ by 1e-4 radians or less.
 const FAR: f64 = 1e-9;
-/// Turns of Jacobi's method over all pairs.
+/// Sweeps of Jacobi's method over all pairs: a guard, as it converges quadratically.
 const SWEEPS: usize = 30;
 /// For many cameras.
 const LIMITS: Limits = Limits { profile: 200_000_000, tolerance: 1e-8, iterations: 5000, ..Limits::USUAL };
@@ -119,7 +119,7 @@ impl Bundle {
                 return None;
             }
             descent.reduce(0.0);
-            // Where next to nothing tells the distance of a point, its part of the equations is lost in rounding.
+            // Where next to nothing determines the distance of a point, its part of the equations is lost in rounding.
             let mut lost = false;
             for part in &descent.parts {
                 let far = |point: u32| part.matrix.get(point as usize).is_some_and(|m| !tells_distance(m));
@@ -203,7 +203,7 @@ impl<'a> Inner<'a> {
         if k < TWIST / 2 && self.descent.blocks.is_camera(block) { self.size } else { 1.0 }
     }
 
-    /// The movements of the world that nothing tells, orthonormal.
+    /// The movements of the world that nothing determines, orthonormal.
     fn gauge(&self) -> Vec<Vec<f64>> {
         let Descent { blocks, reduced, .. } = self.descent;
         let mut all: Vec<Vec<f64>> = vec![vec![0.0; BLOCK * blocks.count]; GAUGE];
@@ -283,7 +283,7 @@ impl<'a> Inner<'a> {
         y
     }
 
-    /// The diagonal of the inverse, without the movements that nothing tells: with G those, orthonormal, the
+    /// The diagonal of the inverse, without the movements that nothing determines: with G those, orthonormal, the
     /// pseudo-inverse of S is `(S + a G G^T)^-1 - G G^T / a`.
     fn marginal(&self, gauge: &[Vec<f64>]) -> Option<Vec<Row>> {
         let reduced = &self.descent.reduced;

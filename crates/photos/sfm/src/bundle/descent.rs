@@ -17,10 +17,11 @@ use weaver_kernels::simd::{self, Level};
 
 /// Damping of the first step over the diagonal, the least and the largest.
 const DAMPING: [f64; 3] = [1e-5, 1e-10, 1e9];
-/// Relative fall of the cost below which nothing more is expected of steps that are hardly damped.
+/// Relative fall of the cost at which the descent has converged, if the damping is at most `HARDLY`: a strongly damped
+/// step is short wherever it is.
 const CONVERGED: f64 = 1e-7;
 const HARDLY: f64 = 1e-2;
-/// Relative fall that is lost in rounding.
+/// Predicted relative fall that is lost in rounding: a step that fails then ends the descent.
 const ROUNDING: f64 = 1e-11;
 /// Root of the mean cost of an observation, in scales, that is as good as none.
 const EXACT: f64 = 1e-11;
@@ -28,7 +29,7 @@ const EXACT: f64 = 1e-11;
 /// Solver of the reduced equations, and its limits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Blocks up to which the matrix is dense where enough of it is there.
+    /// Blocks up to which the matrix is dense, if enough of it is stored.
     pub dense: usize,
     /// Products of blocks up to which the factor of a sparse matrix is found.
     pub profile: usize,
@@ -43,7 +44,7 @@ pub(super) struct Limits {
 impl Limits {
     pub const USUAL: Self = Self { dense: 200, profile: 40_000_000, tolerance: 1e-8, iterations: 1000, settled: 1e-4 };
     pub const ROUGH: Self = Self { settled: 0.1, ..Self::USUAL };
-    /// The part of the matrix that is there, from which on a dense one pays off; and blocks up to which it always does.
+    /// The stored part of the matrix from which on a dense solver pays off; and blocks up to which it always does.
     const FULL: f64 = 0.1;
     const FEW: usize = 16;
 }
@@ -132,6 +133,7 @@ impl<'a> Descent<'a> {
             let fall = if self.solve(damping) { self.attempt(damping) } else { None };
             let Some((next, predicted)) = fall.filter(|(next, _)| *next < cost) else {
                 converged = fall.is_some_and(|(_, predicted)| predicted <= ROUNDING * cost);
+                // Nielsen's update of a step that failed: the damping grows faster and faster.
                 damping *= more;
                 more *= 2.0;
                 continue;

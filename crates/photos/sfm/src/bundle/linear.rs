@@ -9,7 +9,8 @@ use super::{Bundle, longer};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 
-/// An observation behind its camera costs as much as one that is off by so many scales.
+/// An observation behind its camera costs as much as one that is off by so many scales: much, so that steps keep points
+/// in front, but finite, so that adjustments can begin with some behind.
 const BEHIND: f64 = 100.0;
 /// Nearer than this, a point is behind.
 const NEAREST: f64 = 1e-12;

@@ -14,7 +14,7 @@ use weaver_kernels::simd::{self, Level};
 const GROUPS: usize = 64;
 /// Products of blocks below which a task of its own does not pay off.
 const PRODUCTS: usize = 2048;
-/// A pivot over its diagonal element below which nothing holds a point.
+/// A pivot over its diagonal element below which rounding alone holds a point.
 const HELD: f64 = 1e-15;
 
 /// Rows that follow each other, of the lower half of the matrix: only blocks with a point in common.
@@ -224,6 +224,7 @@ fn damped_inverse(matrix: &[f64; 6], damping: f64) -> [f64; 6] {
     // False for NaN, too.
     let held = xx > 0.0 && d1 > HELD * yy && d2 > HELD * zz;
     if !held {
+        // Such a point stays where it is, and has no part in the step of cameras.
         return [0.0; 6];
     }
     // The inverse of the unit lower factor, and of the diagonal.

@@ -52,7 +52,7 @@ impl Grown {
         bundle.lenses.iter_mut().zip(free).for_each(|(lens, free)| lens.free_focal = free);
     }
 
-    /// Adjusts all in the end, and tells how well it is explained.
+    /// Adjusts all in the end, and sets the support.
     pub fn settle(&mut self, evidence: &Evidence<'_>) {
         let Self { bundle, placed, support } = self;
         let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();

@@ -1,4 +1,4 @@
-//! Explanations that are brought to an end, so that they can be told apart.
+//! Explanations that are settled, so that they can be compared.
 
 use super::{FEW, SEVERAL, Search};
 use crate::bundle::Bundle;
@@ -13,14 +13,16 @@ use weaver_geometry::Pose;
 const SETTLED: [usize; 2] = [4, 2];
 const NEARLY: f64 = 0.6;
 const NEARLY_ALL: f64 = 0.9;
-/// Before they are settled, those are different in which photos are turned by more than this, radians.
+/// Before they are settled, scenes are different if photos are rotated by more than this, radians: more than afterward,
+/// as they are not adjusted finely yet.
 const APART: f64 = 0.05;
 /// The share of the matches of a pair that must agree for it to tie photos that look in different directions.
 const CERTAIN: f64 = 0.5;
-/// A photo that the others would turn by more than this is turned, if that explains more by such a part.
+/// A photo is placed anew if the others rotate it by more than this, radians, and the support grows by this factor.
 const ASTRAY: f64 = 0.007;
 const BETTER: f64 = 1.005;
-/// Scales of adjustments after an alignment, and how far off observations are left out after each, pixels.
+/// Scales of adjustments after an alignment, and the limit of outliers after each, in deviations: three scales, as
+/// after any other adjustment.
 const ALIGNING: [(f64, f64); 2] = [(2.0, 6.0), (1.0, 3.0)];
 const STEPS: usize = 40;
 
@@ -70,7 +72,7 @@ impl Search<'_> {
         bundle.finish();
     }
 
-    /// Matches and adjusts once: photos whose cameras stand near each other, and those that pairs hold together.
+    /// Matches and adjusts once: photos whose cameras stand near each other, and the photos of certain pairs.
     fn pass(&self, bundle: &mut Bundle, placed: &[bool], pass: &Pass) {
         let missing: Vec<bool> = placed.iter().map(|placed| !placed).collect();
         let mut pairs = near(bundle, placed, self.settings.candidates);
@@ -91,7 +93,7 @@ impl Search<'_> {
         bundle.finish();
     }
 
-    /// Takes photo after photo out, and puts it where the others say that it belongs if more is explained by that.
+    /// Takes photo after photo out, and places it anew by the others if the support grows by that.
     ///
     /// The first photos of a scene were never placed by the others, and one photo that is turned a little bends many
     /// points after it.

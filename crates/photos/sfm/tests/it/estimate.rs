@@ -75,7 +75,7 @@ fn a_focal_length_that_nobody_knows() {
     let found = estimate(&photos(&scene, false), &EstimateOptions::default());
     let focal = found.cameras[0].as_ref().expect("a camera").intrinsics.fx / scene.views[0].camera.intrinsics.fx;
     assert!(off(&found, &scene) < 1.0, "{} degrees off", off(&found, &scene));
-    // Four photos from a narrow arc hardly tell it.
+    // Four photos from a narrow arc hardly determine it.
     assert!((focal - 1.0).abs() < 0.2, "focal length off by a factor of {focal}");
 }
 
@@ -213,7 +213,7 @@ fn crops_have_focal_lengths_of_their_own() {
     assert!(centers(&found, &scene) < 0.035, "centers off by {}", centers(&found, &scene));
 }
 
-/// A lens that tells nothing begins as others and is found.
+/// A lens without a focal length begins as others and is found.
 #[test]
 fn an_unknown_lens_is_found() {
     let scene = built_in(3, 16);
