@@ -167,7 +167,7 @@ impl Pool {
     }
 
     /// The most bytes that have been in use at one time. The pool may have allocated more, since a free buffer serves
-    /// only requests of its own size to half of it, and counts as one of the size that was asked for.
+    /// only requests of its own size to half of it, and counts as one of the requested size.
     pub fn peak_bytes(&self) -> usize {
         self.shelves.lock().unwrap_or_else(PoisonError::into_inner).peak_bytes
     }

@@ -20,7 +20,7 @@ pub const STEP: usize = 32;
 const PANEL: usize = 16;
 /// Rows of a block: their bytes and their largest products stay in the first cache while panels pass by.
 const BLOCK: usize = 72;
-/// Columns that are told apart by the 16 bits below a product.
+/// Columns that the 16 bits below a product can number.
 const NUMBERED: usize = 1 << 16;
 
 /// The largest two products of a row, lane by lane: a product in the upper 16 bits, the column counted down in the

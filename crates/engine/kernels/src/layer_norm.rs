@@ -151,7 +151,7 @@ pub fn layer_norm_scratch_len(rows: usize, cols: usize) -> usize {
     2 * rows.div_ceil(CHUNK) * cols
 }
 
-/// Gradients of [`layer_norm_forward`] with respect to the input, the weights and the biases, each if asked for, in one
+/// Gradients of [`layer_norm_forward`] with respect to the input, the weights and the biases, each on request, in one
 /// pass.
 ///
 /// `x`, `dy` and `dx` are `[rows, cols]`; `dw` and `db` are `[cols]`. `w` holds the weights, if there are any, and

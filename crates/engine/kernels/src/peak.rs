@@ -41,8 +41,7 @@ pub fn copy_gbs(threads: usize) -> f64 {
     let threads = threads.max(1);
     let from = vec![1.0_f32; COPIED];
     let mut to = vec![0.0_f32; COPIED];
-    // A factor of one that the compiler does not know: a plain copy would become a library call with other kinds of
-    // stores.
+    // A factor of one hidden from the compiler: a plain copy would become a library call with other kinds of stores.
     let factor = black_box(1.0_f32);
     let share = COPIED.div_ceil(threads);
     let mut copy = || {

@@ -105,7 +105,7 @@ pub fn sum<E>(ranks: &dyn Ranks, parts: usize, row: impl FnMut(usize) -> Result<
 /// parts.
 ///
 /// It is done by a binary tree over the parts, so that the bits do not depend on how many processes there are: `join`
-/// makes a node of its first half, which it changes, and of its second half, in this order. `row` is asked for
+/// makes a node of its first half, which it changes, and of its second half, in this order. `row` is called for
 /// consecutive parts on each process.
 ///
 /// # Errors

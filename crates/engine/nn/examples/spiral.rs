@@ -1,4 +1,4 @@
-//! Tells three spiral arms apart: `cargo run --release -p weaver-nn --example spiral`.
+//! Classifies the points of three spiral arms: `cargo run --release -p weaver-nn --example spiral`.
 //!
 //! A perceptron with two hidden layers learns from 600 noisy points. Writes spiral.png (its classes over the whole
 //! plane, and the points) and prints how many of 3000 new points it gets right.

@@ -218,7 +218,7 @@ impl<T: Real> AdamW<T> {
     }
 }
 
-/// A stored state by parameter index. `rows` says whether the optimizer knows steps of rows.
+/// A stored state by parameter index. `rows` says whether the optimizer supports steps of rows.
 pub(crate) fn checked<T: Real>(
     params: &Params<T>,
     state: BTreeMap<String, (u64, Moments<T>)>,

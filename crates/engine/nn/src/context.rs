@@ -47,8 +47,8 @@ impl<'t, 'p, T: Real> Context<'t, 'p, T> {
     }
 
     /// Runs a layer at its own path ([`Tape::part_at`]): only its result stays in memory. The path comes from the name
-    /// of the layer's parameter `id`, which the layer itself knows as `name`: `encoder.block.3.attn.qkv` from `weight`
-    /// of `encoder.block.3.attn.qkv.weight`.
+    /// of the layer's parameter `id`, whose own name within the layer is `name`: `encoder.block.3.attn.qkv` from
+    /// `weight` of `encoder.block.3.attn.qkv.weight`.
     pub fn layer<R: Outputs<T>>(&self, id: ParamId, name: &str, f: impl FnOnce() -> R) -> R {
         let path = self.params.get(id).name().strip_suffix(name).unwrap_or_default();
         self.tape.part_at(path.trim_end_matches('.'), f)

@@ -1,4 +1,4 @@
-//! Attention that knows which camera each token was seen by.
+//! Attention that depends on the camera of each token.
 
 use weaver_autograd::ops::{self, RopeTable};
 use weaver_autograd::{Real, Var};

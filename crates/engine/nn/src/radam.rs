@@ -111,7 +111,7 @@ impl<T: Real> RAdam<T> {
     ///
     /// # Errors
     /// The name of a parameter that is unknown, of another size, or whose rows have steps of their own, which this
-    /// optimizer does not know.
+    /// optimizer does not support.
     pub fn set_state(
         &mut self,
         params: &Params<T>,

@@ -59,7 +59,7 @@ impl RowSet {
 /// Where a row of a grown or shrunk parameter comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowSource {
-    /// An old row, with all that the optimizer knows of it. Named by two rows, it is duplicated with its moments.
+    /// An old row, with its state in the optimizer. Named by two rows, it is duplicated with its moments.
     Keep(u32),
     /// The values of an old row, with moments of zero.
     Copy(u32),

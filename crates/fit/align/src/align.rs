@@ -32,7 +32,7 @@ impl Options {
 /// Outcome of a photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// Its camera was found, as far as the loss tells.
+    /// Its camera was found, as far as the loss shows.
     Found,
     /// The photo has one color, or the scene under it: nothing says where to go. The guess stands.
     Flat,
@@ -80,7 +80,7 @@ const EASE: f64 = 1.2;
 /// Finds the camera of each photo by descending from its guess, with Adam, on a loss between its render and the photo:
 /// [`mean_square`](crate::mean_square) or one's own, values in the scale of colors. Of one's own, four parts of mean
 /// absolute differences to one of structure (1 - SSIM) find nearly every camera that is 4 degrees off, where squares
-/// miss one in four. Photos know nothing of one another.
+/// miss one in four. Photos are independent of one another.
 ///
 /// [`Method::Own`] goes down a cosine to 2 % of the rate, the first half at half the size, blurred, and returns the
 /// best camera that it has seen at full size; the published methods are as published: NoPoSplat's ends with its last

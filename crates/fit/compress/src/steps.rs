@@ -10,7 +10,7 @@ use crate::{CompressError, Judge};
 use weaver_codec::lite::{Quality, decode, encode, order_zero_bits, rounded};
 use weaver_scene::Gaussians;
 
-/// The largest quality that can be asked for, dB: beyond, rounding of 8-bit pictures is larger.
+/// The largest quality that can be requested, dB: beyond, rounding of 8-bit pictures is larger.
 pub const MOST_DECIBELS: f64 = 65.0;
 
 /// Kinds of numbers, in the order of [`order_zero_bits`].

@@ -8,7 +8,7 @@
 //! Every camera, held-out ones too, is turned by `degrees` about a random axis and moved by `percent` of its distance
 //! to the scene (median depth of the points that it sees) in a random direction; focal lengths are wrong by `focal`
 //! percent. Points are as wrong as the cameras: each goes where a random camera that sees it would put it, at its true
-//! depth; with `points=given` they stay where they are, which tells cameras where to go; with `points=none` Gaussians
+//! depth; with `points=given` they stay where they are, which shows cameras where to go; with `points=none` Gaussians
 //! begin at random.
 //!
 //! Errors of poses are medians over training photos after the similarity that best lays their centers on the true ones.

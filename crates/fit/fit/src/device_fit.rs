@@ -39,7 +39,7 @@ pub trait DeviceFit: Debug + Send {
     /// Arguments that do not fit together, more than can be drawn, or a device that fails.
     fn step(&mut self, step: &PhotoStep<'_>) -> Result<PhotoLoss, RasterError>;
 
-    /// Time of each pass since this was last asked, by the device's clock; nothing where that is not measured.
+    /// Time of each pass since the last call, by the device's clock; nothing where that is not measured.
     fn pass_times(&mut self) -> Vec<(&'static str, Duration)> {
         Vec::new()
     }

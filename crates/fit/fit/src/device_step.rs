@@ -15,8 +15,8 @@ impl Fit {
     /// Copies the Gaussians and their statistics from the device that keeps them.
     ///
     /// A device keeps them from step to step; before [`population`](Self::population), [`gaussians`](Self::gaussians)
-    /// and [`state`](Self::state) are asked for, they have to be fetched. With the rasterizer for CPUs there is nothing
-    /// to fetch.
+    /// and [`state`](Self::state) are called, they have to be fetched. With the rasterizer for CPUs there is nothing to
+    /// fetch.
     ///
     /// # Errors
     /// When the device fails.
@@ -51,7 +51,7 @@ impl Fit {
             && self.settings.views_per_step == 1
     }
 
-    /// Time of each pass on the device since this was last asked; nothing where that is not measured.
+    /// Time of each pass on the device since the last call; nothing where that is not measured.
     pub fn pass_times(&mut self) -> Vec<(&'static str, Duration)> {
         self.resident.as_mut().map(|resident| resident.device.pass_times()).unwrap_or_default()
     }

@@ -68,8 +68,8 @@ impl StepTimings {
 
 /// A scene that is being fitted to photos.
 ///
-/// Each step draws one photo's view, compares it with the photo by an [`Objective`], and moves Gaussians (and, if
-/// asked, camera and color correction) down the gradient by Adam. Photos come in an order drawn anew for every round.
+/// Each step draws one photo's view, compares it with the photo by an [`Objective`], and moves Gaussians (and, on
+/// request, camera and color correction) down the gradient by Adam. Photos come in an order drawn anew for every round.
 /// Sources: Kerbl et al., 3D Gaussian Splatting, 2023, section 5; schedules are with [`FitSettings`].
 #[derive(Debug)]
 pub struct Fit {
@@ -148,7 +148,7 @@ impl Fit {
         };
         Ok(Self {
             session: rasterizer.session(),
-            // Adam on a device knows running means alone.
+            // Adam on a device has running means alone.
             resident: rasterizer.device_fit().filter(|_| settings.rates.last == 0.0).map(Resident::new),
             poses: photos.iter().map(|photo| photo.camera.pose).collect(),
             exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },

@@ -7,7 +7,7 @@
 //! - [`Objective`] is the loss between views and photos: [`L1Ssim`], or one of one's own.
 //! - [`Rounding`] trains with quantization: rounded Gaussians are drawn in place of those that are optimized.
 //! - [`FitRasterizer`] draws; one on a device may keep the Gaussians there ([`DeviceFit`]).
-//! - Cameras go toward where their photos fit the scene, if asked: [`Poses`].
+//! - Cameras go toward where their photos fit the scene, on request: [`Poses`].
 //! - [`Transients`] are the things that one photo alone shows; they are found and left out on request.
 //! - Several processes share the photos of a step, if it looks at more than one: [`Fit::share`].
 //! - [`init`] makes the Gaussians to start from.

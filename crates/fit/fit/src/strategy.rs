@@ -16,7 +16,7 @@ use std::fmt::Debug;
 use weaver_kernels::random::Stream;
 use weaver_splat::GaussianStatistics;
 
-/// Where in a run a strategy is asked.
+/// The moment of a run at which a strategy acts.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
     /// Steps done.

@@ -41,7 +41,7 @@ impl Rehearsal {
     /// As [`Fit::step`].
     pub fn of(fit: &mut Fit, seconds: f64) -> Result<Self, FitError> {
         fit.fetch()?;
-        // The first steps of a run are much shorter than those after them: only a whole run, if a short one, tells how
+        // The first steps of a run are much shorter than the later ones: only a whole run, if a short one, shows how
         // many take the time.
         let short = Self::of_steps(fit, STEPS.0)?;
         let steps = fit.agreed(short.steps_in(seconds)).min(STEPS.1);
@@ -123,7 +123,7 @@ pub fn steps_in(fit: &mut Fit, seconds: f64) -> Result<usize, FitError> {
     Ok(in_time(fit, seconds)?.0)
 }
 
-/// [`steps_in`], and the rehearsal that told.
+/// [`steps_in`], and the rehearsal behind it.
 ///
 /// # Errors
 /// As [`Fit::step`].

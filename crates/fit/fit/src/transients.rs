@@ -2,7 +2,7 @@
 //!
 //! While a scene is still young, it shows the majority of the photos. A place that a photo shows far worse than the
 //! other photos that see it is therefore hidden in this photo by something else, and is left out of it; a place that
-//! all photos show badly is only fine or shiny, and stays. Sources of the idea that residuals tell transients:
+//! all photos show badly is only fine or shiny, and stays. Sources of the idea that residuals show transients:
 //! RobustNeRF (Sabour et al., 2023), SpotLessSplats (2024); the comparison with the other photos' residuals at the same
 //! place is our own, and needs no trained features.
 //!
@@ -140,7 +140,7 @@ pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64, thing: f32) -> Op
     let worse = median(expected.iter().map(|(_, residual, mean)| residual / mean).collect(), 1.0).max(1.0);
     let mut evidence = vec![None; width * height];
     for (at, residual, mean) in expected {
-        // Where photos are met as badly as that, nothing tells a thing.
+        // Where photos are met as badly as that, a thing cannot be recognized.
         let mean = (mean * worse).min(thing);
         let ratio = (mean / thing).ln() + residual * (1.0 / mean - 1.0 / thing);
         evidence[at] = Some(ratio.clamp(BOUNDS[0], BOUNDS[1]));

@@ -18,7 +18,7 @@ pub struct Context {
 /// The text that is compiled of a shader.
 type Source = dyn Fn(&Shader) -> String;
 
-/// The driver's report since it was last asked.
+/// The driver's report since the last check.
 type Fault = Arc<Mutex<Option<String>>>;
 
 fn report(fault: &Fault, message: String) {
@@ -146,7 +146,7 @@ impl Context {
         Err(GpuError::Limit { adapter: self.adapter.to_string(), limit, found, needed, what: what() })
     }
 
-    /// The driver's report since it was last asked, as an error.
+    /// The driver's report since the last call, as an error.
     pub(crate) fn check(&self) -> Result<(), GpuError> {
         match self.fault.lock().unwrap_or_else(PoisonError::into_inner).take() {
             None => Ok(()),

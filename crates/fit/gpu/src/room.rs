@@ -59,12 +59,12 @@ impl Room {
         self.buffer.as_ref().expect("room is made before it is used")
     }
 
-    /// Bytes that were asked for last.
+    /// Bytes of the last request.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// The numbers last asked for, as a shader sees them.
+    /// The numbers of the last request, as a shader sees them.
     pub fn all(&self) -> wgpu::BindingResource<'_> {
         self.part(0, self.bytes)
     }

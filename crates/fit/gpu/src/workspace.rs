@@ -100,13 +100,13 @@ pub struct Lists {
 }
 
 impl GpuWorkspace {
-    /// Time of each pass since this was last asked, by the device's clock; nothing where it has none, or where the
-    /// rasterizer does not [measure](crate::GpuRasterizer::measured).
+    /// Time of each pass since the last call, by the device's clock; nothing where it has none, or where the rasterizer
+    /// does not [measure](crate::GpuRasterizer::measured).
     pub fn pass_times(&mut self) -> Vec<PassTime> {
         self.profile.as_mut().map(Profile::take).unwrap_or_default()
     }
 
-    /// Copies since this was last asked, but for the few numbers of a view.
+    /// Copies since the last call, but for the few numbers of a view.
     pub fn transfers(&mut self) -> Transfers {
         std::mem::take(&mut self.staging.transfers)
     }

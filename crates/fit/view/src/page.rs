@@ -83,10 +83,10 @@ pub fn film_html(
     Parts { subject, shots, photo: &photo, further, scene: &scene, nonce: &sum.to_string(), connect: "'none'" }.page()
 }
 
-/// A page that a server sends, which asks the server for the rest.
+/// A page that a server sends, which requests the rest from the server.
 #[derive(Clone, Copy)]
 pub struct ServedPage<'a> {
-    /// A word that nobody can guess, in this page and in its content security policy.
+    /// A word that cannot be guessed, in this page and in its content security policy.
     pub nonce: &'a str,
     /// The address of the scene, a PLY or SPZ file.
     pub scene: &'a str,
@@ -173,7 +173,7 @@ struct Parts<'a> {
     /// The element that holds the scene, if it is inside.
     scene: &'a str,
     nonce: &'a str,
-    /// The places that scripts may ask.
+    /// The places that scripts may connect to.
     connect: &'a str,
 }
 

@@ -146,7 +146,7 @@ pub struct CardinalityHead {
     pub router: Router,
     /// Turn features of pixels into raw numbers of Gaussians.
     pub experts: CardinalityExperts,
-    /// Tells the experts about a cell's size and content.
+    /// Embeds a cell's size and content for the experts.
     embedding: Option<Linear>,
     attention: Option<(TwoLayers, NeighborPredictor)>,
 }

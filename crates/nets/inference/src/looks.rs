@@ -15,7 +15,7 @@ const LEAST_WIDTH: usize = 128;
 /// In whose light a place is shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Looks {
-    /// The photo that tells it.
+    /// The photo that shows it.
     pub from: PathBuf,
     /// Another one, to which the light changes over so many frames, both ends among them: at least 2.
     pub to: Option<(PathBuf, usize)>,

@@ -81,7 +81,8 @@ pub fn depth_picture(prediction: &Prediction, v: usize, like: &Image) -> Image {
 }
 
 /// Density of the Gaussians of view `v` as a picture: black is none, the brighter the more. Brightness follows the root
-/// of the number per pixel, which is the number along a line, so that cells of very different sizes can be told apart.
+/// of the number per pixel, which is the number along a line, so that cells of very different sizes can be
+/// distinguished.
 pub fn density_picture(prediction: &Prediction, v: usize, like: &Image) -> Image {
     let pixels = like.width * like.height;
     let most = prediction.density.iter().copied().fold(f32::MIN_POSITIVE, f32::max);

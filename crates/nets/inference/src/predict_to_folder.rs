@@ -24,7 +24,7 @@ pub struct PredictOptions {
     pub masks: bool,
     /// Which pixels get Gaussians, and how many.
     pub density: Density,
-    /// In whose light the place is shown, for models that know about light.
+    /// The light in which the place is shown, for models of light.
     pub looks: Option<Looks>,
     /// Seed of allocations that draw random numbers.
     pub seed: u64,

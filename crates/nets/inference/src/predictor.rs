@@ -144,10 +144,10 @@ pub struct JointPrediction {
     pub targets: Vec<Camera>,
 }
 
-/// The light that a place is shown in, for models that know about light.
+/// The light that a place is shown in, for models of light.
 #[derive(Clone, Copy, Debug)]
 pub enum Look<'a> {
-    /// Nobody's: of the light nothing is said.
+    /// No light is given.
     Unknown,
     /// The light of a photo.
     Of(Photos<'a>),
@@ -186,13 +186,13 @@ pub trait Predictor: fmt::Debug + Send {
         None
     }
 
-    /// The same model as one that knows about light, if it does.
+    /// The same model as a model of light, if it is one.
     fn lights(&mut self) -> Option<&mut dyn Lights> {
         None
     }
 
-    /// The density that [`Predictor::predict`] would use when asked for this one: gaps filled, the whole checked. Both
-    /// fields are `None` for a model without that choice.
+    /// The density that [`Predictor::predict`] would use for this request: gaps filled, the whole checked. Both fields
+    /// are `None` for a model without that choice.
     ///
     /// # Errors
     /// When the model has no such allocation, or the allocation has no budget.
@@ -267,8 +267,7 @@ pub trait Joint {
     ) -> Result<JointPrediction, Error>;
 }
 
-/// A model that knows about light. Without being asked, [`Predictor::predict`] shows a place in the light of the first
-/// photo.
+/// A model of light. By default, [`Predictor::predict`] shows a place in the light of the first photo.
 pub trait Lights {
     /// Predicts the Gaussians of a scene once, and their colors under each of some looks, at least one.
     ///
@@ -292,7 +291,7 @@ impl dyn Predictor + '_ {
         self.joint().ok_or_else(|| Error::Input("this model does not say where further photos were taken".into()))
     }
 
-    /// The model as one that knows about light.
+    /// The model as a model of light.
     ///
     /// # Errors
     /// For models that do not.

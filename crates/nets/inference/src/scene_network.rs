@@ -28,7 +28,7 @@ pub trait SceneNetwork: Network {
         source: CameraSource<'_>,
     ) -> Result<JointPrediction, Error>;
 
-    /// The same network as one that knows about light, if it does.
+    /// The same network as a model of light, if it is one.
     fn lights(_model: &mut Pretrained<Self>) -> Option<&mut dyn Lights> {
         None
     }

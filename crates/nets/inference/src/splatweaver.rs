@@ -52,8 +52,7 @@ impl SplatWeaverPredictor {
         Self { loaded: Pretrained::new(model, params), allocation, budget, trained: Vec::new() }
     }
 
-    /// Says which experts the weights' training gave pixels to, so that [`Predictor::remark`] can tell which it did
-    /// not.
+    /// Says which experts the weights' training gave pixels to, so that [`Predictor::remark`] can name the others.
     #[must_use]
     pub fn with_trained_experts(self, trained: Vec<u8>) -> Self {
         Self { trained, ..self }
@@ -68,7 +67,8 @@ impl SplatWeaverPredictor {
     }
 
     /// The weights that come with this crate: trained on procedural scenes alone, for photos of 64 x 48 pixels with
-    /// given or estimated cameras. `weights/README.md` tells how they were made, how good they are, and their limits.
+    /// given or estimated cameras. `weights/README.md` describes how they were made, how good they are, and their
+    /// limits.
     ///
     /// # Errors
     /// Never, unless the program is damaged.

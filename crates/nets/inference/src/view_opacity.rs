@@ -59,8 +59,8 @@ impl ViewOpacity {
         Cow::Owned(ActivatedGaussians { opacities, ..gaussians.clone() })
     }
 
-    /// Writes Gaussians with all that there is to know of their opacities, as tensors `means`, `scales`, `quats`,
-    /// `opacity_harmonics`, `sh`.
+    /// Writes Gaussians with all data of their opacities, as tensors `means`, `scales`, `quats`, `opacity_harmonics`,
+    /// `sh`.
     pub(crate) fn write(&self, gaussians: &ActivatedGaussians, path: &Path) -> Result<(), Error> {
         let ActivatedGaussians { means, scales, quats, sh, degree, .. } = gaussians;
         let n = gaussians.len();

@@ -60,7 +60,7 @@ impl Look {
 
 /// Fills the columns of an image's plane `[H, W]` beside those that are `kept` with the mean of these.
 ///
-/// The rest tells its light and nothing of the place. Panics unless `width` divides the plane.
+/// The rest shows its light and nothing of the place. Panics unless `width` divides the plane.
 ///
 /// ```
 /// let mut plane = [1.0, 3.0, 9.0, 9.0];

@@ -31,7 +31,7 @@ const SPARSE: &str = "sparse/0";
 const TRANSFORMS: &str = "transforms.json";
 /// The diagonal of the film that focal lengths are compared by, millimeters.
 const FILM: f64 = 43.266_615;
-/// Standard deviation of focal lengths that are told, as a part of them: cameras round them, and crop.
+/// Standard deviation of given focal lengths, as a part of them: cameras round them, and crop.
 const TOLD: f64 = 0.05;
 
 /// Options of estimating the cameras of photo files.
@@ -39,8 +39,8 @@ const TOLD: f64 = 0.05;
 pub struct EstimatePhotosOptions {
     /// Photos are shrunk to this longest side for matching, pixels.
     pub long_side: usize,
-    /// The focal length of all photos, in pixels of a photo whose longer side is 1; `None` asks the files, and
-    /// estimates it where these do not tell.
+    /// The focal length of all photos, in pixels of a photo whose longer side is 1; `None` takes it from the files, and
+    /// estimates it if they have none.
     pub focal: Option<f64>,
     /// True if the focal length in the files is used.
     pub exif: bool,
@@ -50,7 +50,7 @@ pub struct EstimatePhotosOptions {
     pub shared: bool,
     /// Which radial distortion is found.
     pub distortion: Find,
-    /// True if photos are known to follow one another, as frames of a clip do; otherwise their names tell. Of many
+    /// True if photos are known to follow one another, as frames of a clip do; otherwise their names decide. Of many
     /// photos each is then compared with those before and behind it, too.
     pub sequence: bool,
 }
@@ -72,7 +72,7 @@ pub struct EstimatedPhotos {
     images: Vec<Small>,
     /// Width and height of the files once they are upright.
     sizes: Vec<(usize, usize)>,
-    /// Which have a size that does not tell that they have to be turned.
+    /// Photos whose size leaves the EXIF rotation ambiguous.
     ambiguous: Vec<bool>,
     /// Which are only located.
     located: Vec<bool>,
@@ -163,7 +163,7 @@ impl EstimatedPhotos {
         self.estimate.confidence()
     }
 
-    /// Number of lenses that the photos were taken to have: one if all have the same proportions, tell no two focal
+    /// Number of lenses that the photos were taken to have: one if all have the same proportions and no different focal
     /// lengths, and share it.
     pub fn lenses(&self) -> usize {
         self.lens_of.iter().max().map_or(0, |last| last + 1)
@@ -197,8 +197,8 @@ impl EstimatedPhotos {
     /// content.
     ///
     /// Photos stay where they are and are named relative to the folder, so that both can be moved together; a
-    /// distortion that was found is named with their cameras. Those that EXIF turns in a way that their size does not
-    /// tell are written to upright/.
+    /// distortion that was found is named with their cameras. Photos whose size leaves the EXIF rotation ambiguous are
+    /// written to upright/.
     ///
     /// # Errors
     /// When a file cannot be written, or is not to be replaced; when photos cannot be read again.

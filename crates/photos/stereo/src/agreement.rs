@@ -15,7 +15,7 @@ pub(crate) struct Map {
     pub slope: Vec<[f32; 2]>,
 }
 
-/// A photo agrees if its own depth leads back to within so many pixels of where it was asked from ...
+/// A photo agrees if its own depth leads back to within so many pixels of the start ...
 const AWAY: f32 = 1.0;
 /// ... and inverse depths differ by no more than this part of them, or of the largest there is.
 const DIFFERENT: f32 = 0.01;

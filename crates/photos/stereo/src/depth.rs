@@ -48,7 +48,7 @@ const SIZES: [[f32; 2]; 2] = [[4.0, 0.6], [0.5, 0.5]];
 const FRESH: usize = 2;
 /// The largest inverse depth that is tried, over the one that 99 of 100 points stay below.
 const MARGIN: f32 = 3.0;
-/// Photos that are asked whether they agree.
+/// Photos that are checked for agreement.
 const WITNESSES: usize = 8;
 
 impl Stereo {

@@ -1,7 +1,7 @@
 //! Depth of photos whose cameras are known, from the photos alone, and Gaussians on the surface that they agree about.
 //!
 //! Each pixel looks for the plane under which its surroundings look alike in neighboring photos: planes are drawn at
-//! random and handed on from pixel to pixel. Depth is kept where two other photos, asked on their own, show the same;
+//! random and handed on from pixel to pixel. Depth is kept where two other photos, each on its own, show the same;
 //! small patches need a third.
 //!
 //! ```

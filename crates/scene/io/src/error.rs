@@ -48,7 +48,7 @@ pub enum Error {
         /// The place in it, the expected and the found content.
         source: weaver_codec::CodecError,
     },
-    /// Results cannot be written where they are asked for: something would be lost.
+    /// Results cannot be written at the requested place: something would be lost.
     #[error("{}: output: expected {expected}, found {found}", path.display())]
     Output {
         /// The file or folder.

@@ -1,7 +1,7 @@
 //! Distortions as the metrics see them: `cargo run --release -p weaver-losses --example image_quality`.
 //!
-//! A picture is spoilt in four ways, each until its mean squared error is the same. PSNR cannot tell them apart; SSIM
-//! can. Writes image_quality.png (the picture, then brighter, shifted, noisy, blurred) and prints both.
+//! A picture is spoilt in four ways, each until its mean squared error is the same. PSNR rates them equal; SSIM does
+//! not. Writes image_quality.png (the picture, then brighter, shifted, noisy, blurred) and prints both.
 
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Image;

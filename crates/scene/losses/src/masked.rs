@@ -75,7 +75,7 @@ pub fn inside_of<'t, T: Real>(images: Var<'t, T>, inside: &[bool]) -> Var<'t, T>
 ///
 /// Both images are `[N, C, H, W]`, the mask `inside` is `[N, H, W]`. Differentiable in both; pixels outside have no
 /// influence and no gradient, NaN included. With a mask that is true everywhere, [`mse`] to the bit. Source: Fujimura
-/// et al., WildSplatter, arXiv 2604.21182 (as released: the mean does not know how much of an image counts).
+/// et al., WildSplatter, arXiv 2604.21182 (as released: the mean ignores the size of the mask).
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -108,7 +108,7 @@ pub struct Descent {
 
 impl Descent {
     /// From a first guess. `unit` is the length that translations are measured in: the mean depth of the camera's view,
-    /// or the scene's size; [`Method::NoPoSplat`] knows none.
+    /// or the scene's size; [`Method::NoPoSplat`] has none.
     pub fn new(method: Method, camera: Camera, unit: f64) -> Self {
         let unit = if method == Method::NoPoSplat { 1.0 } else { unit };
         let to_world = camera.pose.inverse();

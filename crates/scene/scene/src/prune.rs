@@ -43,7 +43,7 @@ fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-/// Neighbors by which a floater is told.
+/// Neighbors by which a floater is recognized.
 const NEIGHBORS: usize = 8;
 /// Standard deviations of the logarithm of a distance beyond which a Gaussian is a floater.
 const DEVIATIONS: f32 = 3.0;

@@ -33,7 +33,7 @@ pub(crate) fn put_columns<V: Lanes, const K: usize>(columns: &[V; K], add: bool,
     }
 }
 
-/// Asks for numbers that will be needed soon: rows are read out of order, which the processor does not foresee.
+/// Prefetches numbers: rows are read out of order, which the processor does not foresee.
 #[inline(always)]
 pub(crate) fn prefetch_rows<T>(values: &[T], from: usize, count: usize) {
     let values = &values[from.min(values.len())..(from + count).min(values.len())];

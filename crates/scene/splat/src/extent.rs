@@ -42,7 +42,7 @@ pub struct Extent {
     pub groups: usize,
     /// C.
     pub channels: usize,
-    /// True if depth was asked for.
+    /// True if depth was requested.
     pub depth: bool,
     /// Region of each view that is drawn.
     pub region: Region,
@@ -73,7 +73,7 @@ fn checked(groups: Groups<'_>, n: usize) -> Result<usize, RasterError> {
 }
 
 impl Extent {
-    /// The sizes of a call, if everything in it fits together; `depth` says whether depth is asked for.
+    /// The sizes of a call, if everything in it fits together; `depth` says whether depth is requested.
     ///
     /// # Errors
     ///

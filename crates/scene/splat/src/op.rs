@@ -41,8 +41,8 @@ impl<T: Real> WorkspacePool<T> {
         &self.rasterizer
     }
 
-    /// The failure since this was last asked: arguments that the rasterizer refused, or a device that failed.
-    /// Everything drawn since then is NaN.
+    /// The failure since the last call: arguments that the rasterizer refused, or a device that failed. Everything
+    /// drawn since then is NaN.
     pub fn failure(&self) -> Option<RasterError> {
         self.shelf.failure()
     }
@@ -58,11 +58,11 @@ impl<T: Real> Default for WorkspacePool<T> {
 ///
 /// Inputs, in this order: means `[N, 3]`, quats `[N, 4]` (wxyz), scales `[N, 3]`, opacities `[N]`, colors `[N, 3]` or
 /// spherical harmonics `[N, K, 3]` with K of 1, 4, 9, 16, 25 or none `[N, 0]`, view matrices `[V, 3, 4]` or `[V, 4,
-/// 4]`, intrinsics `[V, 4]` (fx, fy, cx, cy), background `[3]` or `[V, 3]`, and, where asked for, features `[N, C]`.
-/// Outputs: image `[V, H, W, 3]` (`[V, H, W, 0]` without colors), alpha `[V, H, W]`, depth `[V, H, W]` (`[0]` where not
-/// asked for), features `[V, H, W, C]` where given, and auxiliary, without gradient, the counts `[3]` of splats, list
-/// entries and rejected Gaussians. With a [region](RasterSettings::region) H and W are its sizes. Every input has a
-/// gradient; [`rasterize_backward`](crate::rasterize_backward()) lists the quantities held constant.
+/// 4]`, intrinsics `[V, 4]` (fx, fy, cx, cy), background `[3]` or `[V, 3]`, and optionally features `[N, C]`. Outputs:
+/// image `[V, H, W, 3]` (`[V, H, W, 0]` without colors), alpha `[V, H, W]`, depth `[V, H, W]` (`[0]` unless requested),
+/// features `[V, H, W, C]` where given, and auxiliary, without gradient, the counts `[3]` of splats, list entries and
+/// rejected Gaussians. With a [region](RasterSettings::region) H and W are its sizes. Every input has a gradient;
+/// [`rasterize_backward`](crate::rasterize_backward()) lists the quantities held constant.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -161,7 +161,7 @@ pub(crate) fn projection<V: Lanes>(view: &View<V>, settings: &RasterSettings, gr
     }
 }
 
-/// The Gaussians of a call as the tile layer asks for them.
+/// The Gaussians of a call in the interface of the tile layer.
 pub(crate) struct EwaProjection<'a, T> {
     pub gaussians: &'a GaussianSlices<'a, T>,
     pub cameras: &'a CameraSlices<'a, T>,

@@ -7,10 +7,10 @@ use std::cell::Ref;
 use weaver_kernels::Real;
 
 impl<T: Real> Tape<T> {
-    /// A parameter as a leaf, shared without a copy; asked for again, a parameter is the same value. Frozen parameters
-    /// are constants.
+    /// A parameter as a leaf, shared without a copy; a second call for a parameter returns the same value. Frozen
+    /// parameters are constants.
     ///
-    /// All parameters on a tape must belong to one [`Params`], since they are told apart by their ids. Use
+    /// All parameters on a tape must belong to one [`Params`], since they are identified by their ids. Use
     /// [`shared_constant`](Tape::shared_constant) for the parameters of another model, which is not trained.
     #[inline(never)]
     pub fn param(&self, params: &Params<T>, id: ParamId) -> Var<'_, T> {

@@ -131,8 +131,8 @@ impl<T: Real> Tape<T> {
         self.steps(f).end()
     }
 
-    /// Runs a part of a model that knows its full path, which is put in place of the model path; an empty one changes
-    /// nothing. Of the part's memory only its outputs stay, as of [`part`](Self::part)'s.
+    /// Runs a part of a model by its full path, which takes the place of the model path; an empty one changes nothing.
+    /// Of the part's memory only its outputs stay, as of [`part`](Self::part)'s.
     pub fn part_at<R: Outputs<T>>(&self, path: &str, f: impl FnOnce() -> R) -> R {
         let _path = self.replace_path(path);
         self.steps(f).end()

@@ -47,7 +47,7 @@ impl Tile {
             // SAFETY: the tile was made for a level that the processor supports.
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => unsafe { x86::avx2(a, panel, number, largest, maxima) },
-            // SAFETY: the processor was asked for the instruction.
+            // SAFETY: `new` makes this variant only where the processor has the instruction.
             #[cfg(target_arch = "x86_64")]
             Self::Vnni => unsafe { x86::vnni(a, panel, number, largest, maxima) },
         }

@@ -62,8 +62,8 @@ fn small_f64() {
 }
 
 /// Every size from 1 to 70 in all three dimensions together: windows of three large matrices of small integers, whose
-/// products are exact. The expected product grows with k. One in nine of them where nobody asks for more: each size of
-/// a dimension with some of the others.
+/// products are exact. The expected product grows with k. One in nine of them by default: each size of a dimension with
+/// some of the others.
 fn every_size<T: Real + PartialEq>() {
     const MOST: usize = 70;
     let integers = |seed| -> Vec<T> {

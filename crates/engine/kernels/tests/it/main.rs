@@ -59,7 +59,7 @@ fn assert_close<T: Real>(got: &[T], expected: &[f64], tolerance: f64, what: &str
     }
 }
 
-/// A `rows` x `cols` matrix, stored as its transpose if so asked.
+/// A `rows` x `cols` matrix, stored as its transpose if `transposed`.
 fn matrix<T: Real>(data: &[T], rows: usize, cols: usize, transposed: bool) -> Mat<'_, T> {
     if transposed { Mat::new(data, cols, rows).transposed() } else { Mat::new(data, rows, cols) }
 }

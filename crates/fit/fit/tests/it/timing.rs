@@ -39,7 +39,7 @@ fn rounds_are_no_part_of_steps() {
         let start = Instant::now();
         let found = Rehearsal::of(&mut fit, seconds).expect("a rehearsal");
         let rounds = 5.0 * ROUND as f64 / 1000.0;
-        // A sleep takes no less than is asked for.
+        // A sleep takes no less than its length.
         assert!(found.rounds >= rounds, "{found:?}");
         // The shortest run alone has 30 steps; rounds that counted twice would make them longer than all of it.
         let all = start.elapsed().as_secs_f64();

@@ -61,7 +61,7 @@ fn gradients_of_bands_add_up() {
     check(&narrow, &scene, 8).unwrap();
 }
 
-/// Gradients are added where that is asked for, and cotangents may be left out.
+/// Gradients are added on request, and cotangents may be left out.
 #[test]
 fn targets_are_added_to() {
     let Some(rasterizer) = rasterizer() else { return };

@@ -1,4 +1,4 @@
-//! Numbers and arguments that nobody should pass, and somebody will.
+//! Numbers and arguments that no caller should pass, and some will.
 
 use crate::device::{gradients, rasterizer, render, with_limits};
 use crate::scene::{Planes, Scene};
@@ -145,7 +145,7 @@ fn a_machine_without_a_driver_has_no_adapters() {
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stdout));
 }
 
-/// A device that somebody else has opened.
+/// A device that another program has opened.
 #[test]
 fn a_device_of_ones_own_draws_the_same() {
     let Some(rasterizer) = rasterizer() else { return };

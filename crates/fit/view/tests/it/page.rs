@@ -137,7 +137,7 @@ fn a_bar_shows_the_scale_where_it_is_known() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
-/// The slider of a file goes to the nearest moment that it holds, and needs nobody for that.
+/// The slider of a file goes to the nearest moment that it holds, and needs no server for that.
 #[test]
 fn a_film_in_one_file_is_shown_at_its_moments() {
     let Some(browser) = Browser::start("a_film_in_one_file") else { return };

@@ -42,7 +42,7 @@ pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, w
     // The number of Gaussians is not known in advance; published scenes have fewer than 0.6 per pixel. Each has its
     // pixel's features, its raw parameters in several layouts, and its projections for the attention. Pairs of
     // neighbors exist for one chunk of the Gaussians at a time, in some six tensors. The pool's buffers are an eighth
-    // larger than asked for, on average. Compared with measurements at the published size, the larger of both parts
+    // larger than requested, on average. Compared with measurements at the published size, the larger of both parts
     // with its weights is 17, 20 and 20 % too much for 2, 4 and 8 photos; for a small network, where this part decides,
     // 20 and 1 % for 8 and 16.
     let drawn = views * pixels * 6 / 10;

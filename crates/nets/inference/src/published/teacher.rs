@@ -56,7 +56,7 @@ impl Geometry {
     }
 }
 
-/// A published checkpoint that tells cameras and depth of photos: SplatWeaver's or VGGT's, whose Gaussian head is not
+/// A published checkpoint that gives cameras and depth of photos: SplatWeaver's or VGGT's, whose Gaussian head is not
 /// used.
 #[derive(Debug)]
 pub struct Teacher {

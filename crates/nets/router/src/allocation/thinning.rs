@@ -114,7 +114,7 @@ impl<T: Real> Allocation<T> for Random {
 /// `uniform` of the steps and otherwise uniform between 0 and `strongest`. Thresholds are noise in half of the steps,
 /// and in the other half the Bayer matrix at one random shift for all views; noise of a millionth breaks ties. The
 /// pixels of highest score get one Gaussian. A model trained in this way accepts any budget and density at test time,
-/// and knows all its experts.
+/// and has trained all its experts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainingMix {
     /// Budgets in Gaussians per pixel; each step draws one.

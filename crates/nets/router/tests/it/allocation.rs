@@ -168,7 +168,7 @@ fn a_grid_keeps_no_hole_wider_than_its_spacing() {
 fn the_density_follows_the_logit() {
     let size = [2, 32, 32];
     let pixels = 2048;
-    // The right half asks for more.
+    // The right half prefers more.
     let logits: Vec<f64> = (0..pixels).flat_map(|p| [0.0, if p % 32 >= 16 { 1.0 } else { 0.0 }, 9.0, 9.0]).collect();
     let energy = vec![1.0; pixels];
     let expert = Dithered { budget: 0.3, gamma: 1.0 }.allocate(&request(&logits, &energy, size, 0)).expert;

@@ -30,14 +30,13 @@ pub struct PhotoCameras {
 ///
 /// `file` is a transforms.json, with the points of a COLMAP model in `sparse/0` or `sparse` beside it where there is
 /// one; a folder with a COLMAP model, itself or in `sparse/0` or `sparse`; or a RealEstate10K file. A photo's camera is
-/// the one whose name has most parts in common with the end of the photo's path: `a/1.jpg` and `b/1.jpg` are told
-/// apart, and `1.jpg` is enough where it is the only one. With `masked`, photos are white outside of their masks: those
-/// that the file names, else as [`load_masked_images`](super::load_masked_images) finds them.
+/// the one whose name has most parts in common with the end of the photo's path: `a/1.jpg` and `b/1.jpg` differ, and
+/// `1.jpg` is enough where it is the only one. With `masked`, photos are white outside of their masks: those that the
+/// file names, else as [`load_masked_images`](super::load_masked_images) finds them.
 ///
 /// # Errors
 /// When the file is missing or malformed; when photos have no camera, several, or one that another photo has, too: all
-/// of them are listed; when a photo cannot be read, its size is not its camera's, or a mask is missing that was asked
-/// for.
+/// of them are listed; when a photo cannot be read, its size is not its camera's, or a requested mask is missing.
 pub fn load_cameras(
     file: &Path,
     photos: &[PathBuf],
@@ -77,7 +76,7 @@ pub(super) fn frames(file: &Path, photos: &[PathBuf]) -> Result<Vec<Frame>, Erro
     Ok(of_photos(read(file)?.photos, file, photos)?.into_iter().map(|photo| photo.frame).collect())
 }
 
-/// Of all photos that a file knows those that are asked for, with the paths that they have here.
+/// The requested photos among all in a file, with the paths that they have here.
 fn of_photos(known: Vec<Photo>, file: &Path, photos: &[PathBuf]) -> Result<Vec<Photo>, Error> {
     let names: Vec<&str> = known.iter().map(|photo| photo.frame.name.as_str()).collect();
     let files: Vec<&Path> = known.iter().map(|photo| photo.frame.path.as_path()).collect();

@@ -48,7 +48,7 @@ pub struct PosedPhoto {
     /// Its pixels, without distortion, with their camera.
     pub photo: Photo,
     /// The image file: its path, its camera with the distortion that is undone in [`photo`](Self::photo), and the
-    /// capture's entries for it. The mask is the file that was read, if masks were asked for.
+    /// capture's entries for it. The mask is the file that was read, if masks were requested.
     pub frame: Frame,
     /// Kept from training, for evaluation.
     pub held_out: bool,
@@ -79,7 +79,7 @@ pub struct PosedPhotos {
 pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhotos, Error> {
     let path = path.as_ref();
     let mut capture = read_split_photos(path, options.hold_out)?;
-    // Whether too many photos are unreadable is a question of the capture, whichever are asked for.
+    // Whether too many photos are unreadable is a question of the whole capture, not of the requested part.
     let needed = Needed { least: 1, all: capture.photos.len() };
     if options.held_out_only && capture.photos.iter().any(|photo| photo.held_out) {
         capture.photos.retain(|photo| photo.held_out);

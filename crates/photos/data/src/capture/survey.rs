@@ -14,7 +14,7 @@ use weaver_scene::{Frame, PointCloud};
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurveyedPhoto {
     /// The image file: its path, its camera, and the capture's entries for it. The mask is a file that is there, if
-    /// masks were asked for.
+    /// masks were requested.
     pub frame: Frame,
     /// Its camera without distortion.
     pub camera: Camera,

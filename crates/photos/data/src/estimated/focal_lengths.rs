@@ -1,4 +1,4 @@
-//! Focal lengths that files tell, and which of them cannot be right.
+//! Focal lengths in files, and outliers among them.
 
 use crate::remarks::some_of;
 use std::collections::BTreeSet;
@@ -37,8 +37,8 @@ pub(super) fn without_outliers(names: &[String], focals: &[Option<f64>]) -> (Vec
 /// A given focal length is contradicted by photos when it is so many deviations off their estimate.
 const CONTRADICTED: f64 = 2.0;
 
-/// Estimates cameras, without the focal lengths that files tell of lenses where photos show another one; and a remark
-/// on these.
+/// Estimates cameras, without the focal lengths in files for lenses where photos contradict them; and a remark on
+/// these.
 ///
 /// A given focal length is a measurement, whose deviation holds back the estimate from photos. Where the estimate is
 /// far off nevertheless, the given number is no measurement of this lens, and half way between both is wrong for
@@ -97,7 +97,7 @@ mod tests {
             remark.ends_with("off those of the other photos are not used: 2.jpg (5000 mm), 5.jpg (1 mm)"),
             "{remark}"
         );
-        // One in three; and photos that tell nothing.
+        // One in three; and photos without one.
         let (left, remark) = kept(&[None, Some(28.0), Some(5000.0), None, Some(30.0)]);
         assert_eq!(left, [None, Some(28.0), None, None, Some(30.0)]);
         assert!(remark.unwrap().ends_with(": 2.jpg (5000 mm)"));

@@ -1,4 +1,4 @@
-//! Whether photos were taken one after the other, as their names tell.
+//! Recognizes photos that were taken one after the other, by their names.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ const FEWEST: usize = 30;
 /// The share of the steps from one photo to the next that must be regular.
 const REGULAR: f64 = 0.75;
 
-/// True if names tell that photos were taken one after the other: the same text around one number that rises by the
+/// True if names show that photos were taken one after the other: the same text around one number that rises by the
 /// same step from one to the next, for the most part. Up to twice as far is a photo that was thrown away.
 ///
 /// Being wrong does little harm: neighbors are compared beside the photos that look most alike.

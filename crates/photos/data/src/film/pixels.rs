@@ -9,7 +9,7 @@ use weaver_io::PhotoFile;
 pub enum Pixels {
     /// In memory.
     Kept(Vec<u8>),
-    /// In a file, which is read whenever they are asked for.
+    /// In a file, which is read on demand.
     Stored {
         /// The file.
         file: PhotoFile,

@@ -33,7 +33,7 @@ const EYES: f64 = 1.6;
 /// From a long building to the way along it.
 const AWAY: f64 = 7.0;
 
-/// A capture of many photos before they are taken: each is made when it is asked for.
+/// A capture of many photos before they are taken: each is made on demand.
 ///
 /// Lengths are meters, the z axis points up, cameras are exact, and every photo is the same at any number of threads.
 /// Boxes of all sizes, each with detail of its own from meters to millimeters, that is left out where pixels cannot

@@ -56,7 +56,7 @@ fn unplaced_held_out_photos_leave_none() {
         let capture = posed::load(&found, &PosedOptions::default()).unwrap();
         capture.photos.iter().filter(|photo| photo.held_out).count()
     };
-    // Nobody said anything about it: every eighth.
+    // No choice was made: every eighth.
     assert_eq!(held_out(&paths, &[false; 4]), 1);
     assert_eq!(test_names(&found), None);
     assert_eq!(held_out(&paths, &[false, true, false, false]), 1);
@@ -121,7 +121,7 @@ fn results_replace_those_before_whole_or_not() {
     assert_eq!(names, ["cameras.json", "points.png", "sparse", "transforms.json", "written.jsonl"]);
 }
 
-/// promise: a file of somebody else where upright copies would go is met before photos are matched.
+/// promise: a foreign file where upright copies would go is met before photos are matched.
 #[test]
 fn foreign_upright_photos_are_met_at_the_start() {
     let temporary = tempfile::tempdir().unwrap();
@@ -151,11 +151,11 @@ fn an_absurd_focal_length_is_named() {
     assert_eq!(absurd.estimate.cameras, expected.estimate.cameras);
     let [remark] = &absurd.remarks[..] else { panic!("{:?}", absurd.remarks) };
     assert!(remark.contains("2.png (5000 mm)") && !remark.contains("1.png"), "{remark}");
-    // Of two nobody knows which is right.
+    // With two, either may be right.
     let (nothing, two) = (tell([0; 3]), tell([0, 30, 300]));
     assert_eq!(two.estimate.cameras, nothing.estimate.cameras);
     assert!(two.remarks.len() == 1 && two.remarks[0].contains("1.png (30 mm), "), "{:?}", two.remarks);
-    // Where the user tells it, files are not asked.
+    // If the user gives it, files are not read.
     let two = [paths[1].clone(), paths[2].clone()];
     assert_eq!(estimated(&two, &told()).remarks, [""; 0]);
 }
@@ -248,7 +248,7 @@ fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options
         let stays = orientation == NoTransforms;
         let name = if stays { format!("../stored/{stem}.png") } else { format!("upright/{stem}.png") };
         assert_eq!(photo.photo.name, name);
-        // Readers that know nothing of EXIF see the same.
+        // Readers without EXIF support see the same.
         assert_eq!(image::open(&photo.frame.path).unwrap().into_rgb8().into_raw(), photo.photo.rgb);
     }
     assert!(capture.join("upright").exists());

@@ -58,7 +58,7 @@ fn every_camera_sees_every_kind_of_motion() {
     }
 }
 
-/// Where a single camera stands still, points tell the size of the scene.
+/// Where a single camera stands still, points give the size of the scene.
 #[test]
 fn a_single_viewpoint_has_the_extent_of_its_points() {
     let mut film = procedural(1, &FilmOptions { width: 4, height: 3, cameras: 1, frames: 2, points: 0 });

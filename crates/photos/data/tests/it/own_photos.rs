@@ -335,7 +335,7 @@ fn a_masked_capture_is_the_clean_one_with_masks() {
     assert!(none.contains("mask: expected") && none.contains("masks/0.png or ") && none.contains("alpha"), "{none}");
 }
 
-/// Masks of photos of one name in two folders are told apart.
+/// Masks of photos of one name in two folders are kept apart.
 #[test]
 fn masks_of_photos_of_one_name() {
     let folder = tempfile::tempdir().unwrap();

@@ -113,7 +113,7 @@ fn wrong_entries_of_one_photo_are_an_error() {
     image::RgbImage::new(20, 15).save(&photo).unwrap();
     let message = loaded(folder.path()).unwrap_err();
     assert!(message.contains("3.png: image size: expected 40x30, its camera's, found 20x15"), "{message}");
-    // Masks that are asked for.
+    // Requested masks.
     write(folder.path(), 8, true);
     fs::create_dir(folder.path().join("masks")).unwrap();
     for i in 0..7 {

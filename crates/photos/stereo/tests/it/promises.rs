@@ -29,7 +29,7 @@ fn the_depth_of_a_wall_is_found() {
     }
 }
 
-/// Gaussians lie on the wall, flat, each part of it once, and no more than asked for.
+/// Gaussians lie on the wall, flat, each part of it once, and no more than requested.
 #[test]
 fn gaussians_cover_the_wall_once() {
     let surface = STEREO.surface();

@@ -1,4 +1,4 @@
-//! Neighbors that a decoder knows already.
+//! Neighbors that a decoder has decoded already.
 
 use crate::morton::from_morton3;
 use weaver_kernels::simd;

@@ -40,8 +40,8 @@ pub(crate) fn atomic_write_checked<T>(
     Ok(checked)
 }
 
-/// A writer that keeps its first error: encoders wrap errors, and lose the kind that tells a full disk from a fault of
-/// the input.
+/// A writer that keeps its first error: encoders wrap errors, and lose the kind that separates a full disk from a fault
+/// of the input.
 struct FirstError<W> {
     inner: W,
     error: Option<io::Error>,

@@ -9,7 +9,7 @@ use std::path::Path;
 /// Bytes of a file that are read at once: a whole number of words.
 const PART: usize = 1 << 16;
 
-/// FNV-1a by whole words: tells content that was changed or exchanged, not content that was forged.
+/// FNV-1a by whole words: detects content that was changed or exchanged, not content that was forged.
 ///
 /// ```
 /// use weaver_io::Checksum;

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// A file that is in memory, or whose parts are read when they are asked for.
+/// A file that is in memory, or whose parts are read on demand.
 pub(crate) enum Content<'a> {
     Memory(Cow<'a, [u8]>),
     Disk { path: PathBuf, length: usize },

@@ -18,8 +18,8 @@ fn available(meminfo: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
-/// The largest resident memory of this process so far, in millions of bytes; `None` where the system does not tell
-/// (it does on Linux).
+/// The largest resident memory of this process so far, in millions of bytes; `None` where the system has no such figure
+/// (Linux has).
 pub fn peak_mb() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -12,14 +12,13 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The file in a folder of results that lists the files written there by this program, a line of JSON for each.
 const RECORD: &str = "written.jsonl";
-/// Files by which a folder of results is told, also one from before there was a record: settings of runs are the
-/// others.
+/// Files that mark a folder of results, also one from before there was a record: settings of runs are the others.
 const RESULTS: [&str; 3] = [RECORD, "run.json", "config.toml"];
 
 /// A folder that a command writes its results into. It is the command's alone for as long as this value lives.
 ///
 /// A file is replaced only if the record in the folder, `written.jsonl`, says that the same command wrote it. So
-/// results can be made anew in their place, and all other files there are safe: photos, somebody's cameras, the results
+/// results can be made anew in their place, and all other files there are safe: photos, a user's cameras, the results
 /// of other commands. A folder that did not exist is removed again if nothing was written into it.
 ///
 /// ```
@@ -207,7 +206,7 @@ impl OutputFolder {
         let path = self.path.join(name);
         refuse_inputs(&path, &self.inputs)?;
         self.refuse_outside(&path)?;
-        // A link that leads nowhere is somebody's, too.
+        // A link that leads nowhere is a user's, too.
         if path.symlink_metadata().is_err() {
             return Ok(());
         }
@@ -305,7 +304,7 @@ fn stays_within(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }
 
-/// Checks before long work that a file can be written where it is asked for, and is none that a command reads.
+/// Checks before long work that a file can be written at its place, and is none that a command reads.
 ///
 /// A file that is there will be replaced, unless it is one of the inputs or lies in one that is a folder.
 ///

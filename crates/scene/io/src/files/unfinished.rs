@@ -111,7 +111,7 @@ impl UnfinishedFile {
 impl Drop for UnfinishedFile {
     fn drop(&mut self) {
         if let Some(name) = self.name.take() {
-            // A file that somebody else removed needs no removing.
+            // A file that another process removed needs no removing.
             let _ = std::fs::remove_file(&name);
             named_files().remove(&name);
         }
@@ -121,7 +121,7 @@ impl Drop for UnfinishedFile {
 /// Removes all unfinished files that have a name: to be called before the process ends without unwinding.
 pub fn remove_unfinished() {
     for path in std::mem::take(&mut *named_files()) {
-        // The process ends: nobody is left to be told.
+        // The process ends: an error could not be reported any more.
         let _ = std::fs::remove_file(path);
     }
 }

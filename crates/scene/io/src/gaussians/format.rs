@@ -35,7 +35,7 @@ pub struct SceneFormat {
 /// Decoder of a file; the path is for messages.
 #[derive(Clone, Copy)]
 pub(super) enum Reader {
-    /// Of parts that are asked for.
+    /// Reads parts on demand.
     Blocks(for<'a> fn(&Path, Content<'a>) -> Result<OpenScene<'a>>),
     /// Of all at once.
     Whole(fn(&Path, &[u8]) -> Result<SceneFile>),

@@ -30,7 +30,7 @@ use weaver_scene::Gaussians;
 type Streams = [Vec<u8>; 6];
 
 /// Opens a `.spz` file of any version, which has 24 bits per coordinate of positions (the first version 16-bit floats)
-/// and 8 for most other numbers. Its arrays are held as the file has them, and unpacked when they are asked for.
+/// and 8 for most other numbers. Its arrays are held as the file has them, and unpacked on demand.
 ///
 /// # Errors
 /// When the file is of another version or is malformed.

@@ -48,7 +48,7 @@ struct Module {
 struct Modules(BTreeMap<String, Module>);
 
 impl Modules {
-    /// At the first depth of names that tells modules apart, and one below, if that is not too long a list.
+    /// At the first depth of names that separates modules, and one below, if that is not too long a list.
     fn of(weights: &Mapped) -> Self {
         let cut = |name: &str, depth: usize| -> String {
             let parts: Vec<&str> = name.split('.').collect();

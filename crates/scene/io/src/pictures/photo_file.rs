@@ -23,12 +23,12 @@ const TO_CONVERT: [&str; 3] = ["heic", "heif", "avif"];
 
 /// A photo on disk: JPEG (also progressive, gray or CMYK), PNG, TIFF or WebP, of 8 or 16 bits, with or without alpha.
 ///
-/// Making one reads the header; pixels are decoded when they are asked for, to 8 bits, and are only kept in the size
-/// that was asked for. Large photos are decoded one after the other, at any number of threads, so that several take
-/// little more memory than one. A JPEG of [16 megapixels](Self::shrink_from) or more that is to become much smaller is
-/// decoded at a half or a quarter of its sides, the least that is still three times the requested size: four of 48
-/// megapixels take 70 MB. If they are progressive, the decoder holds all coefficients of one at once: 175 MB where its
-/// colors have half the resolution, else 335 MB.
+/// Making one reads the header; pixels are decoded on demand, to 8 bits, and are only kept in the requested size. Large
+/// photos are decoded one after the other, at any number of threads, so that several take little more memory than one.
+/// A JPEG of [16 megapixels](Self::shrink_from) or more that is to become much smaller is decoded at a half or a
+/// quarter of its sides, the least that is still three times the requested size: four of 48 megapixels take 70 MB. If
+/// they are progressive, the decoder holds all coefficients of one at once: 175 MB where its colors have half the
+/// resolution, else 335 MB.
 ///
 /// A photo is turned upright as its EXIF orientation says, unless [`for_camera`](Self::for_camera) says otherwise.
 /// Straight alpha is composited over a background, white if nothing else is said, in sRGB values. Color profiles are
@@ -118,9 +118,9 @@ impl PhotoFile {
         self
     }
 
-    /// True if EXIF turns or mirrors the photo without changing its size, so that [`for_camera`](Self::for_camera)
-    /// cannot tell whether a camera is for the upright photo: one that is mirrored or turned by 180 degrees, or a
-    /// square one.
+    /// True if EXIF turns or mirrors the photo without changing its size, which leaves open to
+    /// [`for_camera`](Self::for_camera) whether a camera is for the upright photo: one that is mirrored or turned by
+    /// 180 degrees, or a square one.
     pub fn has_ambiguous_orientation(&self) -> bool {
         self.orientation != Orientation::NoTransforms && self.size() == self.stored
     }
@@ -256,7 +256,7 @@ impl PhotoFile {
     fn decoded_alone(&self, shrink: usize) -> Result<Decoded> {
         let shrunk = self.jpeg.filter(|_| shrink > 1 && decoding::may_hold(&self.path, self.stored));
         let shrunk = shrunk.and_then(|jpeg| jpeg::decode(&self.path, jpeg, self.stored, shrink));
-        // The whole also where the other decoder has refused it: this one knows more kinds, and names the fault.
+        // The whole also where the other decoder has refused it: this one supports more kinds, and names the fault.
         let pixels = shrunk.map_or_else(|| decoding::decode(&self.path), Ok)?;
         if pixels.whole != self.stored {
             let [(width, height), found] = [self.stored, pixels.whole];

@@ -4,7 +4,7 @@ use crate::{Result, list_folders, list_photos};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Levels of folders that are looked into, and folders in all: somebody's home has many.
+/// Levels of folders that are looked into, and folders in all: a home folder has many.
 const DEEPEST: usize = 3;
 const MOST: usize = 500;
 /// The folder of masks, which are no photos.

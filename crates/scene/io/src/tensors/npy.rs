@@ -12,8 +12,7 @@ use std::sync::Arc;
 /// First bytes of every such file, before two bytes of the version.
 const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// An `.npy` file of numbers in C order, mapped into memory: its shape is known at once, its numbers are read when
-/// asked for.
+/// An `.npy` file of numbers in C order, mapped into memory: its shape is read at once, its numbers on demand.
 ///
 /// `float16`, `float32`, `float64`, `uint8` and `bool`. Arrays of Python objects, which are pickled, are refused.
 ///

@@ -138,7 +138,7 @@ impl TorchCheckpoint {
             return Err(outside());
         }
         let in_archive = format!("{}data/{}", self.root, tensor.storage.key);
-        // Checksums are not looked at: PyTorch may have been told to leave them out.
+        // Checksums are ignored: PyTorch can leave them out.
         let mut file = self.archive.by_name_seek(&in_archive).map_err(io::Error::other)?;
         file.seek(SeekFrom::Start(start))?;
         let mut numbers = file.take(length);

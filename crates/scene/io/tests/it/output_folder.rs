@@ -127,7 +127,7 @@ fn a_record_that_a_kill_cut_short_goes_on() {
     write_text(out.file("a \"name\"\n.txt").unwrap(), "").unwrap();
     drop(out);
     claim(parent.path(), "fit").check(["scene.ply", "a \"name\"\n.txt"]).unwrap();
-    // A file of this name that is somebody's.
+    // A user's file of this name.
     fs::write(&record, "when,what\n").unwrap();
     refused(OutputFolder::claim(parent.path(), "fit", NOTHING), &["written.jsonl", "another file"]);
     assert_eq!(fs::read_to_string(&record).unwrap(), "when,what\n");

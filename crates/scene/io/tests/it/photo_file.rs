@@ -196,7 +196,7 @@ fn hidden_files_and_broken_links() {
     assert_eq!(names, if cfg!(unix) { vec!["a.jpg", "link.jpg"] } else { vec!["a.jpg"] });
 }
 
-/// A photo says whether its size tells which way up it is.
+/// A photo says whether its orientation follows from its size.
 #[test]
 fn a_size_may_not_tell_which_way_is_up() {
     let folder = tempfile::tempdir().unwrap();

@@ -69,7 +69,7 @@ fn a_reduced_scale_gives_the_photo_of_the_whole() {
     }
 }
 
-/// Photos that are shrunk little, small ones, and those that only the other decoder knows keep the values that they
+/// Photos that are shrunk little, small ones, and kinds that only the other decoder supports keep the values that they
 /// had.
 #[test]
 fn other_photos_keep_their_values() {

@@ -113,8 +113,8 @@ fn what_is_not_there_has_no_good_score() {
     }
 }
 
-/// The bytes that a field takes are told, view by view, before they are taken, whoever watches may end it, and cells
-/// too small to be numbered are refused at the first view. The field is the same.
+/// The bytes of a field are reported, view by view, before they are taken, the observer may end it, and cells too small
+/// to be numbered are refused at the first view. The field is the same.
 #[test]
 fn a_field_tells_its_size_before_it_is_made() {
     let camera = SurfelCamera::spherical([64, 32], [-1.57, 1.57]);

@@ -8,7 +8,7 @@ use crate::each::each;
 use weaver_kernels::lanes::{LANES, Lanes, Row};
 use weaver_scene::Features;
 
-/// Planes of a window: transmittance, red, green, blue, depth if asked for, features.
+/// Planes of a window: transmittance, red, green, blue, depth if requested, features.
 pub(crate) fn planes(depth: bool, channels: usize) -> usize {
     4 + usize::from(depth) + channels
 }

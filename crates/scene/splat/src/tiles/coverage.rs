@@ -47,7 +47,7 @@ impl Chunk {
         prefetch(&self.starts[i]);
     }
 
-    /// Asks for the places of primitive `i`.
+    /// Prefetches the places of primitive `i`.
     #[inline(always)]
     pub fn prefetch_places(&self, i: usize) {
         self.places.get(self.starts[i] as usize).into_iter().for_each(|x| prefetch(x));

@@ -78,7 +78,7 @@ impl<T: Real> Tiles<T> {
     }
 }
 
-/// Tells of every hit in a window.
+/// Reports every hit in a window.
 struct Report<'a, T, P, F> {
     primitive: &'a P,
     alpha_max: f64,

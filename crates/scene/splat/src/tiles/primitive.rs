@@ -134,7 +134,7 @@ pub trait Response: Sync {
     fn depth_backward<V: Lanes>(&self, _sample: &Self::Sample<V>, _g: V, _sums: &mut [V]) {}
 
     /// The gradient with respect to the primitive's position on the image, in pixels, that each pixel contributes; zero
-    /// by default. Asked for by statistics only.
+    /// by default. Used by statistics only.
     #[inline(always)]
     fn screen_gradient<V: Lanes>(&self, _primitive: &Self::Loaded<V>, _sample: &Self::Sample<V>, _g: V) -> [V; 2] {
         [V::zero(); 2]

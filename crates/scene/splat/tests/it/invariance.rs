@@ -89,7 +89,7 @@ proptest! {
         let n = if many { 60 * few } else { few };
         let mut scene = Scene::random(seed, n, 1, (20, 14), None);
         scene.viewmats = vec![1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        // Depths that only `f64` can tell apart, descending.
+        // Depths that differ only in `f64`, descending.
         (0..n).for_each(|i| scene.means[3 * i + 2] = 2.0 - 1e-12 * i as f64);
         scene.opacities.iter_mut().for_each(|o| *o *= 0.1);
         let mut workspace = Workspace::new();

@@ -30,7 +30,7 @@ pub(super) fn write(distortion: Option<Distortion>, frame: &mut Value) {
         Some(Distortion::Radial { k, p }) => (&k[..], &p[..]),
         Some(Distortion::Fisheye { k }) => (&k[..], &[][..]),
     };
-    // Most readers know three coefficients; the others are written where they are not zero.
+    // Most readers support three coefficients; the others are written where they are not zero.
     let keys = KEYS.iter().zip(k).enumerate().filter(|(i, (_, k))| *i < 3 || **k != 0.0).map(|(_, pair)| pair);
     for (key, value) in keys.chain(KEYS[6..].iter().zip(p)) {
         frame[key] = json!(value);

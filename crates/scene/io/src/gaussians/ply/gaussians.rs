@@ -15,10 +15,9 @@ use std::path::{Path, PathBuf};
 use weaver_geometry::sh;
 use weaver_scene::{Gaussians, forms};
 
-/// Opens a 3DGS PLY file, ASCII or binary little-endian, or a compressed one. Rows of a binary file are read when they
-/// are asked for.
+/// Opens a 3DGS PLY file, ASCII or binary little-endian, or a compressed one. Rows of a binary file are read on demand.
 ///
-/// The number of `f_rest_*` properties tells the degree of the spherical harmonics. Positions and scales are required:
+/// The number of `f_rest_*` properties gives the degree of the spherical harmonics. Positions and scales are required:
 /// a file without scales is a point cloud, for [`read_points`](crate::gaussians::ply::read_points). Other missing
 /// properties are filled as viewers do it: without a rotation it is the identity, without an opacity Gaussians are
 /// opaque, and without harmonics (`f_dc_*`) the color comes from `red`, `green`, `blue` (0 to 255), or else is middle

@@ -27,7 +27,7 @@ pub enum Node {
 /// Numbers in a file of the archive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Storage {
-    /// The class, such as `FloatStorage`, or the type, such as `float32`, where the class does not tell.
+    /// The class, such as `FloatStorage`, or the type, such as `float32`, where the class has none.
     pub kind: String,
     /// The file's name.
     pub key: String,
