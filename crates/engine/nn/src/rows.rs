@@ -56,7 +56,7 @@ impl RowSet {
     }
 }
 
-/// Where a row of a grown or shrunk parameter comes from.
+/// Source of a row of a grown or shrunk parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowSource {
     /// An old row, with its state in the optimizer. Named by two rows, it is duplicated with its moments.

@@ -25,7 +25,7 @@ pub struct Scene<'a, T> {
 pub struct Photo<'a, T> {
     /// sRGB, `[height, width, 3]`.
     pub pixels: &'a [T],
-    /// Which pixels count, `[height, width]`; `None` if all do.
+    /// Mask of the pixels that count, `[height, width]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
     /// The first guess, and the photo's size.
     pub camera: Camera,

@@ -1,4 +1,4 @@
-//! Where a photo of a finished scene of Gaussians was taken: its camera descends through the rasterizer, the scene
+//! Cameras of further photos of a finished scene of Gaussians: the camera descends through the rasterizer, the scene
 //! stays.
 //!
 //! - [`align`] finds the cameras of photos from first guesses, on slices, with any

@@ -64,7 +64,7 @@ impl Surface {
     /// cameras' or left out, in thousandths of the least distance of a camera from the point that all look at.
     ///
     /// # Errors
-    /// Where the scene cannot be drawn.
+    /// If the scene cannot be drawn.
     pub fn chamfer(&self, gaussians: &Gaussians) -> Result<f64, CompressError> {
         let (own, others) = (self.points(gaussians)?, &self.points);
         let near = DISTANCE / CELLS;

@@ -48,7 +48,7 @@ impl Judge {
     /// Mean square difference of the pictures of a scene.
     ///
     /// # Errors
-    /// Where it cannot be drawn.
+    /// If it cannot be drawn.
     pub fn mean_square(&mut self, gaussians: &Gaussians) -> Result<f64, CompressError> {
         let squares = self.squares(gaussians)?;
         Ok(squares.iter().sum::<f64>() / squares.len() as f64)
@@ -57,7 +57,7 @@ impl Judge {
     /// Mean over the pictures of `20 log10(1 / √MSE)`, dB; at most 100 for each.
     ///
     /// # Errors
-    /// Where the scene cannot be drawn.
+    /// If the scene cannot be drawn.
     pub fn psnr(&mut self, gaussians: &Gaussians) -> Result<f64, CompressError> {
         let squares = self.squares(gaussians)?;
         Ok(squares.iter().map(|square| -10.0 * square.max(LEAST).log10()).sum::<f64>() / squares.len() as f64)
@@ -67,7 +67,7 @@ impl Judge {
     /// altogether.
     ///
     /// # Errors
-    /// Where the scene cannot be drawn.
+    /// If the scene cannot be drawn.
     pub fn psnr_of_photos(&mut self, gaussians: &Gaussians, photos: &[Photo]) -> Result<f64, CompressError> {
         let (activated, judge, mut sum) = (gaussians.to_activated(), weaver_fit::Judge::default(), 0.0);
         for photo in photos {

@@ -68,7 +68,7 @@ impl Compressed {
     /// that had no part in the choice of steps.
     ///
     /// # Errors
-    /// Where it cannot be drawn.
+    /// If it cannot be drawn.
     pub fn judged_by(&self, judge: &mut Judge) -> Result<f64, CompressError> {
         judge.psnr(&decode(&self.bytes)?)
     }

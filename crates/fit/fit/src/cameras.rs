@@ -29,7 +29,7 @@ pub struct Views<'a> {
     pub depth: &'a [f32],
     /// The photo `[H, W, 3]`.
     pub photo: &'a [f32],
-    /// Which pixels of the photo count, `[H, W]`; `None` if all do.
+    /// Mask of the pixels of the photo that count, `[H, W]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
 }
 

@@ -8,7 +8,7 @@ use weaver_kernels::{parallel, simd};
 pub(crate) struct Compared<'a> {
     /// Colors `[H, W, 3]`.
     pub rgb: &'a [u8],
-    /// Which pixels count, if not all do.
+    /// Mask of the pixels that count, if not all do.
     pub mask: Option<&'a [bool]>,
     /// Height and width.
     pub size: [usize; 2],

@@ -82,7 +82,7 @@ pub struct PhotoStep<'a> {
     pub settings: &'a RasterSettings,
     /// sRGB, `[H, W, 3]`.
     pub rgb: &'a [u8],
-    /// Which pixels count, `[H, W]`; `None` if all do.
+    /// Mask of the pixels that count, `[H, W]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
     /// The weight w of 1 - SSIM.
     pub ssim_weight: f64,

@@ -1,4 +1,4 @@
-//! How well images match photos.
+//! Agreement of images with photos.
 
 use serde::{Deserialize, Serialize};
 use weaver_losses::{Lpips, metrics};

@@ -179,7 +179,7 @@ fn isotropic(means: Vec<[f32; 3]>, colors: &[[f32; 3]], settings: &FitSettings) 
     let scales: Vec<f32> = (neighbors.chunks_exact(4).enumerate())
         .map(|(n, near)| near[1..].iter().map(|m| distance(means[n], means[*m as usize])).sum::<f32>() / 3.0)
         .collect();
-    // Where a point stands alone.
+    // For a point that stands alone.
     let mut sorted: Vec<f32> = scales.iter().copied().filter(|s| *s > 0.0).collect();
     sorted.sort_unstable_by(f32::total_cmp);
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);

@@ -1,4 +1,4 @@
-//! How a scene is fitted.
+//! Settings of a fit.
 
 use crate::{FitError, Rates, Thinning};
 use schemars::JsonSchema;

@@ -1,4 +1,4 @@
-//! How many steps fit into a time.
+//! Number of steps that fit into a time.
 
 use crate::FitError;
 use crate::fit::Fit;

@@ -14,8 +14,7 @@ impl Fit {
         self.transients.get(photo).and_then(Option::as_ref)
     }
 
-    /// Which pixels of a photo count: those that its own mask takes, but for [transients](Self::transients); `None` if
-    /// all do.
+    /// Mask of the pixels of a photo that count: its own mask without [transients](Self::transients); `None` if all do.
     pub fn counted(&self, photo: usize) -> Option<Cow<'_, [bool]>> {
         counted(self.photo(photo), self.transients(photo))
     }

@@ -68,7 +68,7 @@ impl Transients {
     }
 }
 
-/// Which pixels of a photo count: those that its own mask takes, but for transients; `None` if all do.
+/// Mask of the pixels of a photo that count: its own mask without transients; `None` if all do.
 pub(crate) fn counted<'p>(photo: &'p Photo, transients: Option<&Transients>) -> Option<Cow<'p, [bool]>> {
     let own = photo.mask.as_deref();
     let Some(transients) = transients else { return own.map(Cow::Borrowed) };

@@ -57,7 +57,7 @@ impl fmt::Display for Adapter {
     }
 }
 
-/// Which adapter to use.
+/// Choice of an adapter.
 ///
 /// ```
 /// use weaver_gpu::Choice;

@@ -21,7 +21,7 @@ pub struct DeviceGaussians<'a> {
     pub degree: Option<usize>,
 }
 
-/// Where a recorded drawing will be.
+/// Buffers of a recorded drawing.
 #[derive(Clone, Copy, Debug)]
 pub struct Recorded<'a> {
     /// `[h, w, 5]`, `f32`: red, green, blue and depth without background, and the transmittance.

@@ -33,7 +33,7 @@ pub(crate) struct Forward<'a> {
     end: End<'a>,
 }
 
-/// Where the image ends.
+/// Destination of the image.
 enum End<'a> {
     /// On the host.
     Host,

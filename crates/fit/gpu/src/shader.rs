@@ -60,7 +60,7 @@ pub enum Kernel {
     Project,
     /// Digits of keys counted.
     Count,
-    /// Where the keys of each digit go.
+    /// Places of the keys of each digit.
     ScanCounts,
     /// Keys and values to their places.
     Scatter,
@@ -68,11 +68,11 @@ pub enum Kernel {
     SumGroups,
     /// The groups' sums made running ones.
     ScanGroups,
-    /// Where the entries of each Gaussian begin.
+    /// Start of the entries of each Gaussian.
     Place,
     /// The entries.
     Emit,
-    /// Where the list of each tile starts.
+    /// Start of the list of each tile.
     Start,
     /// Lists to pixels.
     Composite,

@@ -37,7 +37,7 @@ pub(crate) struct Share {
     pub statistics: Option<Band>,
 }
 
-/// Where a drawing is among the bands of its view.
+/// Place of a drawing among the bands of its view.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Band {
     pub first: bool,

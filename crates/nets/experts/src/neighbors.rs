@@ -24,7 +24,7 @@ struct Lists {
     per_gaussian: usize,
     /// `[N, m]`
     index: Buffer<u32>,
-    /// Where the reverse list of each Gaussian starts `[N + 1]`.
+    /// Start of the reverse list of each Gaussian `[N + 1]`.
     start: Buffer<u32>,
     /// Reverse lists end to end: positions in `index` at which a Gaussian is named, ascending `[N m]`.
     named_at: Buffer<u32>,
@@ -85,7 +85,7 @@ impl Neighbors {
         self.lists.start.len() - 1
     }
 
-    /// Which of all Gaussians the first list belongs to.
+    /// The Gaussian that the first list belongs to.
     pub(crate) fn first(&self) -> usize {
         self.rows.start
     }

@@ -7,7 +7,7 @@ use weaver_router::{Cell, Cells};
 /// Lists of pixels, end to end.
 #[derive(Debug)]
 pub struct PixelLists {
-    /// Where each list starts `[G + 1]`.
+    /// Start of each list `[G + 1]`.
     start: Buffer<u32>,
     pixel: Buffer<u32>,
 }

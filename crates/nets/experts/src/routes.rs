@@ -1,8 +1,8 @@
-//! Which pixels each expert works on, and which Gaussians come from which pixel.
+//! The pixels of each expert, and the pixel of each Gaussian.
 
 use weaver_autograd::{Buffer, List, Pool};
 
-/// Which pixels go to which expert, and which pixel each Gaussian comes from.
+/// The pixels of each expert, and the pixel of each Gaussian.
 ///
 /// Gaussians are ordered by expert, then pixel; the Gaussians of a pixel are adjacent.
 #[derive(Debug)]

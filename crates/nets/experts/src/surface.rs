@@ -36,7 +36,7 @@ pub(crate) struct Surface<'a, T> {
     pub width: usize,
 }
 
-/// Where Gaussians start: constants of the decoding.
+/// Initial extents, rotations and shifts of Gaussians: constants of the decoding.
 #[derive(Debug)]
 pub(crate) struct Frames<T> {
     /// Extents along the three axes `[N, 3]`, in world units: along the cell's bands, across them, along the normal; of

@@ -12,7 +12,7 @@ use weaver_io::safetensors::{TensorData, Tensors};
 /// The format's name and version, in the file's metadata.
 pub const FORMAT: &str = "splatweaver-checkpoint-2";
 
-/// Which of a checkpoint's weights to use.
+/// Choice among a checkpoint's weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WeightSet {
     /// The weights that training goes on with, tensors `param.NAME`.
@@ -35,7 +35,7 @@ impl WeightSet {
 pub struct Defaults {
     /// Seed of allocations that draw random numbers.
     pub seed: u64,
-    /// Which pixels get Gaussians, by name.
+    /// Allocation of Gaussians to pixels, by name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub allocation: Option<String>,
     /// Gaussians per pixel.
@@ -49,7 +49,7 @@ pub struct Defaults {
 /// Parameters that a model took of another's weights, by name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Partly {
-    /// Those that were taken.
+    /// Parameters that were taken.
     pub taken: Vec<String>,
     /// Those that were not, with the reason: they stay as they were.
     pub fresh: Vec<String>,

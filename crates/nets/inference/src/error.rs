@@ -51,7 +51,7 @@ pub enum Error {
     /// The network's output holds NaN or infinity.
     #[error("{what} is not finite everywhere; the weights may not belong to this network")]
     Numeric {
-        /// Which output.
+        /// Name of the output.
         what: String,
     },
     /// The free memory does not suffice.

@@ -22,7 +22,7 @@ pub struct PredictOptions {
     /// True if photos have masks ([`load_readable_images`](weaver_data::capture::load_readable_images)): pixels outside
     /// get no Gaussians, and do not count in the PSNR.
     pub masks: bool,
-    /// Which pixels get Gaussians, and how many.
+    /// Allocation of Gaussians to pixels, and their number.
     pub density: Density,
     /// The light in which the place is shown, for models of light.
     pub looks: Option<Looks>,

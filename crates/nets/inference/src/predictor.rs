@@ -17,7 +17,7 @@ use weaver_splat::{RasterSettings, Renderer};
 pub struct Photos<'a> {
     /// Colors from 0 to 1, `[V, 3, H, W]`.
     pub planes: &'a [f32],
-    /// Which pixels count `[V, H, W]`, so that others get no Gaussians; `None` if all do.
+    /// Mask `[V, H, W]` of the pixels that count; others get no Gaussians; `None` if all do.
     pub inside: Option<&'a [bool]>,
     /// Height H, pixels.
     pub height: usize,
@@ -83,10 +83,10 @@ impl<'a> CameraSource<'a> {
     }
 }
 
-/// Which pixels get Gaussians, and how many; `None` leaves the choice to the predictor.
+/// Allocation of Gaussians to pixels, and their number; `None` leaves the choice to the predictor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Density {
-    /// Which pixels get Gaussians.
+    /// Allocation of Gaussians to pixels.
     pub allocation: Option<AllocationKind>,
     /// Gaussians per pixel, for allocations that have a budget.
     pub budget: Option<f64>,

@@ -38,7 +38,7 @@ pub struct Options {
     /// Cameras of the photos, as in [`PredictOptions::cameras`](crate::PredictOptions::cameras); for networks that make
     /// Gaussians. Photos are then cut as these cameras are, and of `framing` only the size counts.
     pub cameras: Option<PathBuf>,
-    /// Which pixels get Gaussians, and how many: sampled from the router, as published, by default.
+    /// Allocation of Gaussians to pixels, and their number: sampled from the router, as published, by default.
     pub density: Density,
     /// Seed of the router's noise.
     pub seed: u64,

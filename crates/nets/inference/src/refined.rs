@@ -12,9 +12,9 @@ use weaver_splat::{CpuRasterizer, RasterSettings, Renderer};
 /// For how long a prediction is refined.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Effort {
-    /// So many steps.
+    /// A fixed number of steps.
     Steps(usize),
-    /// As many steps as fit into so many seconds.
+    /// The steps that fit into so many seconds.
     Seconds(f64),
 }
 

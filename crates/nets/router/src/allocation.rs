@@ -37,7 +37,8 @@ pub struct AllocationRequest<'a, T: Real = f32> {
     pub height: usize,
     /// Columns W of a view.
     pub width: usize,
-    /// Which pixels count `[P]`: a budget is for these, and only they get Gaussians ([`Masked`]). `None` if all do.
+    /// Mask `[P]` of the pixels that count: a budget is for these, and only they get Gaussians ([`Masked`]). `None` if
+    /// all do.
     pub inside: Option<&'a [bool]>,
     /// Source of the noise.
     pub stream: Stream,

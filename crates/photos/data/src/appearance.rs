@@ -129,14 +129,14 @@ impl Appearance {
         photo
     }
 
-    /// Which pixels of an image of `size` (width, height) no occluder covers.
+    /// Mask of the pixels of an image of `size` (width, height) that no occluder covers.
     pub fn uncovered(&self, [width, height]: [usize; 2]) -> Vec<bool> {
         (0..width * height).map(|i| self.occluder(i % width, i / width).is_none()).collect()
     }
 }
 
-/// Which pixels of a view show something that at least one of `context` sees, or the sky; `None` where depth is not
-/// known of every pixel.
+/// Mask of the pixels of a view that show something visible to at least one of `context`, or the sky; `None` unless
+/// depth is known at every pixel.
 ///
 /// A context view sees the surface of a pixel if its own depth there is within 2 % and its own pixel counts, as
 /// `counts` says for the view's place in `context` and the pixel.

@@ -47,7 +47,7 @@ use visible::visible_points;
 use weaver_geometry::Camera;
 use weaver_io::{Image, PhotoFile, is_taken};
 
-/// Which views are kept from training.
+/// Choice of the views that are kept from training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum HoldOut {
     /// The views that the capture lists, else every eighth.
@@ -69,7 +69,7 @@ pub struct CaptureOptions {
     /// For captures without points: the length, in the capture's units, that becomes 1 in training. The mean distance
     /// from a camera to its subject is a good choice.
     pub scene_scale: Option<f64>,
-    /// Which views are kept from training.
+    /// The views that are kept from training.
     pub hold_out: HoldOut,
     /// True if photos have masks ([`PosedOptions::masks`](posed::PosedOptions::masks)); pixels outside are white and do
     /// not count.
@@ -140,11 +140,11 @@ pub fn load_masked_images(paths: &[PathBuf], width: usize, height: usize) -> Res
 /// Photos of a list in which some could not be read.
 #[derive(Clone, Debug)]
 pub struct ReadableImages {
-    /// Those that could.
+    /// The readable ones.
     pub paths: Vec<PathBuf>,
     /// The pictures, and which of their pixels count.
     pub images: Vec<MaskedImage>,
-    /// Which could not be read and why, if any.
+    /// A remark on the unreadable photos with the reasons, if any.
     pub remark: Option<String>,
 }
 

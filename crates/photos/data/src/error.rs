@@ -41,7 +41,7 @@ pub enum Error {
     Views {
         /// Name of the scene.
         scene: String,
-        /// Which views.
+        /// The kind of views.
         key: &'static str,
         /// The expected value.
         expected: String,

@@ -48,7 +48,7 @@ pub struct EstimatePhotosOptions {
     /// since the longer side of a crop is another one, and the same focal length in their files. Otherwise each has its
     /// own.
     pub shared: bool,
-    /// Which radial distortion is found.
+    /// The radial distortion to find.
     pub distortion: Find,
     /// True if photos are known to follow one another, as frames of a clip do; otherwise their names decide. Of many
     /// photos each is then compared with those before and behind it, too.
@@ -74,7 +74,7 @@ pub struct EstimatedPhotos {
     sizes: Vec<(usize, usize)>,
     /// Photos whose size leaves the EXIF rotation ambiguous.
     ambiguous: Vec<bool>,
-    /// Which are only located.
+    /// True for photos that are only located.
     located: Vec<bool>,
     /// True if any was to be only located, also one that cannot be read.
     holds_out: bool,

@@ -1,4 +1,4 @@
-//! How the cameras of a scene lie to each other.
+//! Mutual position of the cameras of a scene.
 
 use crate::Scene;
 use std::sync::OnceLock;

@@ -1,4 +1,4 @@
-//! Which views of a scene go together.
+//! Views of a scene that go together.
 
 /// A choice of views of one scene: those that the network is given (`context`) and those that it must render
 /// (`targets`).

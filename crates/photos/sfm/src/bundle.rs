@@ -58,7 +58,7 @@ pub struct Bundle {
     pub lenses: Vec<Lens>,
     /// The number of each camera's lens.
     pub lens_of: Vec<usize>,
-    /// Which cameras stay where they are.
+    /// True for cameras that stay where they are.
     pub fixed: Vec<bool>,
     /// Where cameras are expected, and the weights of twists from there, squared pixels; empty if nowhere.
     pub expected: Vec<(Pose, [f64; TWIST])>,

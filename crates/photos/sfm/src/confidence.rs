@@ -1,4 +1,4 @@
-//! How much an estimate is to be believed.
+//! Confidence in an estimate.
 
 use crate::estimate::Estimate;
 

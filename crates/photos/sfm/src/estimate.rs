@@ -105,7 +105,7 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> Estimate {
 pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &EstimateOptions) -> Estimate {
     assert_eq!(photos.len(), features.len(), "features of each photo");
     let taken: Vec<Taken> = photos.iter().map(Taken::of).collect();
-    // Those that are only located are not there at all while the others are found.
+    // Photos that are only located take no part while the others are found.
     let numbers: Vec<usize> = (0..photos.len()).filter(|i| !photos[*i].located).collect();
     let of_those = if numbers.len() == photos.len() {
         Cow::Borrowed(features)

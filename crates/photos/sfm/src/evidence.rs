@@ -18,7 +18,7 @@ pub(crate) struct Evidence<'a> {
     pub features: &'a [Features],
     pub pairs: &'a [Pair],
     pub tracks: &'a [Track],
-    /// Which photos take no part.
+    /// True for photos that take no part.
     pub absent: &'a [bool],
     pub trust: Trust,
 }

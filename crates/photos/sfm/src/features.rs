@@ -53,7 +53,7 @@ pub struct Features {
 /// An extremum of the differences of blurred images.
 #[derive(Clone, Copy, Debug)]
 struct Extremum {
-    /// Where it is in its image.
+    /// Its place in its image.
     place: Place,
     /// The image whose blur is nearest to its scale, over all octaves.
     image: usize,

@@ -60,7 +60,7 @@ fn factor(number: usize) -> f64 {
     SHORTEST * RATIO.powi(number as i32) / USUAL
 }
 
-/// Where between its neighbors a peak is.
+/// Position of a peak between its neighbors.
 fn between([before, here, after]: [f64; 3]) -> f64 {
     let by = 0.5 * (after - before) / (2.0 * here - before - after);
     if by.is_finite() { by.clamp(-0.5, 0.5) } else { 0.0 }

@@ -46,7 +46,7 @@ pub(crate) fn tau(photos: &[Taken]) -> f64 {
     photos.iter().map(|p| p.size[1] as f64 / 384.0).fold(0.5, f64::max)
 }
 
-/// Which lens took which photo, numbered without gaps.
+/// The lenses of photos, numbered without gaps.
 struct Lenses {
     /// The lens of each photo.
     of: Vec<usize>,

@@ -1,4 +1,4 @@
-//! Which keypoints of two photos are the same.
+//! Matches between the keypoints of two photos.
 
 mod near;
 

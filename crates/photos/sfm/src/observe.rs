@@ -20,7 +20,7 @@ pub(crate) struct Observers<'a> {
     told: &'a [Camera],
     lenses: Vec<Lens>,
     sharpest: Vec<f64>,
-    /// Which find no points.
+    /// True for photos that find no points.
     located: &'a [bool],
     /// Largest error of a point's observation, pixels.
     farthest: f64,
@@ -40,7 +40,7 @@ impl<'a> Observers<'a> {
         self.features[photo].keypoints[number]
     }
 
-    /// Where a camera without distortion would see a keypoint.
+    /// The pixel of a keypoint in a camera without distortion.
     fn undistorted(&self, photo: usize, pixel: DVec2) -> DVec2 {
         self.lenses[photo].undistort(&self.told[photo], pixel)
     }

@@ -1,4 +1,4 @@
-//! Which photos show the same things, and how two that do stand to each other.
+//! Pairs of photos that show the same things, and their relative poses.
 
 use crate::features::Features;
 use crate::matching::{Match, matches};

@@ -10,7 +10,7 @@ pub struct Photo<'a> {
     pub rgb: Cow<'a, [u8]>,
     /// Height and width.
     pub size: [usize; 2],
-    /// Which pixels count, `[height, width]`; `None` if all do.
+    /// Mask of the pixels that count, `[height, width]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
     /// The focal length, pixels, if it is given. Without one, it takes the focal length of the others: of the same lens
     /// or, if these have none, of all.
@@ -35,8 +35,8 @@ impl<'a> Photo<'a> {
     }
 }
 
-/// Which radial distortion is found: a point at distance r from the axis, over its depth, is seen at `r (1 + k1 r^2 +
-/// k2 r^4)`.
+/// The radial distortion to find: a point at distance r from the axis, over its depth, is seen at `r (1 + k1 r^2 + k2
+/// r^4)`.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Find {
     /// None: both are 0.
@@ -62,7 +62,7 @@ pub struct EstimateOptions {
     pub sequence: bool,
     /// Expected error of known focal lengths, as a part of them; 0 keeps them.
     pub focal_deviation: f64,
-    /// Which radial distortion is found.
+    /// The radial distortion to find.
     pub distortion: Find,
 }
 

@@ -1,4 +1,4 @@
-//! Where a photo belongs in a scene that others made.
+//! Pose of a photo in a scene made by others.
 
 mod resection;
 

@@ -19,7 +19,7 @@ pub struct View<'a> {
     pub camera: Camera,
     /// The photo, gray from 0 to 1, `[height, width]`.
     pub gray: Vec<f32>,
-    /// Which pixels count, `[height, width]`; `None` if all do.
+    /// Mask of the pixels that count, `[height, width]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
     /// True if the other cameras and the points are found without it: it is then located in their scene.
     pub located: bool,
@@ -62,7 +62,7 @@ pub struct Refined {
     pub k1: f64,
     /// The points that photos agree about.
     pub points: Vec<DVec3>,
-    /// Where they were seen.
+    /// Their observations.
     pub observations: Vec<Observation>,
     /// Median difference between where points are and were seen, pixels.
     pub error: f64,

@@ -1,4 +1,4 @@
-//! Which photos may show the same things, for any number of photos.
+//! Photos that may show the same things, for any number of photos.
 //!
 //! Descriptors of keypoints are quantized to words of a [`Vocabulary`] made for these very photos; photos that share
 //! rare words come first. The largest keypoints of those are then matched, which separates chance from the same place.

@@ -1,4 +1,4 @@
-//! How exact estimated cameras are expected to be.
+//! Expected accuracy of estimated cameras.
 
 mod flat;
 #[cfg(test)]
@@ -104,7 +104,7 @@ impl Uncertainty {
     }
 }
 
-/// Where cameras and lenses end.
+/// Cameras and lenses at the end of an adjustment.
 type Ended = (Vec<Camera>, Vec<Lens>);
 
 /// Movement where groups of photos are left out.

@@ -20,7 +20,7 @@ pub(crate) struct Picture {
     /// The luma of each pixel and of the pixels right of it, below it and below right of it, from the lowest byte on:
     /// all that one bilinear sample needs, in one load. Of the last column and row the neighbors are repeated.
     pub quads: Box<[u32; PIXELS]>,
-    /// Which pixels count.
+    /// Mask of the pixels that count.
     pub counts: Vec<bool>,
 }
 

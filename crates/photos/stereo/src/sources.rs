@@ -1,4 +1,4 @@
-//! Which photos the depth of a photo is found by.
+//! Choice of the photos by which the depth of a photo is found.
 
 use std::collections::BTreeMap;
 use weaver_geometry::Pose;

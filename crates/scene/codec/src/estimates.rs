@@ -59,7 +59,7 @@ fn within(x: f32, least: f32, most: f32) -> f32 {
     if x > most { most } else { x }
 }
 
-/// Which of `L` decisions were made, and which of them came out `true`: a bit for each.
+/// The decisions made among `L`, and the ones that came out `true`: a bit for each.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Outcomes {
     pub(crate) made: u32,

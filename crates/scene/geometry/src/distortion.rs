@@ -63,7 +63,7 @@ impl Distortion {
         }
     }
 
-    /// Where the lens sees a point.
+    /// The image of a point through the lens.
     pub fn distort(&self, point: DVec2) -> DVec2 {
         let DVec2 { x, y } = point;
         let (scale, _) = self.scale(point.length_squared());

@@ -91,7 +91,7 @@ impl Network {
     None => "none".to_owned(),
 })]
 pub struct LpipsError {
-    /// Where the tensors came from.
+    /// Source of the tensors.
     pub file: String,
     /// The tensor's name.
     pub key: String,

@@ -7,7 +7,7 @@ use weaver_kernels::parallel;
 struct MaxPool2d {
     size: usize,
     stride: usize,
-    /// Where in its plane each output was found.
+    /// The place of each output's maximum in its plane.
     winners: Option<Buffer<u32>>,
 }
 

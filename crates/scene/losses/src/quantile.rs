@@ -36,7 +36,7 @@ pub fn quantile<T: Real>(values: &mut [T], q: f64) -> T {
     between(lower, upper, fraction)
 }
 
-/// Where a quantile was found.
+/// A quantile and its place.
 #[derive(Clone, Copy, Debug, Default)]
 struct Found {
     lower: u32,

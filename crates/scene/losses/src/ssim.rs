@@ -11,7 +11,7 @@ const PLANES_AT_ONCE: usize = 8;
 #[derive(Debug)]
 struct Ssim<T> {
     covariance: Covariance,
-    /// Which windows of each image count; empty if all do.
+    /// The windows of each image that count; empty if all do.
     kept: Vec<Kept<T>>,
 }
 

@@ -31,7 +31,7 @@ pub(crate) struct Windows<T> {
     width: usize,
 }
 
-/// Which windows count.
+/// The windows that count.
 #[derive(Clone, Debug)]
 pub(crate) struct Kept<T> {
     /// 1 for each window that does, `[h, w]`, and 0 for each that does not.

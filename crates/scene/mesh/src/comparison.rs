@@ -1,4 +1,4 @@
-//! How far a surface is from another.
+//! Distances between surfaces.
 
 use weaver_kernels::nearest_neighbors::nearest_among;
 

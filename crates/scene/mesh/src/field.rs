@@ -22,7 +22,7 @@ pub enum MeshError {
     /// A size that makes no sense.
     #[error("{what}: expected meters above 0, found {found}")]
     Size {
-        /// Which size.
+        /// Name of the size.
         what: &'static str,
         /// Its value.
         found: f64,
@@ -30,7 +30,7 @@ pub enum MeshError {
     /// A view whose images do not have its camera's size.
     #[error("view {view}: expected {expected} ranges, and no or as many normals, found {ranges} and {normals}")]
     View {
-        /// Which view.
+        /// Number of the view.
         view: usize,
         /// Pixels.
         expected: usize,

@@ -56,7 +56,7 @@ impl DrawnScene {
     /// Draws the scene from one camera more.
     ///
     /// # Errors
-    /// Where the rasterizer refuses to draw it.
+    /// If the rasterizer refuses to draw it.
     pub fn add(&mut self, camera: &Camera) -> Result<(), RasterError> {
         let pixels = camera.width * camera.height;
         let (mut image, mut alpha, mut depth) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; pixels]);

@@ -18,7 +18,7 @@ struct Pair {
     shift: [f64; 3],
 }
 
-/// Where a view is sampled: four rows of its features and their weights.
+/// Sampling position of a view: four rows of its features and their weights.
 #[derive(Clone, Copy)]
 struct Sample<T> {
     rows: [usize; 4],

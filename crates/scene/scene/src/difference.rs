@@ -1,4 +1,4 @@
-//! How far two scenes of the same Gaussians are apart.
+//! Differences between two scenes of the same Gaussians.
 
 use crate::Gaussians;
 use std::f64::consts::PI;

@@ -17,7 +17,7 @@ pub struct GaussianSlices<'a, T> {
     pub color: Color<'a, T>,
     /// Further numbers to blend, if any.
     pub features: Option<Features<'a, T>>,
-    /// Which picture each Gaussian belongs to, where a view is several pictures.
+    /// The picture of each Gaussian, where a view is several pictures.
     pub groups: Option<Groups<'a>>,
 }
 

@@ -139,7 +139,7 @@ impl<T: Real> Footprint for Seen<'_, T> {
     }
 }
 
-/// Where the rays of sixteen pixels meet a surfel.
+/// Intersections of the rays of sixteen pixels with a surfel.
 #[derive(Clone, Copy)]
 struct Hit<V> {
     direction: [V; 3],
@@ -239,7 +239,7 @@ fn shell(seed: u64, n: usize, side: f64) -> Vec<Input> {
 ///
 /// # Panics
 ///
-/// Where they disagree.
+/// If they disagree.
 pub fn check(seed: u64) {
     let turned = Pose::new(DMat3::from_rotation_y(0.9), DVec3::new(0.1, -0.2, 0.3));
     let surfels = Surfels(vec![Pose::IDENTITY, turned]);

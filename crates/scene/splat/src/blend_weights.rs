@@ -13,7 +13,7 @@ const GRAIN: usize = 256;
 /// The most parts of the pixels that are gathered from at once, each into sums of its own.
 const PARTS: usize = 16;
 
-/// Which Gaussians each pixel shows, front to back, and how much of each: its weight alpha T.
+/// The Gaussians that each pixel shows, front to back, each with its weight alpha T.
 ///
 /// A sparse matrix W `[P, N]` of the P pixels of all pictures of a drawing. Where Gaussians and cameras stay, features
 /// F `[N, C]` that change are blended by W F and gather gradients by its transpose, for far less than a drawing: 8

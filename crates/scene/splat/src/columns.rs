@@ -5,7 +5,7 @@ use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, Lanes};
 use weaver_kernels::simd::prefetch;
 
-/// Where a number is neither infinite nor NaN.
+/// Mask of the numbers that are neither infinite nor NaN.
 #[inline(always)]
 pub(crate) fn finite<V: Lanes>(x: V) -> V::Mask {
     (x * V::zero()).ge(V::zero())

@@ -40,7 +40,7 @@ pub(crate) mod slot {
 /// Number of sums over pixels.
 pub(crate) const SUMS: usize = 6;
 
-/// Where the sums over pixels of [`Response::backward`] are; g = alpha dL/dalpha where alpha is not capped.
+/// Slots of the sums over pixels of [`Response::backward`]; g = alpha dL/dalpha where alpha is not capped.
 pub(crate) mod moment {
     /// sum g
     pub const G: usize = 0;

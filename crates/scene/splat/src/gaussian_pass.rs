@@ -28,7 +28,7 @@ pub(crate) struct GaussianPass<'a, T> {
     pub tiles: &'a Tiles<T>,
 }
 
-/// Where the gradients of consecutive Gaussians go.
+/// Destination of the gradients of consecutive Gaussians.
 struct Share<'a, T> {
     means: Option<Target<'a, T>>,
     quats: Option<Target<'a, T>>,

@@ -66,7 +66,7 @@ pub(crate) struct Projection<V: Lanes> {
     pub free: [V; 2],
     /// x/z and y/z within their limits.
     pub slope: [V; 2],
-    /// Where they are within their limits.
+    /// Masks of the ones within their limits.
     pub within: [V::Mask; 2],
     /// fx/z, fy/z.
     pub zoom: [V; 2],
@@ -92,7 +92,7 @@ pub(crate) struct Projection<V: Lanes> {
     pub det: V,
     /// Factor of the opacity.
     pub compensation: V,
-    /// Where the factor depends on the shape: antialiased and above the floor.
+    /// Mask of factors that depend on the shape: antialiased and above the floor.
     pub compensated: V::Mask,
     /// p, q, r of the splat, of sigma = (u^2 + v^2) / 2.
     pub factor: Vec3<V>,

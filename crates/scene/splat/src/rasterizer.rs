@@ -61,7 +61,7 @@ pub trait Session<T: Real>: Debug + Send {
     ) -> Result<(), RasterError>;
 }
 
-/// Where the images go. `H` and `W` are the sizes of the drawn region. Of Gaussians in K groups each is `[V, K, ..]`.
+/// Output images. `H` and `W` are the sizes of the drawn region. Of Gaussians in K groups each is `[V, K, ..]`.
 #[derive(Debug)]
 pub struct Images<'a, T> {
     /// sum of w c + T background, `[V, H, W, 3]`; empty for Gaussians without colors.

@@ -56,7 +56,7 @@ type SeenGradient = [f64; 10];
 
 /// One splat at one pixel.
 struct Touch {
-    /// Which of the sorted ones.
+    /// Index among the sorted ones.
     at: usize,
     dx: f64,
     dy: f64,

@@ -149,7 +149,7 @@ impl<T: Real> Tiles<T> {
         chunk.places(i).iter().map(|place| &self.moments[place.load(Relaxed) as usize].0)
     }
 
-    /// Where the entries of primitive `n` in view `v` have their sums of `channels` features.
+    /// The sums of `channels` features of the entries of primitive `n` in view `v`.
     pub(crate) fn feature_entries(&self, v: usize, n: usize, channels: usize) -> impl Iterator<Item = &[T]> + Clone {
         let (chunk, i) = self.chunk(v, n);
         chunk

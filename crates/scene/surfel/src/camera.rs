@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use weaver_geometry::Intrinsics;
 use weaver_geometry::glam::{DVec2, DVec3};
 
-/// Where directions go on an image.
+/// Projection of directions to an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lens {
     /// A pinhole: x right, y down, z forward.
@@ -29,7 +29,7 @@ pub struct Spherical {
 /// A lens and the size of its image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfelCamera {
-    /// Where directions go.
+    /// The projection.
     pub lens: Lens,
     /// Columns.
     pub width: usize,

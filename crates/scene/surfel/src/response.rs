@@ -42,7 +42,7 @@ pub struct Loaded<V> {
     distance: V,
 }
 
-/// Where the rays of sixteen pixels meet a surfel.
+/// Intersections of the rays of sixteen pixels with a surfel.
 #[derive(Clone, Copy)]
 pub struct Sample<V: Lanes> {
     /// Coordinates on the surfel, in standard deviations.
@@ -54,7 +54,7 @@ pub struct Sample<V: Lanes> {
     range: V,
     /// Column and row of the center, relative to the pixel.
     away: [V; 2],
-    /// Where the low-pass filter takes the place of the plane.
+    /// Mask of the pixels where the low-pass filter takes the place of the plane.
     low: V::Mask,
 }
 

@@ -133,7 +133,7 @@ impl<T: Real> Tape<T> {
 pub struct NodeView<'a, T: Real> {
     /// The op itself.
     pub op: &'a dyn Op<T>,
-    /// Where in the model it was applied.
+    /// Its place in the model.
     pub path: &'a str,
     /// Its outputs; auxiliary ones come last.
     pub outputs: List<View<'a, T>>,

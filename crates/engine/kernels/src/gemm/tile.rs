@@ -106,7 +106,7 @@ pub struct LeftOperand<T> {
     pub strides: [usize; 2],
 }
 
-/// Where a tile writes C: row i begins at `start + i * stride`.
+/// Place of a tile in C: row i begins at `start + i * stride`.
 #[derive(Clone, Copy, Debug)]
 pub struct OutputRows<T> {
     pub start: *mut T,

@@ -61,7 +61,7 @@ fn largest_products_are_those_of_the_slow_twin() {
     assert!(ties > 10, "doubles were to be told apart: {ties}");
 }
 
-/// As many vectors as do not fit the numbers beside products.
+/// More vectors than the numbers beside products can count.
 #[test]
 fn columns_beyond_sixteen_bits_are_found() {
     let (depth, m) = (32, (1 << 16) + 20);

@@ -1,5 +1,5 @@
-//! Which barriers of a shader all threads of a work group are sure to reach: a walk of the module, as strict as
-//! browsers are and naga is not.
+//! Barriers of a shader that all threads of a work group are sure to reach: a walk of the module, as strict as browsers
+//! are and naga is not.
 //!
 //! A value is uniform if it is made of constants, the work group's number, uniform buffers, read-only storage at
 //! uniform places, and `workgroupUniformLoad`. A local variable is, if all that is ever stored in it is, by all threads

@@ -10,7 +10,7 @@ use weaver_autograd::Real;
 pub struct Masked<'a, T: Real = f32> {
     /// Who chooses.
     pub among: &'a dyn Allocation<T>,
-    /// Which pixels count `[P]`; `None` if all do.
+    /// Mask `[P]` of the pixels that count; `None` if all do.
     pub inside: Option<&'a [bool]>,
 }
 

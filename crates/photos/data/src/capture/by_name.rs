@@ -1,4 +1,4 @@
-//! Which camera is a photo's, by the names that a file gives its cameras.
+//! Cameras of photos by the names in a file of cameras.
 
 use crate::Error;
 use std::ffi::OsStr;

@@ -1,4 +1,4 @@
-//! Which part of a photo counts.
+//! Masks of photos.
 
 use super::photo::Photo;
 use crate::Error;
@@ -24,8 +24,7 @@ pub(super) fn of_capture(photos: &[Photo], folder: &Path) -> Result<Vec<Mask>, E
     beside(photos.iter().map(|photo| (photo.frame.path.as_path(), folder.to_path_buf(), named(photo))))
 }
 
-/// Where the masks of photos are that belong to no capture: in a folder `masks` beside the photo, or beside the photo's
-/// folder.
+/// The masks of photos that belong to no capture: in a folder `masks` beside the photo, or beside the photo's folder.
 ///
 /// # Errors
 /// As [`beside`].
@@ -33,7 +32,7 @@ pub(super) fn of_photos(photos: &[PathBuf]) -> Result<Vec<Mask>, Error> {
     beside(photos.iter().map(|photo| (photo.as_path(), folder_of(photo), None)))
 }
 
-/// Where the masks of photos are whose cameras a file of many describes: as the file says, else as [`of_photos`].
+/// The masks of photos whose cameras stand in a file of many: as the file says, else as [`of_photos`].
 ///
 /// # Errors
 /// As [`of_capture`].

@@ -16,8 +16,8 @@ use weaver_scene::Frame;
 pub struct PhotoCameras {
     /// The photos, without distortion.
     pub images: Vec<Image>,
-    /// Which pixels of each photo count, `[height, width]`; `None` for a photo that has no mask, or one that leaves
-    /// nothing out.
+    /// Mask of each photo's pixels that count, `[height, width]`; `None` for a photo that has no mask, or one that
+    /// leaves nothing out.
     pub inside: Vec<Option<Vec<bool>>>,
     /// One for each photo, with intrinsics for it.
     pub cameras: Vec<Camera>,

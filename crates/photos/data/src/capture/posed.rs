@@ -17,7 +17,7 @@ use weaver_scene::{Frame, Photo, PointCloud};
 pub struct PosedOptions {
     /// Longest side after shrinking, pixels; photos that are no larger, and all if `None`, keep their size.
     pub long_side: Option<usize>,
-    /// Which photos are held out.
+    /// The photos to hold out.
     pub hold_out: HoldOut,
     /// Leaves out the photos that are not held out; where none is held out, all are loaded.
     pub held_out_only: bool,

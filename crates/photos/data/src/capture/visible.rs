@@ -1,4 +1,4 @@
-//! Which points a photo sees.
+//! Visible points of photos.
 
 use super::photo::{Photo, Photos};
 use weaver_geometry::Camera;

@@ -76,7 +76,7 @@ impl Roll {
         let read = |i: usize| -> Result<Shot, Error> {
             let (take, time) = (&self.takes[i], times[i]);
             let file = files[i].clone().over(self.background);
-            // Which of them are kept is the same at any number of threads.
+            // The choice of kept photos is the same at any number of threads.
             let pixels = match i < kept {
                 true => Pixels::Kept(file.resize_whole(width, height)?.pixels),
                 false => Pixels::Stored { file, size: [height, width] },

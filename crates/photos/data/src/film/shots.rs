@@ -39,8 +39,8 @@ pub struct Shot {
     pub time: f64,
     /// Its pixels.
     pub pixels: Pixels,
-    /// Which kind of motion each pixel's center shows, `[H, W]`, of a procedural film: 0 is nothing that moves, others
-    /// are numbers into [`MOTIONS`](super::MOTIONS).
+    /// Kind of motion at each pixel's center, `[H, W]`, of a procedural film: 0 is nothing that moves, others are
+    /// numbers into [`MOTIONS`](super::MOTIONS).
     pub motion: Option<Vec<u8>>,
     /// Its part in evaluation.
     pub held_out: HeldOut,

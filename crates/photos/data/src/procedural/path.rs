@@ -27,7 +27,7 @@ pub(super) struct Path {
     pub rise: f64,
     /// Swing of radius and height about these values.
     pub sway: f64,
-    /// Where the swing begins.
+    /// Phase at the beginning of the swing.
     pub phase: f64,
     /// Phase of the swing from one camera to the next.
     pub wave: f64,

@@ -80,7 +80,7 @@ impl Pyramid {
     }
 }
 
-/// Where texel `at` and the one after it are in an image that is mirrored at its borders.
+/// Places of texel `at` and of the one after it in an image that is mirrored at its borders.
 fn mirrored(at: f64, size: usize) -> [usize; 2] {
     let fold = |i: i64| {
         let i = i as usize & (2 * size - 1);

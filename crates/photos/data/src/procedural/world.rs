@@ -30,7 +30,7 @@ pub(super) struct Light {
     pub ambient: [f64; 2],
 }
 
-/// Where light comes from.
+/// Source of light.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
     /// From far away: the unit vector toward it.
@@ -63,7 +63,7 @@ impl Light {
     }
 }
 
-/// Where a ray met a solid.
+/// Intersection of a ray with a solid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit<'a> {
     /// Ray parameter.

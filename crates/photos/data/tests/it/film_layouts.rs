@@ -16,7 +16,7 @@ fn sized_photo(path: &Path, brightness: u8, width: usize, height: usize) {
     Image::filled(width, height, [f32::from(brightness) / 255.0; 3]).write_png(path).unwrap();
 }
 
-/// Where a point of the world is seen.
+/// The pixel of a point of the world.
 fn seen(shot: &Shot, point: [f64; 3]) -> DVec2 {
     shot.camera.intrinsics.project(shot.camera.pose.apply(DVec3::from(point)))
 }

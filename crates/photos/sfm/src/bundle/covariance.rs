@@ -1,4 +1,4 @@
-//! How exactly cameras and lenses are known.
+//! Uncertainty of cameras and lenses.
 
 mod sparse;
 

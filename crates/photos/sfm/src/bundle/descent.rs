@@ -78,7 +78,7 @@ impl Solver {
     }
 }
 
-/// Where cameras and lenses are; points are in parts.
+/// Poses and lenses; points are in parts.
 #[derive(Clone, Debug)]
 pub(super) struct State {
     pub poses: Vec<Pose>,

@@ -37,7 +37,7 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// Where a camera with this lens sees a point of camera coordinates.
+    /// The pixel of a point of camera coordinates in a camera with this lens.
     pub fn project(&self, camera: &Camera, p: DVec3) -> DVec2 {
         let k = &camera.intrinsics;
         let at = DVec2::new(p.x, p.y) / p.z;
@@ -115,7 +115,7 @@ impl Lens {
         Self { free_focal: false, free_k1: false, free_k2: false, free_shift: false, ..self }
     }
 
-    /// Which of its [numbers](Self::numbers) are adjusted.
+    /// True for its [numbers](Self::numbers) that are adjusted.
     pub(super) fn free(&self) -> [bool; NUMBERS] {
         [self.free_focal, self.free_k1, self.free_k2, self.free_shift, self.free_shift]
     }

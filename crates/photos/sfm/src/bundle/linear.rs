@@ -194,7 +194,7 @@ impl Batch {
         }
     }
 
-    /// Where they are seen. A point behind its camera is far off, and has no precision from here on.
+    /// Projects the points. A point behind its camera is far off, and has no precision from here on.
     #[inline(always)]
     fn see<const FUSED: bool>(&mut self, far: f64) {
         let [fx, fy, cx, cy, k1, k2, ..] = &self.optics;

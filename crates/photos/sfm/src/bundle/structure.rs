@@ -60,7 +60,7 @@ impl Blocks {
     }
 }
 
-/// Where a camera saw a point.
+/// An observation of a point by a camera.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub pixel: [f64; 2],

@@ -25,10 +25,10 @@ struct Growth<'a> {
     evidence: &'a Evidence<'a>,
     bundle: &'a mut Bundle,
     placed: &'a mut Vec<bool>,
-    /// Which focal lengths are adjusted.
+    /// True for lenses whose focal length is adjusted.
     free: Vec<bool>,
     refused: Vec<bool>,
-    /// Which were taken out again as most of their matches spoke against them.
+    /// True for photos that were taken out again as most of their matches spoke against them.
     retracted: Vec<bool>,
     /// The tracks of each photo.
     tracks_of: Vec<Vec<u32>>,

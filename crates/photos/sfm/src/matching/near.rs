@@ -65,8 +65,8 @@ impl Near {
         Self { numbers, descriptors, places, corner, side, columns, rows, starts }
     }
 
-    /// Where in this order the keypoints are that lie within `farthest` pixels of the line a u + b v + c = 0 with a^2 +
-    /// b^2 = 1; all where a = b = c = 0. They are the first numbers of `found`, as many as are returned.
+    /// The keypoints, by their place in this order, within `farthest` pixels of the line a u + b v + c = 0 with a^2 +
+    /// b^2 = 1; all if a = b = c = 0. They are the first numbers of `found`, as many as are returned.
     pub fn band(&self, line: DVec3, farthest: f64, found: &mut Vec<u32>) -> usize {
         found.resize(self.places.len(), 0);
         let [a, b, c] = line.as_vec3().to_array();

@@ -56,7 +56,7 @@ fn both_coefficients_are_told_by_many_photos() {
     let (free, found) = freed(planted, MANY, Find::Told);
     assert_eq!(free, [true, true]);
     assert!(found.iter().zip(planted).all(|(found, planted)| (found - planted).abs() < 0.01), "{found:?}");
-    // As many as determine the first one; then too few to look.
+    // Enough photos to determine the first one; then too few to look.
     assert_eq!(freed(planted, MANY - 1, Find::Told).0, [true, false]);
     assert_eq!(freed(planted, SEVERAL - 1, Find::Told).0, [false, false]);
 }

@@ -253,7 +253,7 @@ pub(super) fn octree_depth(count: usize) -> u8 {
     (usize::BITS - count.leading_zeros()).div_ceil(2) as u8 + 2
 }
 
-/// So many bits of 1.
+/// A mask of so many bits.
 fn mask(bits: u32) -> u32 {
     ((1_u64 << bits) - 1) as u32
 }

@@ -1,4 +1,4 @@
-//! How much memory is available.
+//! Available memory.
 
 /// The number of bytes that can be used without swapping, if the system reports it.
 ///

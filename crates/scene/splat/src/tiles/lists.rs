@@ -96,7 +96,7 @@ impl Lists {
         self.len
     }
 
-    /// Where tile `t` (of all pictures) has its entries.
+    /// The range of entries of tile `t` (of all pictures).
     pub fn range(&self, t: usize) -> Range<usize> {
         self.starts[t] as usize..self.starts[t + 1] as usize
     }

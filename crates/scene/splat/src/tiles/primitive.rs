@@ -58,7 +58,7 @@ impl<V: Lanes> Projected<V> {
     }
 }
 
-/// Which pixels a primitive may cover: its outline, rounded outward.
+/// The pixels that a primitive may cover: its outline, rounded outward.
 ///
 /// Pixels outside the outline never see the primitive. Pixels inside decide for themselves ([`Response::at`]), so that
 /// a generous outline costs time and changes no image.

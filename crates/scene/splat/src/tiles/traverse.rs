@@ -15,7 +15,7 @@ use weaver_kernels::simd::prefetch;
 /// A primitive at the pixels of a block; `S` is the sample that its response keeps of the pixels.
 #[derive(Clone, Copy)]
 pub(crate) struct Hit<V: Lanes, S> {
-    /// Which block.
+    /// Index of the block.
     pub block: usize,
     /// The pixels that it adds to.
     pub seen: V::Mask,

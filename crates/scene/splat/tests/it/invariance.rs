@@ -283,7 +283,7 @@ proptest! {
     }
 }
 
-/// As many Gaussians as it takes for the radix sort and the lists to be made in parts.
+/// Enough Gaussians for the radix sort and the lists to be made in parts.
 #[test]
 fn number_of_threads_in_a_large_scene() {
     let mut scene = Scene::random(1, 40_000, 1, (70, 50), Some(1));

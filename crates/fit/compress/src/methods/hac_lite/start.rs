@@ -43,7 +43,7 @@ impl Groups {
         let (grid, order) = Grid::about(&means, DEPTH);
         let group = |&(_, group): &(u64, usize)| {
             let mut members = numbers[OFFSETS * group..numbers.len().min(OFFSETS * (group + 1))].to_vec();
-            // Those that are alike are in the same place of their groups.
+            // Similar ones are in the same place of their groups.
             let size = |i: usize| gaussians.log_scales[i].iter().sum::<f32>();
             members.sort_by(|&a, &b| size(b).total_cmp(&size(a)).then(a.cmp(&b)));
             members

@@ -36,7 +36,7 @@ const CONTEXT: (&str, f64) = ("context.", 0.005);
 const LEFT: f64 = 0.05;
 /// Part of the steps in which rates rise: the initial scene is not to be lost before moments are known.
 const RISE: f64 = 0.02;
-/// Where a state has the steps done.
+/// Key of the steps done in a state.
 const STEP: &str = "hac.step";
 
 /// A task that is due at a step.

@@ -24,7 +24,7 @@ pub(super) enum Motion {
 /// A solid that moves.
 #[derive(Clone, Debug)]
 pub(super) struct Mover {
-    /// Which kind of motion it is, from 1.
+    /// Kind of the motion, from 1.
     pub kind: u8,
     /// As it is at rest.
     pub solid: Solid,

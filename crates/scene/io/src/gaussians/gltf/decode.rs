@@ -74,7 +74,7 @@ struct Part {
     degree: usize,
 }
 
-/// Where a primitive stands in the document.
+/// Place of a primitive in the document, for messages.
 fn place([mesh, primitive]: [usize; 2]) -> String {
     format!("meshes[{mesh}].primitives[{primitive}]")
 }

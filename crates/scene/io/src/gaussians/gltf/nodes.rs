@@ -1,4 +1,4 @@
-//! Where the meshes of a scene are.
+//! Transforms of the meshes of a scene.
 
 use super::document::{Document, Node};
 use crate::{Error, Result};

@@ -122,7 +122,7 @@ pub(super) struct Header {
     pub elements: Vec<Element>,
     /// Antialiasing as a comment of Brush or Postshot states it.
     pub antialiased: bool,
-    /// Where the body begins.
+    /// Offset of the body.
     pub end: usize,
 }
 

@@ -1,4 +1,4 @@
-//! Which way up a photo is.
+//! Orientation of photos.
 
 use image::metadata::Orientation::{self, *};
 
