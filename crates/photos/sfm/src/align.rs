@@ -9,9 +9,9 @@ use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat2, DVec2, DVec3};
 use weaver_kernels::{parallel, simd};
 
-/// Least likeness of the surroundings of two observations to be aligned: the cosine between both.
+/// Least similarity of the surroundings of two observations to be aligned: their normalized correlation.
 const ALIKE: f32 = 0.8;
-/// Largest movement of an observation, over its deviation, and the least deviation for that, pixels.
+/// Largest movement of an observation, over its deviation; and the least deviation that counts here, pixels.
 const MOVES: f64 = 1.5;
 const LEAST: f64 = 0.3;
 /// The deviation of aligned keypoints, pixels.
@@ -24,14 +24,14 @@ const GRAIN: usize = 16;
 impl Bundle {
     /// Moves the observations of each point to the place where the surroundings agree across its photos.
     ///
-    /// Keypoints are found in each photo alone, and off by a part of their scale. Of the photos that see a point, the
-    /// one nearest the middle of all directions makes a template. Each of the others begins where its keypoint is, bent
-    /// as the plane across that middle direction looks from there, and is aligned by affine steps, brightness and
-    /// contrast aside. Patches that do not match in the end, or moved too far, stay as they were.
+    /// Keypoints are found in each photo alone, and off by a part of their scale. The photo nearest the middle of all
+    /// viewing directions of a point makes a template. Each other photo begins at its keypoint, warped as a plane
+    /// across that middle direction, and is aligned by affine steps, brightness and contrast aside. Patches that do not
+    /// match in the end, or moved too far, stay as they were.
     ///
     /// With the template's values `t`, its slopes `J` by the six numbers of an affine movement, and the photo's values
-    /// `v` brought to the brightness and contrast of the template, a step is `(J^T J)^-1 J^T (v - t)`, its inverse
-    /// applied to where the photo is looked at. Nothing is differentiable.
+    /// `v` brought to the brightness and contrast of the template, a step is `(J^T J)^-1 J^T (v - t)`, and its inverse
+    /// moves the patch. Nothing is differentiable.
     ///
     /// Sources: Baker and Matthews, Lucas-Kanade 20 years on, 2004 (inverse compositional steps); Furukawa and Ponce,
     /// Accurate camera calibration from multi-view stereo and bundle adjustment, 2009.

@@ -23,7 +23,7 @@ const PEAK: f32 = 0.8;
 const CELLS: usize = 4;
 const DIRECTIONS: usize = 8;
 const CELL: f32 = 3.2;
-/// Largest part of a descriptor's length that the square of one number may have: glare counts for no more.
+/// Largest part of a descriptor's length that the square of one number may have, which limits the effect of glare.
 const GLARE: f32 = 0.2;
 /// Samples to a side of a patch, as many as lanes: less than the keypoint's deviation apart, so that a blurred image
 /// has nothing in between.
@@ -31,7 +31,7 @@ const SIDE: usize = LANES;
 /// Cells across a patch of a descriptor: half a cell beyond the outer ones still counts for them.
 const ACROSS: f32 = CELLS as f32 + 1.0;
 
-/// Where a keypoint is in an image, pixels, and the deviation that it was found with.
+/// Place of a keypoint in an image, pixels, and the deviation that it was found with.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub at: Vec2,
@@ -156,7 +156,7 @@ impl LaneKernel<f32> for Directions<'_> {
     }
 }
 
-/// Directions of a keypoint: where the histogram of gradients around it peaks.
+/// Directions of a keypoint: the peaks of the histogram of gradients around it.
 pub(crate) fn orientations(image: &Gradients, place: Place) -> impl Iterator<Item = f32> {
     let raw = lanes::run(Directions(image, place));
     let at = |i: usize, by: usize| raw[(i + BINS + by - 2) % BINS];

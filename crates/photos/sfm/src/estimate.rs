@@ -12,29 +12,29 @@ use std::borrow::Cow;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Pose, Similarity};
 
-/// The part of the points, the farthest, that says nothing about the size of a scene.
+/// The part of the points, the farthest, that is left out of the size of a scene.
 const FARTHEST: f64 = 0.02;
 /// A photo with fewer keypoints has no texture.
 const TEXTURE: usize = 30;
 
-/// Why a photo has no camera.
+/// The reason why a photo has no camera.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum LeftOut {
-    /// Nothing in it is found again: no texture, blur, or a mask.
+    /// No keypoints to match: no texture, blur, or a mask.
     Textureless,
     /// It has nothing in common with the others.
     Unmatched,
     /// It was taken from the place of others, with a rotation or none: depth cannot be determined.
     OnePlace,
-    /// It shows something in common with others, but too little, or of another scene.
+    /// Too few matches with others, or another scene.
     Unplaced,
 }
 
 /// Estimated cameras, and the points and observations behind them.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// The camera of each photo, or why it has none. The first is the origin; the mean distance from it to the points
-    /// is 1, the farthest 2 % aside.
+    /// The camera of each photo, or the reason why it has none. The first is the origin; the mean distance from it to
+    /// the points is 1, without the farthest 2 %.
     pub cameras: Vec<Result<Camera, LeftOut>>,
     /// The radial distortion of each photo's lens, where one was found.
     pub distortion: Vec<Option<Distortion>>,
@@ -42,7 +42,7 @@ pub struct Estimate {
     pub points: Vec<DVec3>,
     /// Observations of the points, ascending by point; cameras by number of the photo, in pixels of the photo as given.
     pub observations: Vec<Observation>,
-    /// Median difference between where points are and were seen, pixels.
+    /// Median residual, pixels.
     pub error: f64,
     /// Points that each photo sees.
     pub seen: Vec<usize>,
@@ -50,9 +50,8 @@ pub struct Estimate {
     pub uncertainty: Option<Uncertainty>,
     /// Support of the best explanation with other rotations, over the support of the chosen one: 0 if there was none.
     pub rival: f64,
-    /// Photos with a camera that only matches which may be chance tie to most of the others; where there are none, the
-    /// part of the scene of whose place there is most doubt, if more than half as many matches contradict it as hold
-    /// it.
+    /// Photos with a camera whose matches with most of the others may be chance; if there are none, the part of the
+    /// scene with the most doubtful place, if more than half as many matches contradict it as hold it.
     pub untied: Vec<usize>,
     /// Ratio of estimated to given focal lengths, for the lens whose ratio is farthest from 1; 1 where none was given.
     pub focal_factor: f64,
@@ -158,7 +157,7 @@ fn focal_factor(bundle: &Bundle, placed: &[bool], taken: &[Taken]) -> f64 {
     off.reduce(|a, b| if b.abs() > a.abs() { b } else { a }).map_or(1.0, f64::exp)
 }
 
-/// No cameras, and why, for photos without a place.
+/// An estimate without cameras, with the reasons for photos without a place.
 fn without_cameras(features: &[Features], pairs: &Pairs, placed: &[bool]) -> Estimate {
     let reason = |photo: usize| {
         let mut posed = pairs.posed.iter().filter(|pair| pair.photos.contains(&photo)).peekable();

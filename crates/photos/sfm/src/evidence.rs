@@ -4,7 +4,7 @@ use crate::features::Features;
 use crate::pairs::Pair;
 use crate::tracks::Track;
 
-/// An observation fits that is off by less than this, in deviations of keypoints.
+/// Largest residual of an observation that fits, in deviations of keypoints.
 pub(crate) const FITS: f64 = 4.0;
 /// Explanations are compared by observations within this tolerance, in deviations of keypoints: a wrong focal length
 /// explains as many, but less exactly.
@@ -23,12 +23,12 @@ pub(crate) struct Evidence<'a> {
     pub trust: Trust,
 }
 
-/// Evidence that a photo's place needs.
+/// Evidence required for a photo's place.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Trust {
-    /// The fewest points that a photo must see where they are.
+    /// The fewest points that must fit.
     pub fewest: usize,
-    /// The least share of the points in its view that it must see where they are.
+    /// The least share of the points in its view that must fit.
     pub share: f64,
     /// True if matches with placed photos are enough, where they have no points in common.
     pub matches_alone: bool,

@@ -6,14 +6,14 @@ use weaver_geometry::glam::{DVec2, Mat3, Vec2, Vec3};
 use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 use weaver_kernels::parallel;
 
-/// Least contrast of a keypoint, of a photo from 0 to 1, over the scales of an octave.
+/// Least contrast of a keypoint in a photo from 0 to 1, over the scales of an octave.
 const CONTRAST: f32 = 0.01;
-/// Largest ratio of the two curvatures of a keypoint: edges are nowhere along themselves.
+/// Largest ratio of the two curvatures of a keypoint: along an edge a place is undetermined.
 const EDGE: f32 = 12.0;
 /// Pixels at the border in which there are no keypoints.
 const BORDER: usize = 5;
-/// Largest distance of a keypoint from its pixel, in pixels and scales: more than half, so that one in the middle of
-/// two is not sent to and fro.
+/// Largest distance of a keypoint from its pixel, in pixels and scales: more than half, so that a keypoint in the
+/// middle of two does not oscillate.
 const NEAR: f32 = 0.6;
 /// Moves of a keypoint to the neighboring pixel while it is refined.
 const MOVES: usize = 5;
@@ -22,10 +22,10 @@ const GRAIN: usize = 16;
 /// Pixels of a vector and its neighbors.
 const WINDOW: usize = LANES + 2;
 
-/// A place that is found again in other photos.
+/// A place that can be found again in other photos.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Keypoint {
-    /// Where it is, pixels; centers of pixels are at .5.
+    /// Its place, pixels; centers of pixels are at .5.
     pub pixel: DVec2,
     /// Deviation of the Gaussian that it was found with, pixels.
     pub scale: f64,
@@ -43,7 +43,7 @@ pub(crate) fn gray(rgb: &[u8]) -> Vec<f32> {
 /// The keypoints of a photo, with their descriptors.
 #[derive(Clone, Debug, Default)]
 pub struct Features {
-    /// `N` keypoints, the ones that stand out most first.
+    /// `N` keypoints by falling contrast.
     pub keypoints: Vec<Keypoint>,
     /// `[N, 128]`: square roots of normalized histograms, in whole numbers up to 127. Lengths are 250 up to rounding,
     /// so that the product of two has 16 bits.
@@ -57,11 +57,11 @@ struct Extremum {
     place: Place,
     /// The image whose blur is nearest to its scale, over all octaves.
     image: usize,
-    /// Where it is in the photo, and its scale there.
+    /// Its place in the photo, and its scale there.
     pixel: DVec2,
     scale: f64,
     contrast: f32,
-    /// Number of those with more contrast.
+    /// Number of extrema with more contrast.
     rank: usize,
 }
 

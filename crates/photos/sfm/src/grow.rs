@@ -15,15 +15,15 @@ const GROWING: [(f64, usize); 1] = [(4.0, 8)];
 const GROWN: [(f64, usize); 2] = [(4.0, STEPS), (2.0, STEPS)];
 /// Cameras join together if their inlier count is at least this part of the best one's.
 const TOGETHER: f64 = 0.4;
-/// Where the matches of some photos agree with their places by this share, others wait.
+/// If some photos' matches agree with their places by this share, other photos wait.
 const CLEAR: f64 = 0.8;
-/// A camera that sees fewer points is lost again.
+/// A camera that sees fewer points loses its place again.
 const LOST: usize = 6;
-/// Number of times that photos are taken out again that most of their matches speak against.
+/// Number of times that photos are taken out again because most of their matches contradict their place.
 const RETRACTIONS: usize = 5;
 /// The share of its matches that must agree with a photo's pose in the end.
 const MOST: f64 = 0.5;
-/// Angles between rays that are wide enough to begin with, radians.
+/// Angle between rays that is wide enough for an initial pair, radians.
 const WIDE: f64 = 0.1;
 
 /// A scene with the cameras that have a place in it.
@@ -31,11 +31,11 @@ const WIDE: f64 = 0.1;
 pub(crate) struct Grown {
     pub bundle: Bundle,
     pub placed: Vec<bool>,
-    /// Explained part of the observations.
+    /// Support: the sum of the observations' weights by their residuals.
     pub support: f64,
 }
 
-/// The pairs to begin with, the best first: many matches, seen from different places.
+/// Initial pairs, the best first: many matches, seen from different places.
 pub(crate) fn beginnings(evidence: &Evidence<'_>) -> Vec<usize> {
     let value = |pair: &Pair| pair.score * (pair.parallax / WIDE).min(1.0) * (1.0 - pair.turned);
     let present = |i: &usize| evidence.pairs[*i].photos.iter().all(|p| !evidence.absent[*p]);
@@ -144,7 +144,7 @@ fn lost(bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
     (0..placed.len()).filter(|i| placed[*i] && seen[*i] < LOST).collect()
 }
 
-/// Photos that most of their matches with other placed ones speak against.
+/// Photos whose matches with other placed ones mostly contradict their place.
 fn contradicted(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
     let wrong = |photo: &usize| {
         let [agree, all] = tally(evidence, bundle, placed, &bundle.cameras[*photo].pose, *photo);
@@ -153,7 +153,7 @@ fn contradicted(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> Ve
     (0..placed.len()).filter(wrong).collect()
 }
 
-/// Exactly explained part, less the cost of an unexpected focal length.
+/// Support: the exactly fitting part of the observations, less the cost of an unexpected focal length.
 pub(crate) fn explained(bundle: &Bundle) -> f64 {
     let agreed = bundle.agreed();
     let value = |(o, fit): (&Observation, f64)| if agreed[o.point] { fit } else { 0.0 };

@@ -1,4 +1,4 @@
-//! The lenses that photos were taken with, and how long their focal lengths are before anything is seen.
+//! The lenses that photos were taken with, and their focal lengths before any matching.
 
 use crate::bundle::{Bundle, Lens};
 use crate::photo::{EstimateOptions, Photo};
@@ -33,15 +33,16 @@ impl Taken {
     }
 }
 
-/// Expected focal length where nothing is known, over the longer side, and the standard deviation of its logarithm.
+/// Expected focal length without any other information, over the longer side, and the standard deviation of its
+/// logarithm.
 pub(crate) const USUAL: f64 = 0.9;
 const UNKNOWN: f64 = 0.4;
-/// Standard deviation of where a keypoint is found, pixels.
+/// Standard deviation of a keypoint's position, pixels.
 pub(crate) const PIXEL: f64 = 0.5;
 /// Ratios of sensors' sides, from phones to cameras. Other proportions are crops.
 const SENSOR: [f64; 2] = [4.0 / 3.0, 1.5];
 
-/// Exactness of keypoints, pixels of the photo that has most.
+/// Exactness of keypoints, in pixels of the largest photo.
 pub(crate) fn tau(photos: &[Taken]) -> f64 {
     photos.iter().map(|p| p.size[1] as f64 / 384.0).fold(0.5, f64::max)
 }
@@ -164,15 +165,15 @@ impl Bundle {
         all
     }
 
-    /// Of each lens, whether a photo with a place has it.
+    /// True for lenses of photos with a place.
     fn in_use(&self, placed: &[bool]) -> Vec<bool> {
         let mut used = vec![false; self.lenses.len()];
         self.lens_of.iter().zip(placed).for_each(|(lens, placed)| used[*lens] |= placed);
         used
     }
 
-    /// Frees the focal lengths of lenses that are `free` and in use. The others' are not adjusted, as nothing is seen
-    /// through them: those that are free follow the lenses in use.
+    /// Frees the focal lengths of lenses that are `free` and in use. Others are not adjusted, as they have no
+    /// observations: `free` ones follow the lenses in use.
     pub(crate) fn free_focal(&mut self, free: &[bool], placed: &[bool]) {
         let of_placed = self.lens_of.iter().zip(placed).filter(|(_, placed)| **placed);
         let middle = median(of_placed.map(|(lens, _)| self.lenses[*lens].log_focal).collect()).unwrap_or(0.0);

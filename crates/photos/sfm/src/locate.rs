@@ -10,7 +10,7 @@ use crate::passes::{Pass, near};
 use crate::photo::EstimateOptions;
 use crate::retrieval::candidates;
 
-/// Largest error of a photo that pairs put in its place, in deviations of keypoints.
+/// Largest error of a place by pairs alone, in deviations of keypoints.
 const ASTRAY: f64 = 32.0;
 
 /// The cameras of all photos, for `numbers` with the cameras and points of `scene`, as they are; the photos that have a
@@ -36,7 +36,7 @@ pub(crate) fn locate(
     pairs.posed.extend(pairs::posed(features, &cameras, &matched, tau(taken)));
     pairs.matched.extend(matched);
     let tracks = linked(features, &pairs.posed);
-    // Of the others those without a place get none here.
+    // Other photos without a place get none here.
     let evidence = Evidence { features, pairs: &pairs.posed, tracks: &tracks, absent: &others, trust: Trust::PAIRS };
     let before = placed.clone();
     let mut found = Grown { bundle: bundle.clone(), placed: before.clone(), support: 0.0 };

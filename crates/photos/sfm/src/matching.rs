@@ -8,20 +8,20 @@ use crate::features::Features;
 use near::Near;
 use weaver_kernels::byte_products::{TopTwo, chosen_products, top_products};
 
-/// Largest distance to the best keypoint over that to the second best.
+/// Largest distance to the best keypoint over the distance to the second best.
 const RATIO: f32 = 0.85;
-/// Similarity of keypoints that have nothing to do with each other: the second best is taken to be as similar at least,
-/// where few come into question.
+/// Similarity of unrelated keypoints: the second best is taken to be at least as similar, where few candidates are
+/// left.
 const STRANGERS: f32 = 0.3;
 
-/// Two keypoints that look alike.
+/// Two similar keypoints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Match {
     /// Number of the keypoint in the first photo.
     pub first: u32,
     /// Number of the keypoint in the second photo.
     pub second: u32,
-    /// Distance over that to the second best keypoint; the smaller, the less is it to be mistaken.
+    /// Distance over the distance to the second best keypoint; the smaller, the less ambiguous.
     pub ratio: f32,
 }
 
@@ -91,7 +91,7 @@ fn mutual(best: &[TopTwo], mut of_second: Vec<u32>) -> Vec<Match> {
         }
     }
     matches.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
-    // Of a thousand photos, room that is not used is some of all that there is.
+    // With a thousand photos, unused capacity would be a good part of all memory.
     matches.shrink_to_fit();
     matches
 }

@@ -1,4 +1,4 @@
-//! Matching and adjusting by turns, with cameras that are nearly right.
+//! Matching and adjusting in turns, with cameras that are nearly right.
 
 use crate::bundle::{Bundle, Observation};
 use crate::epipolar::Epipolar;
@@ -11,9 +11,8 @@ use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
 use weaver_kernels::parallel;
 
-/// Differences, in pixels, beyond which observations count for less and less, one adjustment after the other: while
-/// cameras are wrong, once they are adjusted, in the end, and where a camera is located. Observations off by more than
-/// `FARTHEST` times the last of them are then left out.
+/// Scales of the robust loss, one adjustment after the other: while cameras are wrong, once they are adjusted, in the
+/// end, and where a camera is located. Observations off by more than `FARTHEST` times a scale are then left out.
 const WIDE: [f64; 4] = [16.0, 8.0, 4.0, 2.0];
 const NARROW: [f64; 1] = [2.0];
 const LAST: [f64; 2] = [2.0, 1.0];
@@ -23,10 +22,10 @@ const FARTHEST: f64 = 3.0;
 const STEPS: usize = 40;
 /// Cosine of the largest angle between the axes of two cameras whose photos are compared.
 const ANGLE: f64 = 0.5;
-/// Pixels from the epipolar line at which a match is believed once cameras are adjusted.
+/// Pixels from the epipolar line up to which a match counts once cameras are adjusted.
 const CERTAIN: f64 = 3.0;
-/// Least deviation of keypoints in photos of this width or wider, pixels: smaller ones are no more exact. Narrower
-/// photos are enlarged before keypoints are looked for.
+/// Least deviation of keypoints in photos of this width or wider, pixels: keypoints of smaller scale are no more exact.
+/// Narrower photos are enlarged before keypoints are found.
 const SHARPEST: f64 = 1.0;
 const WIDTH: f64 = 384.0;
 const NARROWEST: f64 = 1.0 / 3.0;
@@ -88,7 +87,7 @@ impl Bundle {
         self.locate(located, all);
     }
 
-    /// Keypoints where cameras without distortion would see them.
+    /// Keypoints with distortion undone.
     fn straight<'a>(&self, features: &'a [Features]) -> Cow<'a, [Features]> {
         if self.lenses.iter().all(|lens| lens.k1 == 0.0 && lens.k2 == 0.0) {
             return Cow::Borrowed(features);
@@ -106,7 +105,7 @@ impl Bundle {
         self.prune(FARTHEST * LAST[1]);
     }
 
-    /// Moves located cameras to where they see points that stay.
+    /// Moves located cameras to fit the points, which stay.
     fn locate(&mut self, located: &[bool], all: Vec<Observation>) {
         if !located.contains(&true) {
             return;
@@ -170,7 +169,7 @@ pub(crate) fn neighbors(cameras: &[Camera], most: usize) -> Vec<[usize; 2]> {
         let mut near: Vec<usize> = (0..cameras.len()).filter(|j| *j != i && axis(i).dot(axis(*j)) > ANGLE).collect();
         let far = |j: &usize| centers[i].distance(centers[*j]);
         near.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        // The nearest half, and of the others some all over: long links hold the shape.
+        // The nearest half, and some spread evenly over the others: long links hold the shape.
         let close = near.len().min(most.div_ceil(2));
         let (rest, more) = (near.len() - close, (most - close).min(near.len() - close));
         let chosen = (0..close).chain((0..more).map(|k| close + k * rest / more.max(1)));

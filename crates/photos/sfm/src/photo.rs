@@ -1,4 +1,4 @@
-//! Photos whose cameras are estimated, and how.
+//! Photos to estimate cameras of, and the settings.
 
 use crate::features::{Features, gray};
 use std::borrow::Cow;
@@ -56,7 +56,7 @@ pub enum Find {
 pub struct EstimateOptions {
     /// Keypoints of a photo, at most.
     pub keypoints: usize,
-    /// Photos that each is compared with, at most: those that look most alike.
+    /// Photos that each is compared with, at most: the most similar ones.
     pub candidates: usize,
     /// True if photos were taken one after the other: each is then compared with its neighbors too.
     pub sequence: bool,

@@ -20,19 +20,18 @@ use vocabulary::Vocabulary;
 use weaver_kernels::parallel;
 use words::Index;
 
-/// Keypoints of a photo, the largest, by which photos are compared roughly.
+/// The largest keypoints of a photo, by which photos are compared roughly.
 const COARSE: usize = 300;
 /// Photos that are compared roughly, over those that are chosen.
 const SHORTLIST: usize = 2;
 /// Distances in a sequence at which photos are compared regardless of their similarity.
 const STEPS: [usize; 4] = [1, 2, 4, 8];
 
-/// Pairs of photos that may show the same things, ascending: all of them, or each photo with the `most` that look most
-/// alike.
+/// Pairs of photos that may show the same things, ascending: all of them, or each photo with the `most` similar ones.
 ///
-/// Photos that are not `present` are compared with those that are, and change nothing for them. In a `sequence`, each
-/// photo is compared with the ones 1, 2, 4 and 8 before and after it, and the rest of its `most` are chosen beyond
-/// them: that is where a path comes back to.
+/// Photos that are not `present` are compared with the others, and change nothing for them. In a `sequence`, each photo
+/// is compared with the ones 1, 2, 4 and 8 before and after it, and the rest of its `most` are chosen beyond them,
+/// where a path may come back to the same place.
 ///
 /// ```
 /// use weaver_sfm::{Features, candidates};
@@ -66,8 +65,8 @@ pub fn candidates(features: &[Features], present: &[bool], most: usize, sequence
 }
 
 /// Further pairs, ascending, for a second round: of photos that have `verified` pairs with the same third one. At most
-/// `most` for each photo, those with the most matches on their way (the fewer of the two, summed over the ways) first;
-/// none that was `tried`.
+/// `most` for each photo, by falling number of matches (the fewer of both pairs with the third photo, summed over third
+/// photos); none that was `tried`.
 ///
 /// As in [`candidates`], photos that are not `present` change nothing for those that are.
 ///
@@ -142,7 +141,7 @@ impl Order<'_> {
     }
 }
 
-/// For each photo the `wanted` ones that look most like it.
+/// For each photo the `wanted` most similar ones.
 fn alike(features: &[Features], order: &Order<'_>, wanted: &[usize]) -> Vec<Vec<usize>> {
     let (n, inside) = (features.len(), order.inside);
     let vocabulary = Vocabulary::of(inside.iter().map(|i| &features[*i]));

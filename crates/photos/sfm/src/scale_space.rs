@@ -6,15 +6,15 @@ use filters::{blur, enlarged};
 use weaver_kernels::pages;
 use weaver_kernels::parallel::for_chunks;
 
-/// Scales of an octave in which extrema are looked for.
+/// Scales of an octave in which extrema are searched.
 pub(crate) const SCALES: usize = 3;
 /// Images of an octave.
 pub(crate) const IMAGES: usize = SCALES + 3;
 /// Blur of the first image of an octave, pixels of the octave, beyond the photo's own: photos that were shrunk have
 /// little, and taking them for blurred costs a tenth of the pairs.
 pub(crate) const SIGMA: f32 = 1.6;
-/// Photos are enlarged by powers of two until their longer side is this long; all but large ones once at least, for the
-/// sake of small detail: without it, three quarters of the matches are missing.
+/// Photos are enlarged by powers of two until their longer side is this long; all but large ones at least once, for
+/// small detail: without it, three quarters of the matches are missing.
 const LEAST_SIDE: usize = 512;
 const LARGE: usize = 1024;
 /// Octaves end where an image is smaller.
@@ -86,7 +86,7 @@ pub(crate) struct Octave {
     values: Vec<f32>,
     /// Pixels of the photo from one pixel to the next.
     pub step: f64,
-    /// Where the center of the first pixel lies, pixels of the photo.
+    /// Center of the first pixel, in pixels of the photo.
     pub origin: f64,
 }
 

@@ -20,7 +20,8 @@ use crate::turning::turning;
 const LEAST_SEEN: usize = 25;
 /// Focal lengths, the best by the votes of pairs, that are tried if none is given.
 const FOCAL_LENGTHS: usize = 2;
-/// Photos up to which many initial pairs can be tried.
+/// Photos up to which pairs with any share of agreeing matches take part, and up to which each placed photo is
+/// reconsidered.
 const FEW: usize = 8;
 /// Focal lengths by which photos without a scene are checked for a rotation on the spot.
 const POSSIBLE: [f64; 6] = [0.5, 0.65, 0.8, USUAL, 1.2, 1.6];
@@ -45,7 +46,7 @@ const ONE_IN: usize = 8;
 
 /// The scene that was found.
 pub(crate) struct Scene {
-    /// Cameras and points, and which photos have a place.
+    /// Cameras and points, and a mask of the photos that have a place.
     pub found: Option<(Bundle, Vec<bool>)>,
     pub pairs: Pairs,
     /// Support of the best explanation that differs, over the support of the chosen one.
@@ -53,7 +54,7 @@ pub(crate) struct Scene {
     /// Photos tied to the rest only by pairs that may be chance, or whose place is contradicted by matches with the
     /// rest.
     pub untied: Vec<usize>,
-    /// True if there is no scene because the photos were taken by turning on the spot.
+    /// True if there is no scene because the photos were taken by rotating on the spot.
     pub one_place: bool,
 }
 
@@ -89,7 +90,7 @@ impl<'a> Search<'a> {
         Self { taken, features, photos, settings, pairs, found: Vec::new(), given_up: 0.0 }
     }
 
-    /// The scene that explains most.
+    /// The scene with the largest support.
     pub fn scene(mut self) -> Scene {
         self.run();
         let mut settled: Vec<Grown> = self.different().into_iter().map(|i| self.settled(&self.found[i])).collect();
@@ -121,7 +122,7 @@ impl<'a> Search<'a> {
         Scene { one_place: POSSIBLE.iter().any(of), ..Scene::none(self.pairs) }
     }
 
-    /// True if photos with a place were taken by turning on the spot.
+    /// True if the photos with a place were taken by rotating on the spot.
     fn one_place(&self, bundle: &Bundle, placed: &[bool]) -> bool {
         turning(self.features, &self.pairs.posed, bundle, placed, tau(self.taken))
     }
@@ -135,13 +136,13 @@ impl<'a> Search<'a> {
         let tau = tau(self.taken);
         let mut waiting = self.focal_lengths(tau);
         let mut tried: Vec<f64> = Vec::new();
-        // The focal length that each scene came of.
+        // The focal length that each scene began with.
         let mut began: Vec<f64> = Vec::new();
         while !waiting.is_empty() {
             let factor = waiting.remove(0);
             let bundle = self.settings.bundle(self.taken, factor);
             let posed = pairs::posed(self.features, &bundle.cameras, &self.pairs.matched, tau);
-            // Among many photos, pairs that are chance do more harm than those that are doubtful do good.
+            // Among many photos, pairs by chance do more harm than right but doubtful pairs do good.
             let certain: &[f64] = if few { &[0.0] } else { &CERTAIN };
             certain.iter().for_each(|share| self.grow(&bundle, &posed, *share));
             tried.push(factor);
@@ -218,7 +219,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// The number of the scene that explains most.
+/// The number of the scene with the largest value.
 fn best(scenes: &[Grown]) -> Option<usize> {
     (0..scenes.len()).reduce(|a, b| if scenes[b].value() > scenes[a].value() { b } else { a })
 }
@@ -235,7 +236,7 @@ fn confirmed(found: &[Grown], first: usize) -> bool {
 }
 
 impl Grown {
-    /// Photos with a place, then how well they explain each other.
+    /// Number of photos with a place, then the support.
     fn value(&self) -> (usize, f64) {
         (self.placed.iter().filter(|placed| **placed).count(), self.support)
     }
@@ -246,7 +247,7 @@ impl Grown {
         first.map_or(1.0, |first| self.bundle.lenses[self.bundle.lens_of[first]].log_focal.exp())
     }
 
-    /// True if enough photos are turned another way relative to the rest, by more than this, radians.
+    /// True if enough photos are rotated differently relative to the rest, by more than `least` radians.
     fn differs(&self, other: &Self, least: f64) -> bool {
         let both: Vec<usize> = (0..self.placed.len()).filter(|i| self.placed[*i] && other.placed[*i]).collect();
         let turn =

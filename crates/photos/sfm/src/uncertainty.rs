@@ -11,20 +11,20 @@ use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_kernels::parallel;
 
-/// Standard deviation of a distortion that is expected before anything is seen.
+/// Prior standard deviation of a distortion.
 const BENT: f64 = 0.2;
 /// A distortion counts as determined if it is so many of its standard deviations from 0, and moves a corner by so many
 /// pixels.
 const TOLD: f64 = 6.0;
 const MOVED: f64 = 0.3;
-/// Photos from which on one coefficient of it is looked for, and two.
+/// Photos from which on one coefficient of the distortion is tried, and two.
 const SEVERAL: usize = 6;
 const MANY: usize = 20;
 /// Standard deviations of the parameters held fixed: of the principal point from the middle of photos, over their
 /// longer sides, and of k1.
 const OFF_CENTER: f64 = 0.005;
 const UNSEEN: f64 = 0.01;
-/// Matches of a photo of a plane that count as independent: errors of the others are taken to be in common with theirs.
+/// Matches of a photo of a plane that count as independent: the others share their errors.
 const INDEPENDENT: f64 = 40.0;
 /// Groups of photos that are left out, one after the other.
 const GROUPS: usize = 8;
@@ -81,7 +81,7 @@ impl Uncertainty {
         Some(Self { focal, rotations, centers: of_photos(center, left_out.center), spread: spread(&bundle.cameras) })
     }
 
-    /// The same, where the photos have these numbers of so many.
+    /// The same with the photos numbered by `numbers` among `count`.
     pub(crate) fn renumbered(self, numbers: &[usize], count: usize) -> Self {
         let spread_out = |of: Vec<f64>| {
             let mut all = vec![0.0; count];
@@ -91,7 +91,7 @@ impl Uncertainty {
         Self { rotations: spread_out(self.rotations), centers: spread_out(self.centers), ..self }
     }
 
-    /// In units of a world that is so many times as large.
+    /// In units of a world `by` times as large.
     pub(crate) fn scale(&mut self, by: f64) {
         self.spread *= by;
         self.centers.iter_mut().for_each(|c| *c *= by);
@@ -107,14 +107,14 @@ impl Uncertainty {
 /// Cameras and lenses at the end of an adjustment.
 type Ended = (Vec<Camera>, Vec<Lens>);
 
-/// Movement where groups of photos are left out.
+/// Movement of the rest where groups of photos are left out.
 struct LeftOut {
     focal: Vec<f64>,
     rotation: Vec<f64>,
     center: Vec<f64>,
 }
 
-/// The deviations that leaving out each of some groups of photos shows.
+/// The deviations by leaving out groups of photos, one at a time.
 ///
 /// Source: Efron, The jackknife, the bootstrap and other resampling plans, 1982, chapter 3.
 fn left_out(bundle: &Bundle) -> LeftOut {
@@ -127,7 +127,7 @@ fn left_out(bundle: &Bundle) -> LeftOut {
         let agreed = rest.agreed();
         rest.observations.retain(|o| agreed[o.point]);
         rest.adjust(1.0, STEPS);
-        // Of hundreds of photos, all that eight times would not find room.
+        // With hundreds of photos, eight copies of everything would not fit in memory.
         without[0] = Some((rest.cameras, rest.lenses));
     });
     let mut squares = LeftOut { focal: vec![0.0; bundle.lenses.len()], rotation: vec![0.0; n], center: vec![0.0; n] };

@@ -1,4 +1,4 @@
-//! Square patches of photos, and where another photo shows the same.
+//! Square patches of photos, and their alignment with another photo.
 
 use crate::photo::Photo;
 use weaver_geometry::glam::{DMat2, DVec2};
@@ -12,7 +12,7 @@ const LANES: usize = 8;
 const PADDED: usize = SAMPLES.next_multiple_of(LANES);
 /// Numbers of a movement: of the middle, then of the offsets.
 const NUMBERS: usize = 6;
-/// The least standard deviation of a patch that shows anything, and how much photos are expected to differ; white is 1.
+/// The least standard deviation of a textured patch, and the expected difference between photos; white is 1.
 const FLAT: f32 = 0.02;
 const NOISE: f64 = 0.02;
 /// Steps of an alignment, and the movement below which it ends, samples.
@@ -127,8 +127,8 @@ impl Template {
         Some(Self { patch, length: square.sqrt(), slopes, inverse: inverted(matrix)? })
     }
 
-    /// Where a photo shows the same, beginning at `at` and `warp`, and how alike both are: the cosine of the angle
-    /// between them, 1 where one is the other but for brightness and contrast.
+    /// The aligned place in a photo, beginning at `at` and `warp`, and the normalized correlation there: 1 where both
+    /// are equal but for brightness and contrast.
     #[inline(always)]
     pub fn aligned(&self, photo: &Gray, mut at: DVec2, mut warp: DMat2) -> Option<(DVec2, f32)> {
         let mut alike = 0.0;

@@ -14,8 +14,7 @@ use weaver_kernels::parallel;
 
 /// Movements of the world that no observation determines: rotations, shifts and a scale.
 const GAUGE: usize = 7;
-/// Information of observations or priors about such a movement, over the mean of the diagonal, below which there is
-/// none.
+/// Information of observations or priors about such a movement, over the mean of the diagonal, that counts as none.
 const UNTOLD: f64 = 1e-10;
 /// The determinant of a point's matrix over the cube of its trace below which the distance is undetermined: rays that
 /// differ by 1e-4 radians or less.

@@ -23,7 +23,7 @@ const CONVERGED: f64 = 1e-7;
 const HARDLY: f64 = 1e-2;
 /// Predicted relative fall that is lost in rounding: a step that fails then ends the descent.
 const ROUNDING: f64 = 1e-11;
-/// Root of the mean cost of an observation, in scales, that is as good as none.
+/// Root of the mean cost of an observation, in scales, that counts as 0.
 const EXACT: f64 = 1e-11;
 
 /// Solver of the reduced equations, and its limits.
@@ -155,7 +155,7 @@ impl<'a> Descent<'a> {
         Solved { cost, steps, converged }
     }
 
-    /// The equations where all is; returns the cost.
+    /// Linearizes at the current state; returns the cost.
     pub fn linearize(&mut self) -> f64 {
         let sights = Sights { views: &self.state.views, scale: self.scale };
         parallel::for_chunks(&mut self.parts, 1, |_, parts| {

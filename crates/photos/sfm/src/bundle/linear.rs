@@ -1,4 +1,4 @@
-//! Linearized observations: their cost, and its quadratic model. They are seen eight at a time, one in each lane.
+//! Linearized observations: their cost, and its quadratic model. Eight are processed at a time, one in each lane.
 
 #![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
 
@@ -12,15 +12,15 @@ use weaver_geometry::{Camera, Pose};
 /// An observation behind its camera costs as much as one that is off by so many scales: much, so that steps keep points
 /// in front, but finite, so that adjustments can begin with some behind.
 const BEHIND: f64 = 100.0;
-/// Nearer than this, a point is behind.
+/// A point nearer than this counts as behind.
 const NEAREST: f64 = 1e-12;
 /// Numbers of a row, by place: the lens's follow the camera's.
 const DIFFERENCE: usize = WIDE - 1;
-/// Observations that are seen side by side.
+/// Observations that are processed side by side.
 const LANES: usize = 8;
 type Lane = [f64; LANES];
 
-/// A camera and its lens, ready to see.
+/// A camera and its lens, prepared for projection.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(super) struct View {
@@ -128,19 +128,19 @@ impl Logs {
     }
 }
 
-/// Observations side by side, and how they are seen.
+/// A batch of observations, and their projections.
 struct Batch {
     /// In coordinates of the cameras.
     p: [Lane; 3],
     pixel: [Lane; 2],
     precision: Lane,
     optics: [Lane; OPTICS],
-    /// One over the depth, and the places at depth 1.
+    /// Inverse depth, and the places at depth 1.
     near: Lane,
     at: [Lane; 2],
     r2: Lane,
     bent: Lane,
-    /// Where they are seen less the principal point, and less where they were seen.
+    /// The projected pixel relative to the principal point, and relative to the observed pixel.
     from_center: [Lane; 2],
     difference: [Lane; 2],
     /// Square of the difference, in scales.
@@ -268,7 +268,7 @@ impl Batch {
     }
 }
 
-/// Where all was seen from, and the scale of the loss.
+/// All views, and the scale of the loss.
 #[derive(Clone, Copy)]
 pub(super) struct Sights<'a> {
     pub views: &'a [View],

@@ -20,11 +20,11 @@ const LONG: usize = 3;
 /// stays within.
 #[derive(Clone, Debug)]
 pub(super) struct Profile {
-    /// The place of each row of the equations: those that have points in common stand near each other.
+    /// The place of each row of the equations: rows with points in common stand near each other.
     place: Vec<u32>,
-    /// Of each place, the first column.
+    /// First stored column of each place.
     first: Vec<u32>,
-    /// Of each place, where its rows begin, one after the other up to the end of the block on the diagonal.
+    /// Start of each place's rows, one after the other up to the end of the block on the diagonal.
     start: Vec<usize>,
     values: Vec<f64>,
     x: Vec<f64>,
@@ -218,7 +218,8 @@ fn places(reduced: &Reduced) -> Vec<u32> {
     place
 }
 
-/// Rows connected with a row, the nearest first, and of those connected with the same one that with the fewest others.
+/// Rows connected with a row, the nearest first, and among rows connected through the same one by rising number of
+/// connections.
 fn walk(beside: &[Vec<u32>], from: usize, reached: &mut [bool]) -> Vec<usize> {
     let (mut order, mut waiting) = (Vec::new(), VecDeque::from([from]));
     reached[from] = true;

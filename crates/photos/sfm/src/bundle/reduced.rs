@@ -1,4 +1,4 @@
-//! The equations that are left for cameras and lenses once the points are eliminated.
+//! The reduced equations of cameras and lenses, once the points are eliminated.
 
 #![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
 
@@ -17,7 +17,7 @@ const PRODUCTS: usize = 2048;
 /// A pivot over its diagonal element below which rounding alone holds a point.
 const HELD: f64 = 1e-15;
 
-/// Rows that follow each other, of the lower half of the matrix: only blocks with a point in common.
+/// Consecutive rows of the lower half of the matrix: only blocks with a point in common.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Group {
     pub rows: Range<usize>,
@@ -27,7 +27,7 @@ pub(super) struct Group {
     columns: Vec<u32>,
     values: Vec<Block>,
     right: Vec<Row>,
-    /// Where the blocks of the row at hand are, by column.
+    /// Places of the current row's blocks, by column.
     place: Vec<u32>,
 }
 
@@ -107,7 +107,7 @@ impl Group {
         (&self.columns[range.clone()], &self.values[range])
     }
 
-    /// Finds which blocks its rows have.
+    /// Finds the blocks of its rows.
     fn connect(&mut self, system: &System, parts: &[Part]) {
         self.place = vec![NONE; system.right.len()];
         for row in self.rows.clone() {

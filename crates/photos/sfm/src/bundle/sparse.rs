@@ -13,7 +13,7 @@ const ROWS: usize = 32;
 /// State of conjugate gradients beside the matrix.
 #[derive(Clone, Debug)]
 pub(super) struct Sparse {
-    /// Where the blocks below the diagonal of each column begin in `below`, and where the last end.
+    /// Start of each column's blocks in `below`, and the end of the last column's.
     first: Vec<u32>,
     /// The row of each, and its place within the row.
     below: Vec<[u32; 2]>,

@@ -8,8 +8,8 @@ use weaver_kernels::parallel;
 
 /// Mark of an item without a number.
 pub(super) const NONE: u32 = u32::MAX;
-/// Observations below which no further part of the points pays off, and most parts. Neither depends on the number of
-/// threads, so that sums never do.
+/// Observations below which another part does not pay off, and most parts. Neither depends on the number of threads, so
+/// that sums never do.
 const OBSERVATIONS: usize = 4096;
 const PARTS: usize = 32;
 
@@ -75,18 +75,18 @@ pub(super) struct Seen {
     pub lens_entry: u32,
 }
 
-/// Some points, with all that saw them and the part of the equations that is theirs.
+/// Some points, with their observations and their part of the equations.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Part {
     /// Numbers of the points.
     pub numbers: Vec<u32>,
     pub seen: Vec<Seen>,
-    /// Where the entries of each point begin, and where the last end: one for every block that the point depends on,
-    /// ascending.
+    /// Start of each point's entries, and the end of the last point's: an entry for every block that the point depends
+    /// on, ascending.
     pub first_entry: Vec<u32>,
     /// The block of each entry.
     pub block: Vec<u32>,
-    /// Where the list of each block begins, and where the last ends.
+    /// Start of each block's list, and the end of the last one's.
     first_of_block: Vec<u32>,
     /// The entries of each block, with their points.
     of_block: Vec<[u32; 2]>,
@@ -96,7 +96,7 @@ pub(super) struct Part {
     /// Matrix of each point: xx, xy, xz, yy, yz, zz.
     pub matrix: Vec<[f64; 6]>,
     pub right: Vec<[f64; 3]>,
-    /// Inverse of the damped matrix; zero for a point that nothing holds.
+    /// Inverse of the damped matrix; zero for an undetermined point.
     pub inverse: Vec<[f64; 6]>,
     /// Coupling of each entry with its point.
     pub coupling: Vec<Coupling>,
@@ -149,7 +149,7 @@ impl Part {
         parts
     }
 
-    /// Finds all that saw its points.
+    /// Finds the observations of its points.
     fn fill(&mut self, bundle: &Bundle, blocks: &Blocks, of_point: &[Range<usize>]) {
         let numbers = std::mem::take(&mut self.numbers);
         let all = || numbers.iter().map(|point| &bundle.observations[of_point[*point as usize].clone()]);

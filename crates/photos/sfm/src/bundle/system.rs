@@ -1,4 +1,4 @@
-//! The part of the normal equations that is of cameras and lenses alone.
+//! The part of the normal equations for cameras and lenses alone.
 
 #![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
 
@@ -17,7 +17,7 @@ pub(super) struct Block(pub [[f64; PADDED]; BLOCK]);
 /// Numbers of a block.
 pub(super) type Row = [f64; PADDED];
 
-/// Where the difference stands in the sums of a camera: last, of rows with a lens and without.
+/// Place of the residual in the sums of a camera: last, in rows with a lens and without.
 const WITH_LENS: usize = 11;
 const ALONE: usize = 7;
 
@@ -31,7 +31,7 @@ pub(super) struct System {
     /// The block of the lens of each, or [`NONE`].
     pub lens: Vec<u32>,
     pub right: Vec<Row>,
-    /// The diagonal; 1 where nothing depends on a number, so that it stays where it is.
+    /// The diagonal; 1 for an unknown without observations, so that it stays.
     pub diagonal: Vec<Row>,
     /// Of each camera.
     sums: Vec<Sums>,
@@ -107,7 +107,7 @@ impl System {
         }
     }
 
-    /// The twist from where a camera is expected, and its weights.
+    /// Adds the prior on a camera's twist from its expected pose.
     fn expect(&mut self, block: usize, pose: &Pose, (expected, weights): &(Pose, [f64; TWIST])) {
         let twist = apart(pose, expected);
         let by = by_movement(&twist);

@@ -1,13 +1,14 @@
-//! Keypoints in the order of where they are, for finding those near a line.
+//! Keypoints sorted by place, for finding the ones near a line.
 
 use crate::descriptor::DESCRIPTOR;
 use crate::features::Features;
 use std::ops::Range;
 use weaver_geometry::glam::{DVec2, DVec3};
 
-/// Keypoints of a cell, on average: fewer make more cells to go through, more make more keypoints that are not near.
+/// Keypoints of a cell, on average: smaller cells are more to go through, larger ones hold more keypoints that are not
+/// near.
 const PER_CELL: f64 = 2.0;
-/// Lines whose normals have less than this across or down are taken to be level or upright.
+/// Lines whose normals have a smaller component across or down are taken to be level or upright.
 const LEVEL: f64 = 1e-3;
 
 /// The keypoints of a photo in a grid of square cells.
@@ -25,7 +26,7 @@ pub(crate) struct Near {
     side: f64,
     columns: usize,
     rows: usize,
-    /// Where each cell begins, row by row, and where the last ends.
+    /// Start of each cell, row by row, and the end of the last.
     starts: Vec<u32>,
 }
 

@@ -1,4 +1,4 @@
-//! Relative poses that five matches leave.
+//! Relative poses from five matches.
 
 use super::polynomial::roots;
 use weaver_geometry::glam::{DMat3, DVec3};

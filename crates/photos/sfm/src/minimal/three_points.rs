@@ -1,4 +1,4 @@
-//! Poses that three points leave.
+//! Poses from three points.
 
 use super::polynomial::roots;
 use weaver_geometry::Pose;

@@ -7,7 +7,7 @@ use weaver_kernels::parallel;
 
 /// Descriptors, of all photos, that a vocabulary is made of.
 const SAMPLES: usize = 1 << 16;
-/// Keypoints of a photo that are put into words: those that stand out most.
+/// Keypoints of a photo that are quantized: the ones with the most contrast.
 const KEYPOINTS: usize = 4000;
 /// Cells of the first level.
 const CELLS: usize = 64;

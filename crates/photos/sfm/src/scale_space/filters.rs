@@ -5,7 +5,7 @@ use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes};
 use weaver_kernels::parallel::for_chunks;
 use weaver_kernels::simd;
 
-/// Where a Gaussian ends, in its deviations.
+/// Radius of a Gaussian's window, in its deviations.
 const REACH: f32 = 3.0;
 /// The most pixels that a blur reaches to a side.
 const FARTHEST: usize = 15;

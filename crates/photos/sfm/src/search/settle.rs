@@ -27,7 +27,7 @@ const ALIGNING: [(f64, f64); 2] = [(2.0, 6.0), (1.0, 3.0)];
 const STEPS: usize = 40;
 
 impl Search<'_> {
-    /// The scenes that explain nearly as much as the best and are different, the best first.
+    /// The different scenes with nearly the support of the best one, the best first.
     pub(super) fn different(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.found.len()).collect();
         let value = |i: &usize| self.found[*i].value();
@@ -59,7 +59,7 @@ impl Search<'_> {
         grown
     }
 
-    /// Finds the distortion, and all that photos share once it is known.
+    /// Finds the distortion, and all points that photos share once it is known.
     pub(super) fn finish(&self, bundle: &mut Bundle, placed: &[bool]) {
         if bundle.free_distortion(self.settings.distortion, placed) {
             // An observation rejected at the margins may be right.
@@ -95,8 +95,8 @@ impl Search<'_> {
 
     /// Takes photo after photo out, and places it anew by the others if the support grows by that.
     ///
-    /// The first photos of a scene were never placed by the others, and one photo that is turned a little bends many
-    /// points after it.
+    /// The first photos of a scene were never placed by the others, and one photo with a small wrong rotation bends
+    /// many points after it.
     fn reconsider(&self, grown: &mut Grown) {
         let absent = vec![false; self.taken.len()];
         let (features, pairs) = (self.features, &self.pairs.posed[..]);
@@ -120,7 +120,7 @@ impl Search<'_> {
     }
 }
 
-/// By how much a photo is turned in one scene over another, relative to the first of the others, radians.
+/// Rotation of a photo in one scene relative to the other, as seen from the first of the others, radians.
 fn turned(one: &Bundle, other: &Bundle, photo: usize, placed: &[bool]) -> f64 {
     let first = (0..placed.len()).find(|i| placed[*i] && *i != photo).unwrap_or(photo);
     let turn = |bundle: &Bundle| -> Pose { bundle.cameras[photo].pose.relative_to(&bundle.cameras[first].pose) };
@@ -147,7 +147,7 @@ mod tests {
         run(Search::new(&taken, &photos, &features, &settings))
     }
 
-    /// The same scene with a photo that is turned, and explains so much.
+    /// The same scene with a rotated photo, and this support.
     fn but(grown: &Grown, photo: usize, angle: f64, support: f64) -> Grown {
         let mut other = Grown { support, ..grown.clone() };
         let pose = &mut other.bundle.cameras[photo].pose;

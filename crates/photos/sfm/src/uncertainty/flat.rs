@@ -12,7 +12,7 @@ const ROUNDS: usize = 6;
 const FAR: f64 = 5.0;
 
 impl Bundle {
-    /// True if photos see nearly all points where they would be on one plane.
+    /// True if nearly all points fit their observations when moved onto one plane.
     ///
     /// Seen from one camera, inverse depths of points on a plane are linear in their rays.
     pub(super) fn flat(&self) -> bool {
