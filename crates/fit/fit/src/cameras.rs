@@ -11,7 +11,7 @@ pub(crate) const TWIST: usize = 6;
 const GRAIN: usize = 8;
 /// Difference of colors below which a pixel counts by the square, above by the absolute value.
 const SMALL: f64 = 0.05;
-/// Slope of the colors, per pixel, that every pixel is taken to have at least: where nothing is seen, cameras stay.
+/// Slope of the colors, per pixel, that damps every pixel: without visible slopes, cameras stay.
 const LEAST_SLOPE: f64 = 2e-3;
 /// Pixels that a step moves the picture by at most, root mean square: linearized colors hold no farther.
 const LONGEST: f64 = 2.0;
@@ -46,7 +46,7 @@ pub struct Views<'a> {
 pub struct Alignment {
     matrix: Matrix,
     right: [f64; TWIST],
-    /// `sum J^T J`: how far the numbers move pixels.
+    /// `sum J^T J`: the movement of pixels by the numbers.
     motion: Matrix,
     pixels: f64,
 }
@@ -62,7 +62,7 @@ impl Alignment {
                 (1..width - 1).for_each(|x| row.add_pixel(camera, views, x, y));
             }
         });
-        // Row by row: the sum does not depend on who did which.
+        // Row by row: the sum does not depend on threads.
         rows.iter().fold(Self::default(), |mut sum, row| {
             sum.add(row);
             sum

@@ -1,4 +1,4 @@
-//! Whether photos agree about the colors of points that they share.
+//! Agreement of photos on the colors of points that they share.
 
 use weaver_geometry::glam::DVec3;
 use weaver_scene::Photo;
@@ -60,7 +60,7 @@ impl ColorAgreement {
         let half = |odd: usize| shared.iter().skip(odd).step_by(2).copied().collect::<Vec<_>>();
         let none = vec![[0.0; 3]; photos.len()];
         let fitted = gains(&half(0), photos.len());
-        // A few points are as likely to be wrong.
+        // Gains by a few points would be as likely wrong as right.
         let all = if shared.len() < LEAST_POINTS { none.clone() } else { gains(&shared, photos.len()) };
         Self {
             gains: all.iter().map(|gain| gain.map(|g| g.exp() as f32)).collect(),
@@ -70,7 +70,7 @@ impl ColorAgreement {
         }
     }
 
-    /// Median over photos of how far gains are from 1, the largest of the three channels.
+    /// Median over photos of the gains' distance from 1, for the largest of the three channels.
     pub fn spread(&self) -> f64 {
         let far = |gain: &[f32; 3]| gain.iter().map(|g| f64::from(g.ln().abs())).fold(0.0, f64::max);
         median(&mut self.gains.iter().map(far).collect::<Vec<_>>())

@@ -24,7 +24,7 @@ pub(crate) fn check(photo: &Photo) -> Result<(), FitError> {
 
 /// The mean color of photos, where they count; white where nothing does.
 ///
-/// It is the color of a background that costs least where a scene has holes, as seen from where no photo was taken.
+/// As a background, it costs least where a scene has holes in views without a photo.
 pub fn mean_color<'p>(photos: impl IntoIterator<Item = &'p Photo>) -> [f32; 3] {
     let (mut sum, mut count) = ([0u64; 3], 0u64);
     for photo in photos {

@@ -1,4 +1,4 @@
-//! Density control: which Gaussians are added, removed and moved, and when.
+//! Density control: adding, removing and moving Gaussians.
 
 mod keep;
 mod mcmc;

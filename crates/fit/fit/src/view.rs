@@ -1,4 +1,4 @@
-//! The scene as it is: drawn from a camera, and where a photo of it was taken.
+//! The scene as it is: drawn from a camera, and cameras of further photos of it.
 
 use crate::cameras::{Alignment, Views, moved};
 use crate::fit::Fit;

@@ -5,8 +5,7 @@ use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_scene::PointCloud;
 
-/// The angle between the rays of two photos at which depth is measured best, radians, and how fast that falls below it
-/// and above.
+/// The angle between the rays of two photos at which depth is measured best, radians, and the decay below it and above.
 const ANGLE: f64 = 8.0_f64.to_radians();
 const NARROW: f64 = 4.0_f64.to_radians();
 const WIDE: f64 = 12.0_f64.to_radians();
