@@ -142,7 +142,7 @@ pub fn load_masked_images(paths: &[PathBuf], width: usize, height: usize) -> Res
 pub struct ReadableImages {
     /// The readable ones.
     pub paths: Vec<PathBuf>,
-    /// The pictures, and which of their pixels count.
+    /// The pictures with their masks.
     pub images: Vec<MaskedImage>,
     /// A remark on the unreadable photos with the reasons, if any.
     pub remark: Option<String>,
@@ -192,7 +192,7 @@ fn uncut(path: &Path, mask: Option<&Mask>, width: usize, height: usize) -> Resul
     Ok(masked(path, photo, mask, |file| Ok(crop.read(file)?.to_image()))?)
 }
 
-/// A photo, white where its mask is dark, and which of its pixels count, `[height, width]`: `None` if all do.
+/// A photo, white where its mask is dark, and the mask of its pixels that count, `[height, width]`: `None` if all do.
 pub type MaskedImage = (Image, Option<Vec<bool>>);
 
 /// Reads a photo and its mask, if it has one, in the same way.

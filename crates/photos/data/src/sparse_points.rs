@@ -6,8 +6,8 @@ use weaver_geometry::glam::DVec3;
 
 /// Points on the surfaces of a scene, with the photos that see them, as from structure from motion.
 ///
-/// Positions are in the world and in the units of the cameras that go with them. Where a photo shows a point follows
-/// from its camera.
+/// Positions are in the world and in the units of the cameras that go with them. The pixel of a point in a photo
+/// follows from its camera.
 ///
 /// ```
 /// use weaver_data::SparsePoints;

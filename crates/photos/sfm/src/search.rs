@@ -95,6 +95,7 @@ impl<'a> Search<'a> {
         self.run();
         let mut settled: Vec<Grown> = self.different().into_iter().map(|i| self.settled(&self.found[i])).collect();
         let Some(best) = best(&settled) else { return self.without_cameras() };
+        // Settling can bring different beginnings to the same end.
         let others = settled.iter().filter(|other| settled[best].differs(other, DIFFERENT));
         let rival = others.map(|other| other.support / settled[best].support).fold(self.given_up, f64::max);
         let Grown { mut bundle, mut placed, .. } = settled.swap_remove(best);
@@ -147,6 +148,7 @@ impl<'a> Search<'a> {
             certain.iter().for_each(|share| self.grow(&bundle, &posed, *share));
             tried.push(factor);
             let best = best(&self.found);
+            // The pairs that led to the best scene are kept.
             if best.is_none_or(|best| best >= began.len()) {
                 self.pairs.posed = posed;
             }

@@ -14,8 +14,8 @@ pub(super) struct Mask {
     folder: PathBuf,
 }
 
-/// Where the masks of a capture's photos are: `mask_path` of the frame, relative to the capture's folder; else
-/// [`beside`] the photo.
+/// The masks of a capture's photos: `mask_path` of the frame, relative to the capture's folder; else [`beside`] the
+/// photo.
 ///
 /// # Errors
 /// When a `mask_path` is not there, or as [`beside`].
@@ -47,7 +47,7 @@ fn folder_of(photo: &Path) -> PathBuf {
     with_masks.or(photo.parent()).unwrap_or(Path::new("")).to_path_buf()
 }
 
-/// Where each photo's mask is, of photos, the folders of their captures, and the files that are named.
+/// The mask of each photo, given the photos, the folders of their captures, and the files that are named.
 ///
 /// Without a name it is a file in `masks/` with the photo's path, or with the end of it: `masks/images/a/1.png`,
 /// `masks/a/1.png` and `masks/1.png` may mask `images/a/1.png`. It has the photo's extension, `.png` in its place, or
@@ -101,7 +101,7 @@ impl Mask {
     }
 }
 
-/// A photo whose mask takes more than so much of a pixel has no color of its own there.
+/// Least part of a pixel inside the mask for the pixel to have a color of its own.
 const LEAST_INSIDE: f32 = 0.5;
 
 /// Cuts a photo that was read over white by its mask that was read in the same way, and returns which pixels count;
@@ -120,7 +120,7 @@ pub(super) fn cut(photo: &mut Image, mask: &Image) -> Option<Vec<bool>> {
     inside.contains(&false).then_some(inside)
 }
 
-/// Where a photo's mask was looked for, for messages.
+/// Places of a photo's mask, for messages.
 fn expected(photo: &Path, folder: &Path) -> String {
     let mut all = candidates(photo, folder);
     let mut last = all.split_off(all.len().saturating_sub(3));
@@ -129,7 +129,7 @@ fn expected(photo: &Path, folder: &Path) -> String {
     last.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" or ") + ", or a photo with alpha"
 }
 
-/// Where a photo's mask may be, the longest names first.
+/// Possible places of a photo's mask, the longest names first.
 fn candidates(photo: &Path, folder: &Path) -> Vec<PathBuf> {
     let inside = photo.strip_prefix(folder).unwrap_or(photo);
     let normal = |part: &Component<'_>| matches!(part, Component::Normal(_));

@@ -27,7 +27,7 @@ pub(super) struct Photos {
     pub points: Vec<DVec3>,
     /// sRGB colors of the points, as many.
     pub colors: Vec<[u8; 3]>,
-    /// True if the capture itself says which photos are held out, if any.
+    /// True if the capture itself has a list of held-out photos, even an empty one.
     pub split: bool,
     /// True if its photos are drawn, so that by convention white lies behind transparent pixels.
     pub synthetic: bool,
@@ -113,7 +113,7 @@ impl Photos {
         self.photos.iter().map(|photo| photo.frame.path.as_path())
     }
 
-    /// True if it is known which photos observe which points.
+    /// True if the capture has tracks.
     pub fn tracked(&self) -> bool {
         self.photos.iter().any(|photo| !photo.track.is_empty())
     }

@@ -50,7 +50,7 @@ pub(super) fn photos(model: &Model, folders: &[&Path]) -> Photos {
     Photos { photos, points: points(model), colors: colors(model), ..Photos::default() }
 }
 
-/// Where a capture keeps its model: `sparse/0`, or `sparse` itself.
+/// The folder of a capture's model: `sparse/0`, or `sparse` itself.
 pub(super) fn folder(capture: &Path) -> PathBuf {
     let sparse = capture.join("sparse");
     let numbered = sparse.join("0");

@@ -112,7 +112,7 @@ impl Bundle {
             if !bundle.fixed_points {
                 bundle.observations.retain(|o| held[o.point]);
             }
-            // Nothing is solved there.
+            // Neither a dense factor nor a profile is needed here: nothing is solved yet.
             let mut descent = Descent::new(&bundle, scale, &Limits { dense: 0, profile: 0, ..*limits });
             if !descent.linearize().is_finite() {
                 return None;
@@ -144,6 +144,7 @@ impl Bundle {
             twice += weight * weight;
         }
         let n = self.observations.len() as f64;
+        // Two coordinates each.
         let left = 2.0 * n - unknowns as f64;
         let variance = squares / left * (n / twice).powi(2);
         (left > 0.0 && variance.is_finite()).then_some([variance, variance * once / n])

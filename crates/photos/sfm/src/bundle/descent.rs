@@ -59,6 +59,7 @@ pub(super) enum Solver {
 impl Solver {
     pub fn new(reduced: &Reduced, limits: &Limits) -> Self {
         let n = reduced.rows;
+        // Only the lower half is stored.
         let full = 2.0 * reduced.stored() as f64 >= Limits::FULL * (n * n) as f64;
         if n <= limits.dense && (full || n <= Limits::FEW) {
             Self::Dense(Dense::new(BLOCK * n))
@@ -125,8 +126,10 @@ impl<'a> Descent<'a> {
         let [mut damping, least, largest] = DAMPING;
         let (mut more, mut steps) = (2.0, 0);
         let nothing = EXACT * EXACT * self.scale * self.scale * self.bundle.observations.len() as f64;
+        // Exact observations leave nothing to lower, and no relative fall to measure.
         let mut converged = cost <= nothing;
         for _ in 0..most_steps {
+            // With the largest damping a step is as good as none: no step lowers the cost.
             if converged || damping >= largest || !cost.is_finite() {
                 break;
             }
@@ -148,6 +151,7 @@ impl<'a> Descent<'a> {
             more = 2.0;
             cost = next;
             self.accept();
+            // After the last step the equations are not needed any more.
             if !converged {
                 self.linearize();
             }
@@ -171,6 +175,7 @@ impl<'a> Descent<'a> {
             }
         });
         let State { poses, lenses, .. } = &self.state;
+        // Parts are added in their order, so that the bits do not depend on threads.
         self.system.sum(self.bundle, &self.blocks, &self.parts, poses, lenses);
         self.parts.iter().map(|part| part.cost).sum::<f64>() + expectations(self.bundle, &self.blocks, poses, lenses)
     }
@@ -198,6 +203,7 @@ impl<'a> Descent<'a> {
     /// The cost after the step, and the fall of the cost that was predicted; `None` if the step is not finite.
     fn attempt(&mut self, damping: f64) -> Option<(f64, f64)> {
         let Self { bundle, blocks, state, tried, step, .. } = self;
+        // A nearly singular matrix can be solved and still overflow.
         if !step.as_flattened().iter().all(|x| x.is_finite()) {
             return None;
         }

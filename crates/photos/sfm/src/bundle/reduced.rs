@@ -115,6 +115,7 @@ impl Group {
             self.first.push(first as u32);
             let mut connect = |column: u32| {
                 let place = &mut self.place[column as usize];
+                // Each column once: the mark of the row says that it is there.
                 if *place != row as u32 {
                     *place = row as u32;
                     self.columns.push(column);
@@ -122,6 +123,7 @@ impl Group {
             };
             for part in parts {
                 for [entry, point] in part.of_block(row) {
+                    // Only the lower half: the entries of a point ascend by block.
                     let before = part.entries(*point as usize).start..*entry as usize;
                     part.block[before].iter().for_each(|b| connect(*b));
                 }

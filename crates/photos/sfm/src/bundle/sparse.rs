@@ -87,6 +87,7 @@ impl Sparse {
             }
             self.multiply(reduced);
             let curvature = dot(&self.direction, &self.product);
+            // Not positive definite along this direction.
             if curvature.is_nan() || curvature <= 0.0 {
                 return false;
             }

@@ -120,6 +120,7 @@ impl Part {
         for seen in observations.chunk_by(|a, b| a.point == b.point) {
             let key = &mut keys[seen[0].point];
             for mut camera in seen.iter().map(|o| o.camera as u32) {
+                // Keeps the three smallest numbers, ascending.
                 for least in &mut *key {
                     (*least, camera) = (camera.min(*least), camera.max(*least));
                 }
@@ -135,6 +136,7 @@ impl Part {
         for part in 1..=count {
             let enough = part * observations.len() / count;
             let mut end = 0;
+            // Parts of about as many observations each, as their work is in observations.
             while end < rest.len() && (before < enough || part == count) {
                 before += of_point[rest[end] as usize].len();
                 end += 1;

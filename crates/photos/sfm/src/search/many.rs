@@ -40,6 +40,7 @@ impl Search<'_> {
         for factor in self.focal_lengths(tau) {
             let bundle = self.settings.bundle(self.taken, factor);
             let mut posed = pairs::posed(self.features, &bundle.cameras, &self.pairs.matched, tau);
+            // Matching does not depend on the focal length, so that further pairs are matched once.
             if !expanded {
                 expanded = true;
                 posed.extend(self.expanded(&posed, &bundle, tau));
@@ -60,6 +61,7 @@ impl Search<'_> {
         let Some((trial, bundle, posed)) = best else { return };
         let rivals = others.iter().filter(|other| trial.differs(other, GROWN_APART));
         self.given_up = UNSETTLED * rivals.map(|other| other.each() / trial.each()).fold(0.0, f64::max);
+        // Scenes of many photos take much memory: only the kept one grows on.
         drop(others);
         // Matches that agree with no pose are not read any more.
         self.pairs.matched.iter_mut().for_each(|(_, matches)| *matches = Vec::new());
@@ -125,6 +127,7 @@ impl Search<'_> {
         let certain = &posed[..end];
         let (tracks, absent) = (linked(self.features, certain), vec![false; self.taken.len()]);
         let features = self.features;
+        // Matches of certain pairs may place a photo alone; later, with the other fitting pairs, points must.
         let evidence = Evidence { features, pairs: certain, tracks: &tracks, absent: &absent, trust: Trust::PAIRS };
         let first = self.found.len();
         let finish = |mut grown: Grown| {

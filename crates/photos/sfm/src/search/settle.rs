@@ -36,6 +36,7 @@ impl Search<'_> {
         let mut kept: Vec<usize> = Vec::new();
         for i in order {
             let (count, support) = kept.first().map_or(value(&i), value);
+            // Settling costs a whole adjustment, so that clearly worse scenes are not worth it.
             let near = value(&i).0 as f64 >= NEARLY_ALL * count as f64 && value(&i).1 >= NEARLY * support;
             if near && kept.len() < most && kept.iter().all(|k| self.found[*k].differs(&self.found[i], APART)) {
                 kept.push(i);
@@ -108,6 +109,7 @@ impl Search<'_> {
             if let Some(mut other) = grown.without(photo) {
                 other.adjust(&evidence);
                 other.rejoin(&evidence, photo);
+                // A photo that returns to its old place is not adjusted again.
                 if other.placed[photo] && turned(&grown.bundle, &other.bundle, photo, &grown.placed) > ASTRAY {
                     other.adjust(&evidence);
                     if other.support > BETTER * grown.support {
