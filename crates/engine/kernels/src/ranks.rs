@@ -88,7 +88,7 @@ pub fn agreed_text(ranks: &dyn Ranks, text: &str) -> String {
     String::from_utf8_lossy(&bytes.iter().map(|byte| *byte as u8).collect::<Vec<_>>()).into_owned()
 }
 
-/// The process that computes a part: consecutive ones, as evenly as can be.
+/// The process that computes a part; each has consecutive parts, as evenly as possible.
 fn owner(part: usize, parts: usize, ranks: &dyn Ranks) -> usize {
     part * ranks.size() / parts
 }

@@ -152,7 +152,7 @@ pub(crate) fn extent(shape: Shape) -> (usize, usize) {
     if shape.rank() == 0 { (1, 1) } else { (shape[0], shape.dims()[1..].iter().product()) }
 }
 
-/// Fails unless something has as many rows as it must.
+/// Fails unless `what` has the expected number of rows.
 pub(crate) fn check<T: Real>(
     params: &Params<T>,
     id: ParamId,

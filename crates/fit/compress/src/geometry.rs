@@ -30,8 +30,7 @@ pub struct Surface {
     points: Points,
 }
 
-/// A surface as points: one in each cell, from which distances are, and many, to which they are. Surfaces that hardly
-/// differ are thus hardly apart.
+/// A surface as points: one in each cell, to measure distances from, and many, to measure distances to.
 #[derive(Debug, Default)]
 struct Points {
     vertices: Vec<[f32; 3]>,

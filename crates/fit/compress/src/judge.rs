@@ -87,7 +87,7 @@ impl Judge {
         Ok(drawn.iter().zip(&self.expected).map(of).collect())
     }
 
-    /// One picture after the other, so that sizes may differ.
+    /// One picture after the other, since sizes may differ.
     fn draw(&mut self, gaussians: &ActivatedGaussians) -> Result<Vec<Vec<f32>>, CompressError> {
         let mut pictures = Vec::with_capacity(self.cameras.len());
         for camera in &self.cameras {

@@ -78,7 +78,7 @@ pub trait Method: Debug {
 /// A method with certain constants: a point of its curve of quality by bytes.
 #[derive(Debug)]
 pub struct Point {
-    /// The constants, in short; empty where there is but one choice.
+    /// The constants in short; empty if there is only one choice.
     pub setting: String,
     /// The method.
     pub method: Box<dyn Method>,

@@ -198,7 +198,7 @@ impl Fit {
     /// The Gaussians as they are, with the optimizer's memory.
     ///
     /// # Panics
-    /// Where a device has newer ones, which [`fetch`](Self::fetch) brings here.
+    /// If a device has newer ones, which [`fetch`](Self::fetch) brings here.
     pub fn population(&self) -> &Population {
         assert!(self.is_fetched(), "the Gaussians are on the device and were not fetched");
         &self.population

@@ -51,7 +51,7 @@ pub struct Defaults {
 pub struct Partly {
     /// Parameters that were taken.
     pub taken: Vec<String>,
-    /// Those that were not, with the reason: they stay as they were.
+    /// Parameters that were not taken, with the reason: they stay as they were.
     pub fresh: Vec<String>,
     /// Parameters of the checkpoint that the model does not have.
     pub unused: Vec<String>,

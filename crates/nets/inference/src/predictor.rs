@@ -71,7 +71,7 @@ impl<'a> CameraSource<'a> {
         }
     }
 
-    /// The same source with these cameras in place of those that are given.
+    /// The same source with other cameras in place of the given ones.
     #[must_use]
     pub fn with_cameras(self, cameras: &'a [Camera]) -> Self {
         match self {
@@ -181,7 +181,7 @@ pub trait Predictor: fmt::Debug + Send {
         stream: Stream,
     ) -> Result<Prediction, Error>;
 
-    /// The same model as one that says where further photos were taken, if it can.
+    /// The same model as a [`Joint`] one, if it is.
     fn joint(&mut self) -> Option<&mut dyn Joint> {
         None
     }
@@ -250,7 +250,7 @@ pub trait Predictor: fmt::Debug + Send {
     }
 }
 
-/// A model that says where further photos were taken, beside those that its Gaussians are made of.
+/// A model that also predicts the cameras of further photos, beside the ones that its Gaussians are made of.
 pub trait Joint {
     /// Predicts the Gaussians of a scene from the first `context` photos, and the cameras of all of them at once: the
     /// model has then seen the photos that its pictures are compared with, though they affect the Gaussians through the
@@ -283,7 +283,7 @@ pub trait Lights {
 }
 
 impl dyn Predictor + '_ {
-    /// The model as one that says where further photos were taken.
+    /// The model as a [`Joint`] one.
     ///
     /// # Errors
     /// For models that do not.

@@ -15,9 +15,9 @@
 //! - **Distortion** is undone at up to three times the final size ([`Undistortion`](weaver_geometry::Undistortion)):
 //!   the photo keeps its size, and is taken as if with the shortest focal length that leaves no blank border.
 //!   Intrinsics belong to the result.
-//! - **EXIF orientation**: photos without cameras are turned upright. With a camera they are if only that gives them
-//!   its size ([`PhotoFile::for_camera`](weaver_io::PhotoFile::for_camera)); else, as always if they are square, they
-//!   stay as they are stored.
+//! - **EXIF orientation**: photos without cameras are turned upright. A photo with a camera is turned if that alone
+//!   gives it the camera's size ([`PhotoFile::for_camera`](weaver_io::PhotoFile::for_camera)); else, and always if it
+//!   is square, it stays as it is stored.
 //! - **Points** of a PLY file are the one that a transforms.json names (`ply_file_path`), `sparse_pc.ply` or
 //!   `points3D.ply` beside it, or `points3D.ply` in place of COLMAP's. A photo sees the points that are nearest there.
 

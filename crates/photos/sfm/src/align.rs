@@ -37,7 +37,7 @@ impl Bundle {
     /// Accurate camera calibration from multi-view stereo and bundle adjustment, 2009.
     ///
     /// # Panics
-    /// If there are not as many photos as cameras, or one is not as large as its camera says.
+    /// If the numbers of photos and cameras differ, or a photo has not its camera's size.
     ///
     /// ```
     /// use weaver_geometry::glam::{DVec2, DVec3};

@@ -22,7 +22,7 @@ use words::Index;
 
 /// The largest keypoints of a photo, by which photos are compared roughly.
 const COARSE: usize = 300;
-/// Photos that are compared roughly, over those that are chosen.
+/// Photos that are compared roughly, over the number of chosen ones.
 const SHORTLIST: usize = 2;
 /// Distances in a sequence at which photos are compared regardless of their similarity.
 const STEPS: [usize; 4] = [1, 2, 4, 8];
@@ -111,7 +111,7 @@ pub fn expansion(
     pairs.into_iter().collect()
 }
 
-/// The photos that are present, and whether they follow one another.
+/// The photos that are present, and a flag for a sequence.
 struct Order<'a> {
     inside: &'a [usize],
     sequence: bool,

@@ -15,7 +15,7 @@ pub(crate) struct Plane {
 }
 
 impl Plane {
-    /// The same plane as a pixel that far away has it.
+    /// The same plane at a pixel at this offset.
     #[inline(always)]
     fn moved(self, dx: isize, dy: isize) -> Self {
         Self { w: self.w + self.slope[0] * dx as f32 + self.slope[1] * dy as f32, ..self }

@@ -99,7 +99,7 @@ impl Distortion {
     }
 
     /// The distortion with which a lens of a focal length times `factor` takes the same photo: `d(factor point) /
-    /// factor`. `None` for a fisheye, which no other is the same as.
+    /// factor`. `None` for a fisheye, for which no other focal length gives the same photo.
     pub fn refocused(&self, factor: f64) -> Option<Self> {
         let Self::Radial { k, p } = self else { return None };
         let k = std::array::from_fn(|i| k[i] * factor.powi(2 * (i as i32 % 3 + 1)));

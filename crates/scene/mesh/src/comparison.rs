@@ -58,7 +58,7 @@ pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Distances of points to the nearest of others; none where there are no others.
+/// Distances of points to the nearest of `others`; none if there are no others.
 pub(crate) fn distances(of: &[[f32; 3]], to: &[[f32; 3]]) -> Vec<f64> {
     if to.is_empty() {
         return Vec::new();

@@ -100,7 +100,7 @@ impl DistanceField {
     /// cells.
     ///
     /// # Errors
-    /// As [`new`](Self::new), and the first of `observe`, which ends it.
+    /// As [`new`](Self::new), and the first error of `observe`, which ends it.
     pub fn watched<E: From<MeshError>>(
         views: &[RangeView<'_>],
         voxel: f64,

@@ -1,4 +1,4 @@
-//! The rays of pixels: where they begin and where they go.
+//! The rays of pixels: origins and directions.
 
 use crate::{CameraVars, unproject};
 use weaver_autograd::{Real, Var, ops};

@@ -1,4 +1,4 @@
-//! The poses of cameras as each other camera sees them.
+//! Relative poses of all pairs of cameras.
 
 use weaver_autograd::{Real, Var};
 

@@ -86,6 +86,6 @@ pub struct RasterStats {
     pub rejected: usize,
     /// Splats over pixels that they add to.
     pub pairs: u64,
-    /// Pixels at which splats were evaluated, those that they leave alone included.
+    /// Pixels at which splats were evaluated, including ones that a splat leaves alone.
     pub evaluated: u64,
 }

@@ -1,4 +1,4 @@
-//! Surfels as the tile layer keeps them, and which pixels they may cover.
+//! Records of surfels for the tile layer, and their footprints.
 
 use crate::surfels::Surfel;
 use crate::{Limits, SurfelCamera, SurfelSlices};

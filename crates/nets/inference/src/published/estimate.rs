@@ -53,7 +53,7 @@ pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, w
     [dense, NUMBER * (kept + drawn * each + 6 * pairs) * 9 / 8]
 }
 
-/// Checks that the free memory suffices, where it is known.
+/// Checks that the free memory suffices, if it is known.
 ///
 /// # Errors
 /// [`Error::Memory`] with the figures.

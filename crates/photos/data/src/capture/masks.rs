@@ -9,7 +9,7 @@ use weaver_io::{Image, PhotoFile};
 /// A photo's mask.
 #[derive(Clone, Debug)]
 pub(super) struct Mask {
-    /// Its file; `None` where only the photo's alpha may be one.
+    /// Its file; `None` if only the photo's alpha can be one.
     pub file: Option<PathBuf>,
     folder: PathBuf,
 }

@@ -52,8 +52,8 @@ pub struct PosedPhoto {
     pub frame: Frame,
     /// Kept from training, for evaluation.
     pub held_out: bool,
-    /// Indices of the capture's [points](PosedPhotos::points) that it sees, ascending: those that the capture says,
-    /// else those that no nearer one hides.
+    /// Indices of the capture's [points](PosedPhotos::points) that it sees, ascending: by the capture's tracks, else
+    /// the points that no nearer one hides.
     pub visible: Vec<u32>,
 }
 

@@ -39,7 +39,7 @@ pub struct CamerasSummary {
 /// Summary of the camera of one photo.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct CameraSummary {
-    /// Why it has no camera; `None` where it has one.
+    /// The reason why it has no camera; `None` if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out: Option<String>,
     /// Points that it sees.

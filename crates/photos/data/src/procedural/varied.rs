@@ -117,7 +117,7 @@ fn object(place: DVec2, size: f64, lift: f64, images: &[Arc<Pyramid>], draws: &m
         kind => {
             let (lean, nod) = (draws.within(-0.8, 0.8), draws.within(-0.8, 0.8));
             let into = DMat3::from_euler(EulerRot::XYZ, lean, nod, turn);
-            // It may reach into the ground: as if it were buried there.
+            // It may reach into the ground.
             Shape::Turned { center: place.extend(lift + 0.8 * half.z), half, into, round: kind == 3 }
         }
     };

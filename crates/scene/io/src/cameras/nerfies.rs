@@ -30,7 +30,7 @@ pub struct CaptureFrame {
     pub id: String,
     /// Its camera, for the photo of full size.
     pub camera: Camera,
-    /// When it was taken: its `warp_id`, or `time_id` where it has none.
+    /// Time of the photo: its `warp_id`, or `time_id` where it has none.
     pub moment: f64,
     /// True if it is kept from training.
     pub validation: bool,

@@ -120,7 +120,7 @@ pub(crate) fn numbers<const N: usize>(value: &Value) -> Option<[f64; N]> {
     list?.try_into().ok()
 }
 
-/// A value as errors show it: a short one as it is.
+/// A value for an error message; short values are shown whole.
 pub(crate) fn found(value: &Value) -> String {
     match value {
         Value::Null => "nothing".into(),

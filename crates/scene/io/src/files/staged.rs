@@ -1,4 +1,4 @@
-//! Results of several files that replace those before them together.
+//! Results of several files that replace the earlier ones together.
 
 use crate::{Error, OutputFolder, Result, create_folder};
 use std::path::PathBuf;
@@ -31,7 +31,7 @@ pub struct Staged<'a> {
 }
 
 impl OutputFolder {
-    /// Begins results that are to replace those before them together.
+    /// Begins results that will replace the earlier ones together.
     ///
     /// # Errors
     /// When a place for them cannot be made.

@@ -60,7 +60,7 @@ impl UnfinishedFile {
         let mut builder = builder();
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(PERMISSIONS));
-        // Locked before it is there, so that whoever removes all of them finds this one, too.
+        // Locked before it has a name, so that a concurrent removal of unfinished files sees the lock.
         let mut names = named_files();
         let (file, name) = builder.tempfile_in(folder_of(&to))?.into_parts();
         let name = name.keep().map_err(|error| error.error)?;

@@ -65,7 +65,7 @@ fn signs() -> [f32; sh::MAX_COEFFICIENTS] {
     sh::half_turn_signs(2)
 }
 
-/// Content of this file that is not as it should be.
+/// Malformed content of this file.
 fn invalid<'a>(path: &'a Path, place: &'a str, expected: &'a str) -> impl Fn(String) -> Error + 'a {
     move |found| Error::invalid(path, place, expected, found)
 }

@@ -9,7 +9,7 @@ use std::path::Path;
 /// Endings of the files that [`read_lidar_scan`] reads.
 pub const LIDAR_FORMATS: [&str; 4] = ["bin", "ply", "pcd", "npy"];
 
-/// The points of one sweep, as a file has them: those that are not finite among them.
+/// The points of one sweep as in the file, including ones that are not finite.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LidarScan {
     /// Points `[P]`, meters, x forward, y left, z up.

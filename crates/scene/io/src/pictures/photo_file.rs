@@ -1,4 +1,4 @@
-//! Photos on disk: which way up they are, and their pixels, for as long as it takes to make them smaller.
+//! Photos on disk: orientation and pixels, decoded for as long as shrinking takes.
 
 mod decoding;
 mod jpeg;

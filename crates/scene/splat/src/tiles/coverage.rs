@@ -65,7 +65,7 @@ pub(crate) struct Coverage<'a, P, F, T> {
     pub footprint: &'a F,
     pub grid: &'a Grid,
     pub view: usize,
-    /// The first primitive; as many as there are records follow.
+    /// The first primitive; one for each record follows.
     pub first: usize,
     pub records: &'a mut [Record<T>],
     pub keys: &'a mut [AtomicU64],

@@ -39,7 +39,7 @@ impl<V: Lanes> fmt::Debug for Projected<V> {
 }
 
 impl<V: Lanes> Projected<V> {
-    /// Primitives that were projected one by one: `None` for those that are not seen.
+    /// Primitives that were projected one by one: `None` for invisible ones.
     pub fn from_records(records: [Option<[V::Scalar; LANES]>; LANES]) -> Self {
         let number = |lane: usize, k: usize| records[lane].map_or(V::Scalar::ZERO, |numbers| numbers[k]);
         let seen =

@@ -9,7 +9,7 @@ use weaver_geometry::glam::{DMat3, DMat4, DQuat, DVec3};
 /// Largest difference from a similarity, in scales along axes and angles between them.
 const TOLERANCE: f64 = 1e-4;
 
-/// The meshes that a scene shows, and the transform of each; none where it stays as it is.
+/// The meshes of a scene, each with its transform; `None` for the identity.
 pub(super) fn placed(path: &Path, document: &Document) -> Result<Vec<(usize, Option<Similarity>)>> {
     if document.scenes.is_empty() {
         return Ok((0..document.meshes.len()).map(|mesh| (mesh, None)).collect());

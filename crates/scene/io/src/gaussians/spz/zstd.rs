@@ -15,7 +15,7 @@ const NAMES: [&str; 6] = ["positions", "opacities", "colors", "scales", "rotatio
 const HEADER: usize = 32;
 /// Bytes of a row of the table: the compressed and the original size.
 const ROW: usize = 16;
-/// The bit of `flags` that says that there are extensions.
+/// The bit of `flags` for extensions.
 const EXTENDED: u8 = 2;
 /// The extension that names the axes, and its values for OpenGL's and for PLY files'.
 const AXES: u32 = 0xadbe_0003;

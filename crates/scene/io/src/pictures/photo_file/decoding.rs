@@ -200,7 +200,7 @@ impl Decoded {
         }
     }
 
-    /// The pixel as it is stored, of a place as it is read.
+    /// The stored pixel at a place of the upright photo.
     fn pixel(&self, at: (usize, usize)) -> &[u8] {
         let Pixels { size, values, channels, .. } = &self.pixels;
         let (x, y) = orientation::stored(self.orientation, *size, at);
@@ -254,7 +254,7 @@ pub(super) struct Permit {
 }
 
 impl Permit {
-    /// Waits until so many bytes fit beside the others, or there are no others.
+    /// Waits until so many bytes fit beside the other decoders' memory, or there are no others.
     pub fn wait(bytes: u64) -> Self {
         let used = USED.lock().unwrap_or_else(PoisonError::into_inner);
         let too_much = |used: &mut u64| *used > 0 && *used + bytes > MOST;

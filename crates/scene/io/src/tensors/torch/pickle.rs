@@ -1,7 +1,7 @@
 //! Python's pickle machine, as far as descriptions of tensors need it. It calls nothing.
 //!
-//! Everything that is made lies in one list and refers to others by their place in it, so that no program can make
-//! something so deep that it could not be dropped again.
+//! All objects lie in one list and refer to others by index, so that no program can build an object too deep to be
+//! dropped.
 
 use std::collections::BTreeMap;
 
