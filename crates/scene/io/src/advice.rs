@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-/// Remedy for an error: the last `source()` of one that has a remedy, whatever wraps it.
+/// Remedy for an error: the last `source()` of an error that has a remedy, below any wrapper.
 ///
 /// ```
 /// use weaver_io::{Advice, check_output_file};

@@ -90,7 +90,7 @@ fn a_recorded_drawing_has_the_bits_of_any_other() {
     }
 }
 
-/// Too little room leaves out what is farthest, says so, and spoils nothing.
+/// Too little room leaves out the farthest entries, says so, and spoils nothing.
 #[test]
 fn an_overflow_is_told() {
     let Some(rasterizer) = rasterizer() else { return };

@@ -1,4 +1,4 @@
-//! Pictures of the page beside those of the rasterizer.
+//! Pictures of the page beside the rasterizer's.
 
 use crate::browser::Browser;
 use crate::pages::Written;
@@ -67,7 +67,7 @@ fn look(antialiased: bool, alpha_max: f64, background: [f32; 3]) -> Look {
     }
 }
 
-/// Pictures of generated scenes are those of the rasterizer.
+/// Pictures of generated scenes equal the rasterizer's.
 #[test]
 fn pictures_of_generated_scenes_agree() {
     let Some(browser) = Browser::start("pictures_of_generated_scenes") else { return };
@@ -89,7 +89,7 @@ fn pictures_of_generated_scenes_agree() {
     compare("2,000 from within", &scene, camera([0.3, 0.1, -0.2], 320, 240), look(false, 0.99, [1.0; 3]), &browser);
 }
 
-/// Pictures of real scenes are those of the rasterizer.
+/// Pictures of real scenes equal the rasterizer's.
 #[test]
 fn pictures_of_real_scenes_agree() {
     let Some(folder) = shared("pictures_of_real_scenes", "splat-files") else { return };

@@ -106,7 +106,8 @@ fn what_rounding_would_tear_apart_is_kept_as_it_is() {
     assert_eq!(size(&small, false), size(&small, true));
 }
 
-/// promise: a scene in units so small that the rounding format has no place for its positions has a page, which keeps it as it is.
+/// promise: a scene in units so small that the rounding format has no place for its positions has a page, which keeps
+/// it as it is.
 #[test]
 fn scenes_of_any_unit_have_a_page() {
     let near = cloud(300, 1, 1);

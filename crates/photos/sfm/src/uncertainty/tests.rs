@@ -1,4 +1,4 @@
-//! Distortion that photos tell, of which they do not, and what is not asked for.
+//! Distortion that photos determine, that they do not determine, and that is not requested.
 
 use super::*;
 use crate::bundle::Lens;
@@ -39,7 +39,7 @@ fn seen_through(lens: Lens, cameras: usize) -> Bundle {
     bundle
 }
 
-/// Which coefficients are freed, and what they come to.
+/// The freed coefficients, and their values.
 fn freed(planted: [f64; 2], cameras: usize, find: Find) -> ([bool; 2], [f64; 2]) {
     let lens = Lens { k1: planted[0], k2: planted[1], ..Lens::default() };
     let mut bundle = seen_through(lens, cameras);
@@ -56,7 +56,7 @@ fn both_coefficients_are_told_by_many_photos() {
     let (free, found) = freed(planted, MANY, Find::Told);
     assert_eq!(free, [true, true]);
     assert!(found.iter().zip(planted).all(|(found, planted)| (found - planted).abs() < 0.01), "{found:?}");
-    // As many as tell the first one; then too few to look.
+    // Enough photos to determine the first one; then too few to look.
     assert_eq!(freed(planted, MANY - 1, Find::Told).0, [true, false]);
     assert_eq!(freed(planted, SEVERAL - 1, Find::Told).0, [false, false]);
 }
@@ -73,7 +73,8 @@ fn absent_distortion_is_not_freed() {
     assert_eq!(freed([0.0, 0.0], SEVERAL, Find::K1).0, [true, false]);
 }
 
-/// Cameras before points on a wall, which errors of both kinds have moved: noise, and for each photo a smooth field of so many pixels.
+/// Cameras before points on a wall, which errors of both kinds have moved: noise, and for each photo a smooth field of
+/// so many pixels.
 fn before_a_wall(poses: &[Pose], noise: f64, smooth: f64, seed: u64) -> Bundle {
     before_relief(poses, 0.0, [noise, smooth], seed)
 }
@@ -116,8 +117,8 @@ fn before_relief(poses: &[Pose], relief: f64, [noise, smooth]: [f64; 2], seed: u
     bundle
 }
 
-/// Where a wall is met going towards it, along it and around it, the focal length is within three of its deviations, which are small
-/// only where the wall is seen from different sides.
+/// Where a wall is met going towards it, along it and around it, the focal length is within three of its deviations,
+/// which are small only where the wall is seen from different sides.
 #[test]
 fn deviations_of_focal_lengths_hold_on_walls() {
     let (mut all, mut within) = (0, 0);

@@ -117,10 +117,10 @@ fn a_relative_path_leads_from_a_folder_to_a_file() {
     assert_eq!(from_to("out", "photos/left/a b.jpg"), "../photos/left/a b.jpg");
     assert_eq!(from_to("out", "out/upright/a.png"), "upright/a.png");
     assert_eq!(from_to("out/../out", "photos/../photos/a.jpg"), "../photos/a.jpg");
-    // What does not exist yet is written to later.
+    // A target that does not exist yet is written to later.
     assert_eq!(from_to("new/deep", "photos/a.jpg"), "../../photos/a.jpg");
     assert_eq!(from_to("new/../gone", "elsewhere/./a.jpg"), "../elsewhere/a.jpg");
-    // From the working directory, whatever it is.
+    // From any working directory.
     assert_eq!(relative_path("", "src/lib.rs").unwrap(), "src/lib.rs");
 }
 
@@ -145,7 +145,8 @@ fn relative_paths_keep_the_name_of_the_file() {
 }
 
 proptest! {
-    /// The order of names is one: no two are equal, and three never contradict each other. It is that of bytes where numbers are equally long.
+    /// The order of names is one: no two are equal, and three never contradict each other. It is the order of bytes
+    /// where numbers are equally long.
     #[test]
     fn natural_order_is_an_order(names in proptest::collection::hash_set("[0-2a.]{0,6}", 3), numbers: [[u8; 2]; 2]) {
         let order = |a: &str, b: &str| natural_order(a.as_ref(), b.as_ref());
@@ -160,7 +161,7 @@ proptest! {
     }
 }
 
-/// The checksum of a file that is read a part at a time is that of its bytes, whatever its length.
+/// The checksum of a file that is read a part at a time equals the checksum of its bytes, at any length.
 #[test]
 fn files_have_the_checksum_of_their_bytes() {
     let folder = tempfile::tempdir().unwrap();

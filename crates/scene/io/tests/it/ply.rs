@@ -238,7 +238,7 @@ proptest! {
     }
 }
 
-/// An empty file and a text that are called .ply are told from a damaged PLY.
+/// The error of an empty file or a text named .ply differs from a damaged PLY's.
 #[test]
 fn a_file_that_is_no_ply_is_called_so() {
     let folder = tempfile::tempdir().unwrap();

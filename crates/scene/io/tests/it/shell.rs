@@ -41,7 +41,7 @@ fn a_shell_reads_the_words_that_were_meant() {
     }
 }
 
-/// A word that a plain `sh` may not read is told from the others.
+/// A word that a plain `sh` may not read is recognized.
 #[test]
 fn words_with_line_breaks_are_for_some_shells_only() {
     let of = |word: &str| ShellCommand::new("ls").word(word).word("b");

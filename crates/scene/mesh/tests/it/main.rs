@@ -93,8 +93,8 @@ fn what_makes_no_sense_is_refused() {
     assert_eq!((empty.blocks(), empty.mesh()), (0, Mesh::default()));
 }
 
-/// Nothing is near nothing: without points there are no errors, and without a point that is near no accuracy and no Chamfer distance. Nor is
-/// a mesh without triangles judged as a surface, or one whose corners are nowhere.
+/// Nothing is near nothing: without points there are no errors, and without a point that is near no accuracy and no
+/// Chamfer distance. Nor is a mesh without triangles judged as a surface, or one whose corners are nowhere.
 #[test]
 fn what_is_not_there_has_no_good_score() {
     let plane = |z: f32| (0..100).map(|i| [i as f32 % 10.0, (i / 10) as f32, z]).collect::<Vec<_>>();
@@ -113,8 +113,8 @@ fn what_is_not_there_has_no_good_score() {
     }
 }
 
-/// The bytes that a field takes are told, view by view, before they are taken, whoever watches may end it, and cells too small to be numbered
-/// are refused at the first view. The field is the same.
+/// The bytes of a field are reported, view by view, before they are taken, the observer may end it, and cells too small
+/// to be numbered are refused at the first view. The field is the same.
 #[test]
 fn a_field_tells_its_size_before_it_is_made() {
     let camera = SurfelCamera::spherical([64, 32], [-1.57, 1.57]);
@@ -172,7 +172,8 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
-    /// No two points that stay are nearer than the spacing, each that goes has one that near, and the same seed keeps the same.
+    /// No two points that stay are nearer than the spacing, each that goes has one that near, and the same seed keeps
+    /// the same.
     #[test]
     fn points_are_spread(points in proptest::collection::vec([-3.0_f32..3.0, -3.0..3.0, -3.0..3.0], 1..300), spacing in 0.2_f64..2.0) {
         let kept = spread(&points, spacing, 3);

@@ -17,7 +17,7 @@ fn weights<T: Real>(scene: &Scene<T>) -> (Arc<BlendWeights<T>>, Workspace<T>) {
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 8, failure_persistence: None, ..Default::default() })]
 
-    /// Pictures and gradients of features are those of the rasterizer, in groups or not.
+    /// Pictures and gradients of features equal the rasterizer's, in groups or not.
     #[test]
     fn products_are_drawings(
         seed: u64, n in 0_usize..300, channels in 1_usize..7, groups in prop::option::of(1_usize..4),
