@@ -146,7 +146,8 @@ fn deviations_of_focal_lengths_hold_on_walls() {
     assert!(within + 1 >= all, "{within} of {all} within three deviations");
 }
 
-/// Along narrow arcs around a place with relief the focal length is within three of its deviations, which grow as the arc gets narrower.
+/// On narrow arcs around a place with relief the focal length is within three of its deviations, which grow as the arc
+/// gets narrower.
 #[test]
 fn deviations_of_focal_lengths_hold_on_arcs() {
     let (mut all, mut within) = (0, 0);
