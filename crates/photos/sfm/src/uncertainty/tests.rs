@@ -166,7 +166,6 @@ fn deviations_of_focal_lengths_hold_on_arcs() {
                 let bundle = before_relief(&poses, 1.5, errors, seed);
                 let told = Uncertainty::of(&bundle, &[true; 7]).map_or(f64::INFINITY, |u| u.focal);
                 let off = bundle.lenses[0].log_focal.abs();
-                println!("{degrees} {errors:?} {seed}: {off:.4} {told:.4} {:.2}", off / told);
                 all += 1;
                 within += usize::from(off <= 3.0 * told);
                 sum += told;
