@@ -8,8 +8,9 @@ use weaver_geometry::glam::DVec3;
 /// Layout of a scene's cameras: measured over all pairs once, so that each tuple costs little.
 ///
 /// ```
-/// use weaver_data::{Layout, procedural};
-/// let scene = procedural::scene(1, &procedural::ProceduralOptions { width: 8, height: 8, views: 5 });
+/// use weaver_data::Layout;
+/// use weaver_procedural::{ProceduralOptions, scene};
+/// let scene = scene(1, &ProceduralOptions { width: 8, height: 8, views: 5 });
 /// let layout = Layout::of(&scene);
 /// assert_eq!(layout.nearest(0, &[0, 1, 2], 1), scene.nearest(0, &[0, 1, 2], 1));
 /// ```

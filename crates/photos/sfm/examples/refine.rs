@@ -1,8 +1,8 @@
 //! Turns the cameras of a built-in scene by a degree each, refines them, and prints how far they come back.
 
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Pose, Similarity, so3};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_sfm::{RefineSettings, View, refine};
 
 fn main() {

@@ -87,7 +87,7 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> Estimate {
 /// If there are not as many as photos.
 ///
 /// ```
-/// use weaver_data::procedural::{ProceduralOptions, scene};
+/// use weaver_procedural::{ProceduralOptions, scene};
 /// use weaver_sfm::{EstimateOptions, Features, Photo, estimate_from};
 ///
 /// let scene = scene(3, &ProceduralOptions { width: 96, height: 72, views: 4 });

@@ -1,10 +1,10 @@
 //! Refinement of cameras: derivatives, location of photos, recovery of disturbed cameras.
 
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_fit::{Fit, FitSettings, Photo, StrategyKind, init, motion};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose, se3, so3};
 use weaver_kernels::random::Stream;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::PointCloud;
 
 const SIZE: [usize; 2] = [96, 72];

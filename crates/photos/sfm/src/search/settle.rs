@@ -129,8 +129,8 @@ mod tests {
     use crate::features::Features;
     use crate::lenses::Taken;
     use crate::photo::{EstimateOptions, Photo};
-    use weaver_data::procedural::{ProceduralOptions, scene};
     use weaver_geometry::glam::DMat3;
+    use weaver_procedural::{ProceduralOptions, scene};
 
     /// Runs a search of six drawn photos.
     fn with_search<T>(run: impl FnOnce(Search<'_>) -> T) -> T {

@@ -1,10 +1,10 @@
 //! Cameras that are nearly right, and photos that a program drew.
 
 use rayon::ThreadPoolBuilder;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity, so3};
 use weaver_kernels::random::Stream;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_sfm::{RefineSettings, Refined, View, refine};
 
 /// Photos of a built-in scene, and their true cameras.
