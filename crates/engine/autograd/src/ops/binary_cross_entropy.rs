@@ -1,6 +1,7 @@
 //! Binary cross entropy of probabilities.
 
-use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::Real;
 
 /// The logarithm of a probability is at least this, as in PyTorch.
 const LEAST_LOG: f64 = -100.0;
@@ -47,10 +48,10 @@ impl<T: Real> Op<T> for BinaryCrossEntropy {
 /// are at least -100 and p (1 - p) in the gradient at least 1e-12, as in PyTorch.
 ///
 /// ```
-/// use weaver_autograd::Tape;
+/// use weaver_autograd::{Tape, ops};
 /// let tape = Tape::<f64>::new();
 /// let (p, y) = (tape.constant(&[0.5, 0.5], [2]), tape.constant(&[1.0, 0.0], [2]));
-/// assert!((weaver_vad::ops::binary_cross_entropy(p, y).item() - 2_f64.ln()).abs() < 1e-15);
+/// assert!((ops::binary_cross_entropy(p, y).item() - 2_f64.ln()).abs() < 1e-15);
 /// ```
 #[track_caller]
 pub fn binary_cross_entropy<'t, T: Real>(p: Var<'t, T>, y: Var<'t, T>) -> Var<'t, T> {

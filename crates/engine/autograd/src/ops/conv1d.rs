@@ -1,21 +1,20 @@
-//! Convolution along time.
+//! Convolution along one axis, such as time.
 
-use weaver_autograd::ops::{self, Activation};
-use weaver_autograd::{Backward, Op, ParamId, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
-use weaver_kernels::parallel;
-use weaver_nn::{Builder, Context, WeightInit};
+use super::linear::{Activation, linear};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::{Real, parallel};
 
 /// Taps of a kernel.
 const TAPS: usize = 3;
 
-/// Sums what the taps of a kernel have made of each snippet: `y_t = sum over p of x_(t + (p - 1) dilation), p`.
+/// Sums the products of a kernel's taps with each step: `y_t = sum over p of x_(t + (p - 1) dilation), p`.
 #[derive(Debug)]
 struct GatherTaps {
     dilation: usize,
 }
 
 impl GatherTaps {
-    /// For tap p the snippets t of the result that it reaches, and by how much the one it reads is further.
+    /// For tap p the steps t of the result that it reaches, and the distance to the step that it reads.
     fn reach(&self, tap: usize, time: usize) -> (std::ops::Range<usize>, isize) {
         let shift = (tap as isize - 1) * self.dilation as isize;
         let start = shift.min(0).unsigned_abs().min(time);
@@ -65,14 +64,14 @@ impl<T: Real> Op<T> for GatherTaps {
 /// Convolution of width 3 along time, padded with zeros: `y_t = b + sum over p of w_p x_(t + (p - 1) dilation)`.
 ///
 /// x `[B, T, in]`, w `[out, in, 3]` as PyTorch's Conv1d has it, b `[out]`; the result is `[B, T, out]`. Differentiable in all three. One
-/// product with all taps, whose results are then shifted: features of videos have far more channels than the layer has outputs.
+/// product with all taps, whose results are then shifted: good where there are far more channels than outputs.
 ///
 /// ```
-/// use weaver_autograd::Tape;
+/// use weaver_autograd::{Tape, ops};
 /// let tape = Tape::<f32>::new();
 /// let (x, w) = (tape.constant(&[1.0, 2.0, 3.0], [1, 3, 1]), tape.constant(&[100.0, 10.0, 1.0], [1, 1, 3]));
 /// let b = tape.constant(&[0.0], [1]);
-/// assert_eq!(weaver_vad::ops::conv1d(x, w, b, 1).to_vec(), [12.0, 123.0, 230.0]);
+/// assert_eq!(ops::conv1d(x, w, b, 1).to_vec(), [12.0, 123.0, 230.0]);
 /// ```
 #[track_caller]
 pub fn conv1d<'t, T: Real>(x: Var<'t, T>, w: Var<'t, T>, b: Var<'t, T>, dilation: usize) -> Var<'t, T> {
@@ -80,28 +79,7 @@ pub fn conv1d<'t, T: Real>(x: Var<'t, T>, w: Var<'t, T>, b: Var<'t, T>, dilation
     let fits = x.shape().rank() == 3 && shape.rank() == 3 && shape[2] == TAPS && x.shape()[2] == shape[1];
     x.tape().ensure_shapes(fits, "conv1d", "x [B, T, in], w [out, in, 3]", &[x.shape(), shape]);
     let by_tap = w.permute(&[2, 0, 1]).reshape([TAPS * shape[0], shape[1]]);
-    let taps = ops::linear(x, by_tap, None, Activation::None);
+    let taps = linear(x, by_tap, None, Activation::None);
     let [y] = x.tape().apply(GatherTaps { dilation }, &[taps]);
     y + b.expand(y.shape())
-}
-
-/// A layer of [`conv1d`]; parameters `weight` `[out, in, 3]` and `bias` `[out]`.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Conv1d {
-    weight: ParamId,
-    bias: ParamId,
-    dilation: usize,
-}
-
-impl Conv1d {
-    pub fn new<T: Real>(mut builder: Builder<'_, T>, inputs: usize, outputs: usize, dilation: usize) -> Self {
-        let (weights, biases) = WeightInit::FanIn.of(TAPS * inputs);
-        let weight = builder.add("weight", [outputs, inputs, TAPS], weights);
-        Self { weight, bias: builder.add("bias", [outputs], biases), dilation }
-    }
-
-    /// x `[B, T, in]` gives `[B, T, out]`.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        cx.layer(self.weight, "weight", || conv1d(x, cx.param(self.weight), cx.param(self.bias), self.dilation))
-    }
 }
