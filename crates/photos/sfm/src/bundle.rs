@@ -19,6 +19,7 @@ use descent::{Descent, Limits};
 pub use lens::Lens;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose};
+use weaver_kernels::order::median_high;
 
 /// Numbers of a camera's movement: translation, then rotation.
 pub(crate) const TWIST: usize = 6;
@@ -176,9 +177,7 @@ impl Bundle {
 
     /// The median difference of observations from where their points are seen, pixels; not a number without observations.
     pub(crate) fn median_error(&self) -> f64 {
-        let mut errors = self.errors();
-        errors.sort_unstable_by(f64::total_cmp);
-        errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN)
+        median_high(&mut self.errors()).unwrap_or(f64::NAN)
     }
 
     /// A camera with its lens's focal length and principal point.

@@ -5,6 +5,7 @@
 use super::reduced::Reduced;
 use super::sums::{BLOCK, PADDED};
 use super::system::{Block, Row};
+use weaver_kernels::dense::cholesky;
 use weaver_kernels::{parallel, simd};
 
 /// Rows of a task.
@@ -195,17 +196,13 @@ fn dot(a: &[Row], b: &[Row]) -> f64 {
 
 /// The inverse of a block, by Cholesky's factors; `None` if it is not positive definite.
 fn inverted(block: &Block) -> Option<Block> {
-    let mut l = [[0.0; BLOCK]; BLOCK];
+    let mut l = block.0;
+    if !cholesky(l.as_flattened_mut(), BLOCK, PADDED) {
+        return None;
+    }
+    // The inverse of the factor, row by row.
     let mut m = [[0.0; BLOCK]; BLOCK];
     for i in 0..BLOCK {
-        for j in 0..=i {
-            let rest = block.0[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
-            l[i][j] = if i > j { rest / l[j][j] } else { rest.sqrt() };
-        }
-        if l[i][i].is_nan() || l[i][i] <= 0.0 {
-            return None;
-        }
-        // The row of the inverse of the factor.
         for j in 0..=i {
             let unit = f64::from(i == j);
             m[i][j] = (unit - (j..i).map(|k| l[i][k] * m[k][j]).sum::<f64>()) / l[i][i];
@@ -218,4 +215,36 @@ fn inverted(block: &Block) -> Option<Block> {
         }
     }
     Some(inverse)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_kernels::random::Stream;
+
+    #[test]
+    fn a_block_times_its_inverse_is_the_identity() {
+        for seed in 0..50 {
+            let stream = Stream::new(seed, 0, "test.block");
+            let a: [[f64; BLOCK]; BLOCK] =
+                std::array::from_fn(|i| std::array::from_fn(|j| stream.normal((BLOCK * i + j) as u64)));
+            let mut block = Block::default();
+            for i in 0..BLOCK {
+                for j in 0..BLOCK {
+                    block.0[i][j] = (0..BLOCK).map(|k| a[i][k] * a[j][k]).sum::<f64>() + 0.1 * f64::from(i == j);
+                }
+            }
+            let inverse = inverted(&block).expect("a positive definite block");
+            for i in 0..BLOCK {
+                for j in 0..BLOCK {
+                    let product: f64 = (0..BLOCK).map(|k| block.0[i][k] * inverse.0[k][j]).sum();
+                    assert!((product - f64::from(i == j)).abs() < 1e-9, "{seed}: {product} at {i}, {j}");
+                    assert_eq!(inverse.0[i][j], inverse.0[j][i]);
+                }
+                assert_eq!(inverse.0[i][BLOCK..], [0.0; PADDED - BLOCK]);
+            }
+            block.0[seed as usize % BLOCK][seed as usize % BLOCK] = -1.0;
+            assert!(inverted(&block).is_none());
+        }
+    }
 }

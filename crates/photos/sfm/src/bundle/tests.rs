@@ -1,5 +1,7 @@
 //! The equations and their solution beside ones that share no code with them.
 
+mod solvers;
+
 use super::descent::{Descent, Limits};
 use super::structure::NONE;
 use super::*;
