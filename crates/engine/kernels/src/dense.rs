@@ -2,8 +2,8 @@
 //!
 //! The order of operations is part of each function: what uses them keeps its bits.
 
-/// Cholesky's factor L of a symmetric positive definite matrix, `A = L L^T`, in place of its lower triangle; `false` where it is not
-/// positive definite.
+/// Cholesky's factor L of a symmetric positive definite matrix, `A = L L^T`, in place of its lower triangle; `false`
+/// where it is not positive definite.
 ///
 /// Rows of `n` numbers begin `stride` numbers apart. The upper triangle is neither read nor written.
 ///
@@ -51,7 +51,8 @@ pub fn cholesky_solve(factor: &[f64], x: &mut [f64]) {
 
 /// The solution of `A x = b` by Gauss's elimination without pivoting; x replaces b.
 ///
-/// `sound` judges the pivot of each row, by its number, before it divides; where one is not sound, all ends with `false`.
+/// `sound` judges the pivot of each row, by its number, before it divides; where one is not sound, all ends with
+/// `false`.
 ///
 /// ```
 /// let (mut matrix, mut x) = ([2.0, 1.0, 1.0, 3.0], [4.0, 7.0]);
@@ -79,10 +80,11 @@ pub fn gauss(matrix: &mut [f64], x: &mut [f64], sound: impl Fn(usize, f64) -> bo
     true
 }
 
-/// The solution of `A X = B` for A `[n, n]` and B `[n, m]` by Gauss and Jordan's elimination without pivoting, which divides each
-/// row by its pivot; X replaces B, and is the inverse of A for the identity.
+/// The solution of `A X = B` for A `[n, n]` and B `[n, m]` by Gauss and Jordan's elimination without pivoting, which
+/// divides each row by its pivot; X replaces B, and is the inverse of A for the identity.
 ///
-/// `sound` judges the pivot of each row, by its number, before it divides; where one is not sound, all ends with `false`.
+/// `sound` judges the pivot of each row, by its number, before it divides; where one is not sound, all ends with
+/// `false`.
 ///
 /// ```
 /// let (mut matrix, mut inverse) = ([2.0, 1.0, 1.0, 1.0], [1.0, 0.0, 0.0, 1.0]);
@@ -108,8 +110,8 @@ pub fn gauss_jordan(matrix: &mut [f64], x: &mut [f64], n: usize, sound: impl Fn(
     true
 }
 
-/// Eigenvectors of a symmetric matrix, `A v_i = l_i v_i`, as the rows of `vectors` `[n, n]`; the eigenvalues l_i take the place of the
-/// diagonal, in no order. Jacobi's rotations, in cyclic order.
+/// Eigenvectors of a symmetric matrix, `A v_i = l_i v_i`, as the rows of `vectors` `[n, n]`; the eigenvalues l_i take
+/// the place of the diagonal, in no order. Jacobi's rotations, in cyclic order.
 ///
 /// Ends before a sweep for which the matrix is `settled`, or after so many sweeps; they converge quadratically.
 ///

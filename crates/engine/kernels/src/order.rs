@@ -1,7 +1,7 @@
 //! Order statistics: values by their place in ascending order.
 //!
-//! The order is total (IEEE 754 `totalOrder`): -0 stands before 0, and NaN at the ends, so that a result never depends on the order
-//! of the arguments.
+//! The order is total (IEEE 754 `totalOrder`): -0 stands before 0, and NaN at the ends, so that a result never depends
+//! on the order of the arguments.
 
 use crate::Real;
 use std::cmp::Ordering;
@@ -11,7 +11,8 @@ pub fn ascending<T: Real>(a: &T, b: &T) -> Ordering {
     a.to_f64().total_cmp(&b.to_f64())
 }
 
-/// The value x_(k) with k = `rank`, from 0, of the ascending sequence; `None` from its end on. Reorders the values; linear time.
+/// The value x_(k) with k = `rank`, from 0, of the ascending sequence; `None` from its end on. Reorders the values;
+/// linear time.
 ///
 /// ```
 /// use weaver_kernels::order::nth;
@@ -33,8 +34,8 @@ pub fn median_high<T: Real>(values: &mut [T]) -> Option<T> {
     nth(values, values.len() / 2)
 }
 
-/// The median (x_(floor((n - 1) / 2)) + x_(floor(n / 2))) / 2: of an even count the mean of the two values in the middle; `None` of no
-/// values.
+/// The median (x_(floor((n - 1) / 2)) + x_(floor(n / 2))) / 2: of an even count the mean of the two values in the
+/// middle; `None` of no values.
 pub fn median_mean<T: Real>(values: &mut [T]) -> Option<T> {
     if values.is_empty() {
         return None;

@@ -3,7 +3,8 @@
 use weaver_autograd::{Real, Var};
 use weaver_kernels::random::Stream;
 
-/// Sets a share of numbers to 0 and multiplies the others by 1 / (1 - rate). The mask is a function of the stream and the place.
+/// Sets a share of numbers to 0 and multiplies the others by 1 / (1 - rate). The mask is a function of the stream and
+/// the place.
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -25,7 +26,8 @@ pub struct Dropout {
 }
 
 impl Dropout {
-    /// Applies it to x of any shape; `place` is a number of its own for each place in a network. Differentiable in x. Without dropout, x as it is.
+    /// Applies it to x of any shape; `place` is a number of its own for each place in a network. Differentiable in x.
+    /// Without dropout, x as it is.
     pub fn apply<T: Real>(this: Option<Self>, x: Var<'_, T>, place: u64) -> Var<'_, T> {
         let Some(Self { rate, stream }) = this.filter(|dropout| dropout.rate > 0.0) else { return x };
         let (stream, kept) = (stream.fork(place), T::from_f64(1.0 / (1.0 - rate)));

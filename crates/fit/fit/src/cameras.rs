@@ -76,7 +76,8 @@ impl Alignment {
         if alpha < 0.5 || views.mask.is_some_and(|mask| !mask[at]) {
             return;
         }
-        let (mut slopes, mut right) = ([0.0; 3], DVec2::ZERO);
+        let mut slopes = [0.0; 3];
+        let mut right = DVec2::ZERO;
         for c in 0..3 {
             let color = |at: usize| f64::from(views.image[3 * at + c] + views.photo[3 * at + c]);
             let slope =

@@ -184,7 +184,8 @@ fn regions(evidence: &[f32], width: usize) -> Vec<bool> {
             continue;
         }
         visited[start] = true;
-        let (mut region, mut next) = (vec![start], 0);
+        let mut region = vec![start];
+        let mut next = 0;
         while let Some(at) = region.get(next).copied() {
             next += 1;
             for neighbor in neighbors(at, width, height) {

@@ -2,9 +2,9 @@
 //!
 //! A [`Scene`] is photos of one place with their cameras and, where known, depth and surface points.
 //! [`capture`] loads scenes from photos on disk, [`estimate_photos`] finds their cameras where none are known.
-//! [`training_tuple`] and [`evaluation_tuples`] choose the views that the network is given and those that it must render.
-//! A [`film::Film`] is photos of a scene that moves, each with its time, read from the layouts of D-NeRF, Neural 3D Video
-//! and HyperNeRF.
+//! [`training_tuple`] and [`evaluation_tuples`] choose the views that the network is given and those that it must
+//! render. A [`film::Film`] is photos of a scene that moves, each with its time, read from the layouts of D-NeRF,
+//! Neural 3D Video and HyperNeRF.
 
 pub mod capture;
 mod error;

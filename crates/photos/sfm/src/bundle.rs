@@ -184,7 +184,8 @@ impl Bundle {
     pub fn camera(&self, number: usize) -> Camera {
         let mut camera = self.cameras[number];
         let lens = &self.lenses[self.lens_of[number]];
-        let (factor, center) = (lens.log_focal.exp(), lens.center(&camera));
+        let factor = lens.log_focal.exp();
+        let center = lens.center(&camera);
         let k = &mut camera.intrinsics;
         (k.fx, k.fy, k.cx, k.cy) = (k.fx * factor, k.fy * factor, center.x, center.y);
         camera

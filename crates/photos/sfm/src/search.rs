@@ -157,7 +157,8 @@ impl<'a> Search<'a> {
         let few = self.taken.len() <= FEW;
         let absent = vec![false; self.taken.len()];
         let certain: Vec<Pair> = posed.iter().filter(|pair| few || pair.certain(share)).cloned().collect();
-        let (all_tracks, tracks) = (linked(self.features, posed), linked(self.features, &certain));
+        let all_tracks = linked(self.features, posed);
+        let tracks = linked(self.features, &certain);
         let evidence = Evidence {
             features: self.features,
             pairs: &certain,
@@ -303,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn the_focal_length_is_that_of_the_first_photo_with_a_place() {
+    fn the_first_placed_photo_has_the_focal_length() {
         let lens = |log_focal| crate::bundle::Lens { log_focal, ..Default::default() };
         let mut scene = grown(&[], 0.0);
         scene.bundle.lenses = vec![lens(0.5), lens(-0.25)];

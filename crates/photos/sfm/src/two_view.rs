@@ -258,7 +258,9 @@ fn descents(starts: &[Pose], rays: &[Rays], scales: &[f64], tau: f64) -> Vec<(Po
 fn facing(pose: &Pose, rays: &[Rays], tau: f64) -> (Pose, f64) {
     let essential = essential(pose);
     let poses = same_essential(pose);
-    let (mut total, mut inliers, mut front) = (0.0, 0.0, [0.0; 4]);
+    let mut total = 0.0;
+    let mut inliers = 0.0;
+    let mut front = [0.0; 4];
     for x in rays {
         let score = support(sampson(&essential, x).0 / tau);
         if score > 0.0 {

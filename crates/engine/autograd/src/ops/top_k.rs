@@ -79,7 +79,8 @@ pub fn top_k_mean<'t, T: Real>(x: Var<'t, T>, k: usize) -> Var<'t, T> {
 
 /// For each batch entry the mean of the rows of x at the k largest of `by`, of equal ones the first.
 ///
-/// x `[B, T, D]`, `by` `[B, T]` gives `[B, D]`. Differentiable in x; which rows is constant. Panics when shapes do not fit.
+/// x `[B, T, D]`, `by` `[B, T]` gives `[B, D]`. Differentiable in x; which rows is constant. Panics when shapes do not
+/// fit.
 #[track_caller]
 pub fn mean_at_top_k<'t, T: Real>(x: Var<'t, T>, by: Var<'t, T>, k: usize) -> Var<'t, T> {
     let (shape, time) = (x.shape(), by.shape().last());

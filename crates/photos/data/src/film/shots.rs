@@ -40,8 +40,8 @@ pub struct Shot {
     pub time: f64,
     /// Its pixels.
     pub pixels: Pixels,
-    /// The kind of motion that each pixel's center shows, `[H, W]`, of a procedural film: 0 is nothing that moves, the rest are
-    /// indices into `weaver_procedural::MOTIONS`.
+    /// The kind of motion that each pixel's center shows, `[H, W]`, of a procedural film: 0 is nothing that moves, the
+    /// rest are indices into `weaver_procedural::MOTIONS`.
     pub motion: Option<Vec<u8>>,
     /// Its part in evaluation.
     pub held_out: HeldOut,

@@ -106,7 +106,8 @@ impl Template {
         }
         let slope = |axis: DVec2| {
             let [ahead, behind] = [HALF, -HALF].map(|by| sampled(photo, at + warp * axis * by, warp));
-            let (mut slope, behind) = (ahead?, behind?);
+            let mut slope = ahead?;
+            let behind = behind?;
             slope.iter_mut().zip(behind).for_each(|(ahead, behind)| *ahead -= behind);
             Some(slope)
         };
@@ -185,7 +186,8 @@ mod tests {
 
     #[test]
     fn what_was_moved_bent_and_lit_another_way_is_found() {
-        let (first, at) = (photo(|p| p, |v| v), DVec2::new(34.3, 30.8));
+        let first = photo(|p| p, |v| v);
+        let at = DVec2::new(34.3, 30.8);
         let template = Template::new(&first, at, DMat2::IDENTITY).unwrap();
         for seed in 0..20 {
             let draw = |k: u64| Stream::new(1, seed, "align").uniform::<f64>(k) - 0.5;

@@ -11,13 +11,26 @@ use weaver_kernels::{parallel, simd};
 /// Rows of a task.
 const ROWS: usize = 32;
 
+/// The blocks below the diagonal, column by column.
+#[derive(Clone, Debug)]
+struct Below {
+    /// Where the blocks of each column begin in `blocks`, and where the last end.
+    first: Vec<u32>,
+    /// The row of each, and its place among those of the row.
+    blocks: Vec<[u32; 2]>,
+}
+
+impl Below {
+    #[inline(always)]
+    fn column(&self, column: usize) -> &[[u32; 2]] {
+        &self.blocks[self.first[column] as usize..self.first[column + 1] as usize]
+    }
+}
+
 /// State of conjugate gradients beside the matrix.
 #[derive(Clone, Debug)]
 pub(super) struct Sparse {
-    /// Where the blocks below the diagonal of each column begin in `below`, and where the last end.
-    first: Vec<u32>,
-    /// The row of each, and its place among those of the row.
-    below: Vec<[u32; 2]>,
+    below: Below,
     /// Inverses of the diagonal blocks.
     inverse: Vec<Block>,
     residual: Vec<Row>,
@@ -37,17 +50,16 @@ impl Sparse {
         (0..n).for_each(|row| columns(row).for_each(|column| first[column + 1] += 1));
         (0..n).for_each(|i| first[i + 1] += first[i]);
         let mut next = first.clone();
-        let mut below = vec![[0; 2]; first[n] as usize];
+        let mut blocks = vec![[0; 2]; first[n] as usize];
         for row in 0..n {
             for (place, column) in columns(row).enumerate() {
-                below[next[column] as usize] = [row as u32, place as u32];
+                blocks[next[column] as usize] = [row as u32, place as u32];
                 next[column] += 1;
             }
         }
         let rows = vec![[0.0; PADDED]; n];
         Self {
-            first,
-            below,
+            below: Below { first, blocks },
             inverse: vec![Block::default(); n],
             residual: rows.clone(),
             direction: rows.clone(),
@@ -131,11 +143,11 @@ impl Sparse {
 
     /// The product of the matrix and the direction. Each row is summed by one task, in the order of columns.
     fn multiply(&mut self, reduced: &Reduced) {
-        let Self { first, below, direction, product, .. } = self;
+        let Self { below, direction, product, .. } = self;
         parallel::for_chunks(product, ROWS, |chunk, product| {
             simd::dispatch(
                 #[inline(always)]
-                || multiply_rows(reduced, (first, below), direction, chunk * ROWS, product),
+                || multiply_rows(reduced, below, direction, chunk * ROWS, product),
             );
         });
     }
@@ -143,14 +155,7 @@ impl Sparse {
 
 /// The product of some rows of the matrix and a direction.
 #[inline(always)]
-fn multiply_rows(
-    reduced: &Reduced,
-    below: (&[u32], &[[u32; 2]]),
-    direction: &[Row],
-    first: usize,
-    product: &mut [Row],
-) {
-    let (start, below) = below;
+fn multiply_rows(reduced: &Reduced, below: &Below, direction: &[Row], first: usize, product: &mut [Row]) {
     for (row, product) in (first..).zip(product) {
         *product = [0.0; PADDED];
         let (columns, blocks) = reduced.row(row);
@@ -166,7 +171,7 @@ fn multiply_rows(
         for a in 0..BLOCK {
             product[a] = sums.0[a].iter().sum();
         }
-        for &[other, place] in &below[start[row] as usize..start[row + 1] as usize] {
+        for &[other, place] in below.column(row) {
             let block = &reduced.row(other as usize).1[place as usize];
             times_transposed(product, block, &direction[other as usize]);
         }

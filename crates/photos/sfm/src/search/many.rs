@@ -85,7 +85,8 @@ impl Search<'_> {
 
     /// Small scenes from the first beginning that leads somewhere, one for each of its poses.
     fn trials(&self, bundle: &Bundle, certain: &[Pair]) -> Vec<Grown> {
-        let (tracks, absent) = (linked(self.features, certain), vec![false; self.taken.len()]);
+        let tracks = linked(self.features, certain);
+        let absent = vec![false; self.taken.len()];
         let evidence = self.evidence(certain, &tracks, &absent);
         let mut trials: Vec<Grown> = Vec::new();
         for from in beginnings(&evidence).into_iter().take(BEGINNINGS).map(|i| &certain[i]) {
@@ -120,7 +121,8 @@ impl Search<'_> {
     /// Grows a scene that has begun by the first pairs, up to this number, and others where it does not reach.
     fn grow_many(&mut self, bundle: &Bundle, posed: &[Pair], end: usize, begun: Option<Grown>) {
         let certain = &posed[..end];
-        let (tracks, absent) = (linked(self.features, certain), vec![false; self.taken.len()]);
+        let tracks = linked(self.features, certain);
+        let absent = vec![false; self.taken.len()];
         let features = self.features;
         let evidence = Evidence { features, pairs: certain, tracks: &tracks, absent: &absent, trust: Trust::PAIRS };
         let first = self.found.len();

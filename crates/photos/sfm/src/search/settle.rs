@@ -95,7 +95,8 @@ impl Search<'_> {
     /// The first photos of a scene were never placed by the others, and one photo that is turned a little bends many points after it.
     fn reconsider(&self, grown: &mut Grown) {
         let absent = vec![false; self.taken.len()];
-        let (features, pairs) = (self.features, &self.pairs.posed[..]);
+        let features = self.features;
+        let pairs = &self.pairs.posed[..];
         let tracks = linked(features, pairs);
         let evidence = Evidence { features, pairs, tracks: &tracks, absent: &absent, trust: Trust::POINTS };
         let free: Vec<bool> = grown.bundle.lenses.iter().map(|lens| lens.free_focal).collect();
@@ -138,7 +139,8 @@ mod tests {
         let photo = |view: &weaver_data::View| Photo::new(view.image.to_bytes(), [144, 192]);
         let photos: Vec<Photo<'_>> = drawn.views.iter().step_by(2).map(photo).collect();
         let features: Vec<Features> = photos.iter().map(|photo| photo.features(1000)).collect();
-        let (taken, settings) = (photos.iter().map(Taken::of).collect::<Vec<_>>(), EstimateOptions::default());
+        let taken = photos.iter().map(Taken::of).collect::<Vec<_>>();
+        let settings = EstimateOptions::default();
         let photos: Vec<&Photo<'_>> = photos.iter().collect();
         run(Search::new(&taken, &photos, &features, &settings))
     }

@@ -29,7 +29,8 @@ proptest! {
     }
 }
 
-/// The slow twin: groups of keypoints, of which two are joined by a match, the clearest first, unless they have a photo in common.
+/// The slow twin: groups of keypoints, of which two are joined by a match, the clearest first, unless they have a photo
+/// in common.
 fn joined_one_by_one(counts: &[usize], pairs: &[([usize; 2], Vec<Match>)]) -> Vec<Vec<(usize, usize)>> {
     let all = counts.iter().enumerate().flat_map(|(photo, count)| (0..*count).map(move |keypoint| (photo, keypoint)));
     let mut groups: Vec<Vec<(usize, usize)>> = all.map(|keypoint| vec![keypoint]).collect();
