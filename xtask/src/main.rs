@@ -47,7 +47,7 @@ fn main() -> ExitCode {
         "study" => study::run(rest),
         "dial" => dial::run(),
         "embed" => embed::run(),
-        "walk" => cargo_run(&["--release", "--package", "weaver-data", "--example", "walk"], rest),
+        "walk" => cargo_run(&["--release", "--package", "weaver-procedural", "--example", "walk"], rest),
         "valgrind" => valgrind::run(),
         "wheel" => wheel::run(rest),
         _ => Err(USAGE.into()),

@@ -16,6 +16,7 @@ pub use arguments::Bench;
 
 use arguments::Subject;
 use weaver_command::{Console, Failure, Interrupt, in_pool};
+use weaver_kernels::order::median_mean;
 
 /// Runs a benchmark and prints its figures, as a table or as JSON. One that keeps a folder saves when it is interrupted.
 ///
@@ -33,13 +34,7 @@ pub fn run(arguments: &Bench, console: &mut Console, interrupt: &Interrupt) -> R
 
 /// The median of some numbers; NaN for an empty list.
 fn median(values: impl IntoIterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.into_iter().collect();
-    values.sort_by(f64::total_cmp);
-    let (low, high) = (values.len().saturating_sub(1) / 2, values.len() / 2);
-    match values.get(low..=high) {
-        Some(middle) => middle.iter().sum::<f64>() / middle.len() as f64,
-        None => f64::NAN,
-    }
+    median_mean(&mut values.into_iter().collect::<Vec<_>>()).unwrap_or(f64::NAN)
 }
 
 /// The example of the README, compiled and run.

@@ -14,10 +14,15 @@ pub fn seconds() -> Option<f64> {
 
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
+    use super::seconds;
+    use std::time::{Duration, Instant};
+
+    /// Two ticks, for which even a crowded machine has time within a minute.
     #[test]
     fn time_that_is_spent_counts() {
-        let begin = super::seconds().unwrap();
-        while super::seconds().unwrap() < begin + 0.02 {
+        let (begin, started) = (seconds().unwrap(), Instant::now());
+        while seconds().unwrap() < begin + 0.02 {
+            assert!(started.elapsed() < Duration::from_secs(60), "no time was counted in a minute");
             std::hint::spin_loop();
         }
     }

@@ -4,6 +4,7 @@ use crate::RunError;
 use weaver_data::film::{Film, FilmPoint};
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
+use weaver_kernels::order::median_high;
 use weaver_kernels::random::Stream;
 
 /// Gaussians to begin with, and when each was seen.
@@ -118,6 +119,5 @@ fn focus(film: &Film) -> Option<f64> {
     }
     let meeting = matrix.inverse() * right;
     let mut distances: Vec<f64> = axes.iter().map(|(center, axis)| (meeting - *center).dot(*axis)).collect();
-    distances.sort_by(f64::total_cmp);
-    distances.get(distances.len() / 2).copied().filter(|distance| *distance > 0.0)
+    median_high(&mut distances).filter(|distance| *distance > 0.0)
 }

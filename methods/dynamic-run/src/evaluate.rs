@@ -3,9 +3,10 @@
 use crate::mixture::Pictures;
 use crate::{Run, RunError};
 use serde::{Deserialize, Serialize};
-use weaver_data::film::{MOTIONS, Shot};
+use weaver_data::film::Shot;
 use weaver_dynamic::hard_oracle;
 use weaver_losses::metrics;
+use weaver_procedural::MOTIONS;
 
 /// At most so many photos that were trained on are judged, evenly spread.
 const TRAINED: usize = 32;

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use weaver_data::film::{self, Film, FilmOptions};
+use weaver_data::film::{self, Film};
+use weaver_procedural::FilmOptions;
 
 /// Settings of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -198,7 +199,10 @@ impl FilmSource {
         match self {
             Self::Procedural { seed, size: [width, height], shots: [cameras, frames] } => {
                 let (width, height, cameras, frames) = (*width, *height, *cameras, *frames);
-                Ok(film::procedural(*seed, &FilmOptions { width, height, cameras, frames, ..FilmOptions::default() }))
+                Ok(weaver_procedural::film(
+                    *seed,
+                    &FilmOptions { width, height, cameras, frames, ..FilmOptions::default() },
+                ))
             }
             Self::Folder { path, long_side } => Ok(film::open(path, *long_side)?),
         }

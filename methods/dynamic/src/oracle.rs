@@ -1,6 +1,7 @@
 //! The best that gates could do, with the photo at hand: bounds that no router passes.
 
 use weaver_kernels::Real;
+use weaver_kernels::dense::gauss;
 
 /// Experts that a best blend of colors needs: three numbers lie in the hull of four points.
 const MOST: usize = 4;
@@ -131,25 +132,7 @@ fn on_face(differences: &Differences, face: &[usize], pixel: usize) -> Option<(f
 
 /// The x that minimizes |corner + sum_i x_i edge_i|^2, by the normal equations; `None` where the edges depend on one another.
 fn solved(edges: &[[f64; 3]], corner: [f64; 3]) -> Option<Vec<f64>> {
-    let n = edges.len();
-    let mut rows: Vec<Vec<f64>> = edges
-        .iter()
-        .map(|edge| edges.iter().map(|other| dot(*edge, *other)).chain([-dot(*edge, corner)]).collect())
-        .collect();
-    for i in 0..n {
-        if rows[i][i] <= FLAT * squared(edges[i]) {
-            return None;
-        }
-        let pivot = rows[i].clone();
-        for row in &mut rows[i + 1..] {
-            let factor = row[i] / pivot[i];
-            row.iter_mut().zip(&pivot).for_each(|(x, p)| *x -= factor * p);
-        }
-    }
-    let mut x = vec![0.0; n];
-    for i in (0..n).rev() {
-        let known: f64 = (i + 1..n).map(|j| rows[i][j] * x[j]).sum();
-        x[i] = (rows[i][n] - known) / rows[i][i];
-    }
-    Some(x)
+    let mut matrix: Vec<f64> = edges.iter().flat_map(|edge| edges.iter().map(|other| dot(*edge, *other))).collect();
+    let mut x: Vec<f64> = edges.iter().map(|edge| -dot(*edge, corner)).collect();
+    gauss(&mut matrix, &mut x, |i, pivot| pivot > FLAT * squared(edges[i])).then_some(x)
 }

@@ -7,6 +7,7 @@ use crate::sampling::{exclude, weighted_sample, weights};
 use crate::window::Window;
 use std::f32::consts::PI;
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
+use weaver_kernels::order::median_high;
 use weaver_kernels::random::Stream;
 
 /// Gaussians that a fit starts from.
@@ -97,8 +98,7 @@ fn part(picture: &Picture, window: Window, count: usize, stream: Stream) -> (Vec
     let mut positions: Vec<[f32; 2]> = drawn.iter().map(|p| middle(*p)).collect();
     let mut scales: Vec<f32> = drawn.iter().map(|p| base * (-0.5 * weights[*p] as f32).exp()).collect();
     let mut sorted = scales.clone();
-    sorted.sort_unstable_by(f32::total_cmp);
-    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(base);
+    let median = median_high(&mut sorted).unwrap_or(base);
     exclude(&mut positions, count - drawn.len(), window, base.max(median), stream.fork(1));
     if positions.len() < 3 {
         scales.resize(positions.len(), base);

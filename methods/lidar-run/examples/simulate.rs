@@ -4,10 +4,10 @@
 //! drive along the street, half a meter from scan to scan, `truth.ply`, the points of its surfaces that the sensor can see, and `mesh.ply`.
 
 use std::path::Path;
-use weaver_data::lidar::{LidarWorld, SpinningSensor, between, room_loop, street_drive};
 use weaver_geometry::glam::DVec3;
 use weaver_io::ply::{write_points, write_triangles};
 use weaver_io::{TrajectoryFile, TrajectoryFormat, write_lidar_scan, write_text};
+use weaver_procedural::lidar::{LidarWorld, SpinningSensor, between, room_loop, street_drive};
 use weaver_scene::PointCloud;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -1,39 +1,22 @@
 //! Eigenvalues of small symmetric matrices.
 
 use weaver_geometry::glam::{DMat3, DVec3};
+use weaver_kernels::dense::symmetric_eigen;
 
-/// Eigenvalues, ascending, and eigenvectors (`vectors[i]` belongs to `values[i]`) of a symmetric matrix, by Jacobi rotations.
+/// Rounds of rotations, of which hardly ten are needed.
+const SWEEPS: usize = 50;
+
+/// Eigenvalues, ascending, and eigenvectors (`vectors[i]` belongs to `values[i]`) of a symmetric matrix.
 pub(crate) fn symmetric<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
-    let mut v: [[f64; N]; N] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+    let mut v = [[0.0; N]; N];
     let scale: f64 = a.iter().flatten().map(|x| x.abs()).fold(0.0, f64::max);
-    for _ in 0..50 {
-        let off: f64 = (0..N).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| a[i][j].abs()).fold(0.0, f64::max);
-        // Also ends for what is not finite.
-        if off <= 1e-15 * scale || off.is_nan() {
-            break;
-        }
-        for p in 0..N {
-            for q in p + 1..N {
-                if a[p][q] == 0.0 {
-                    continue;
-                }
-                let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-                let c = 1.0 / t.hypot(1.0);
-                let s = t * c;
-                for row in &mut a {
-                    let (x, y) = (row[p], row[q]);
-                    (row[p], row[q]) = (c * x - s * y, s * x + c * y);
-                }
-                for k in 0..N {
-                    let (x, y) = (a[p][k], a[q][k]);
-                    (a[p][k], a[q][k]) = (c * x - s * y, s * x + c * y);
-                    let (x, y) = (v[p][k], v[q][k]);
-                    (v[p][k], v[q][k]) = (c * x - s * y, s * x + c * y);
-                }
-            }
-        }
-    }
+    // Also ends for what is not finite.
+    let settled = |a: &[f64]| {
+        let below = (0..N).flat_map(|i| (0..i).map(move |j| a[i * N + j].abs()));
+        let off: f64 = below.fold(0.0, f64::max);
+        off <= 1e-15 * scale || off.is_nan()
+    };
+    symmetric_eigen(a.as_flattened_mut(), v.as_flattened_mut(), SWEEPS, settled);
     let mut order: [usize; N] = std::array::from_fn(|i| i);
     order.sort_by(|i, j| a[*i][*i].total_cmp(&a[*j][*j]));
     (order.map(|i| a[i][i]), order.map(|i| v[i]))

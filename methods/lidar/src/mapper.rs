@@ -9,6 +9,7 @@ use weaver_geometry::Pose;
 use weaver_geometry::glam::{DQuat, DVec3};
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_kernels::optim::AdamW;
+use weaver_kernels::order::median_high;
 use weaver_kernels::random::Stream;
 use weaver_surfel::{Limits, RangeCotangents, RangeImages, Sight, SurfelCamera, SurfelWorkspace, Surfels};
 
@@ -346,7 +347,6 @@ pub fn held_out(mapper: &mut Mapper, points: &[[f32; 3]], pose: &Pose, near: f64
         }
     }
     let hits = differences.iter().filter(|d| **d < near).count();
-    differences.sort_by(f64::total_cmp);
-    let median = differences.get(differences.len() / 2).copied().unwrap_or(f64::INFINITY);
+    let median = median_high(&mut differences).unwrap_or(f64::INFINITY);
     Ok([hits as f64 / points.len().max(1) as f64, median])
 }

@@ -2,6 +2,7 @@
 
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Pose, se3};
+use weaver_kernels::dense::{cholesky, cholesky_solve};
 
 /// Steps of Gauss-Newton at most.
 const STEPS: usize = 20;
@@ -46,7 +47,7 @@ pub fn optimize_poses(poses: &mut [Pose], edges: &[Edge]) {
             }
             h[i * n + i] *= 1.0 + 1e-9;
         }
-        let Some(step) = solved(h, b) else { return };
+        let Some(step) = solved(h, &b) else { return };
         for (pose, step) in poses.iter_mut().zip(step.chunks_exact(6)) {
             let moved = pose.compose(&se3::exp(DVec3::from_slice(step), DVec3::from_slice(&step[3..])));
             *pose = Pose::from_wxyz(moved.wxyz(), moved.translation);
@@ -90,28 +91,10 @@ fn add(edge: &Edge, poses: &[Pose], h: &mut [f64], b: &mut [f64]) {
 }
 
 /// The solution of H x = -b by Cholesky's factors; none where H is not positive.
-fn solved(mut h: Vec<f64>, b: Vec<f64>) -> Option<Vec<f64>> {
-    let n = b.len();
-    for i in 0..n {
-        for j in 0..=i {
-            let sum: f64 = (0..j).map(|k| h[i * n + k] * h[j * n + k]).sum();
-            let rest = h[i * n + j] - sum;
-            h[i * n + j] = match i == j {
-                true if rest > 0.0 => rest.sqrt(),
-                true => return None,
-                false => rest / h[j * n + j],
-            };
-        }
-    }
-    let mut x = b;
-    for i in 0..n {
-        let sum: f64 = (0..i).map(|k| h[i * n + k] * x[k]).sum();
-        x[i] = (-x[i] - sum) / h[i * n + i];
-        // Entries before are y already, with their sign.
-    }
-    for i in (0..n).rev() {
-        let sum: f64 = (i + 1..n).map(|k| h[k * n + i] * x[k]).sum();
-        x[i] = (x[i] - sum) / h[i * n + i];
-    }
-    Some(x)
+fn solved(mut h: Vec<f64>, b: &[f64]) -> Option<Vec<f64>> {
+    let mut x: Vec<f64> = b.iter().map(|b| -b).collect();
+    cholesky(&mut h, x.len(), x.len()).then(|| {
+        cholesky_solve(&h, &mut x);
+        x
+    })
 }

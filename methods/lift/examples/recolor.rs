@@ -1,8 +1,8 @@
 //! Lifts the photos of a built-in scene to gray balls on its surfaces: how well does each solver draw a photo that was held out?
 
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::glam::DVec2;
 use weaver_lift::{LiftOptions, Maps, Operator, Raster, Solver, Stop, lift};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::ActivatedGaussians;
 use weaver_splat::RasterSettings;
 

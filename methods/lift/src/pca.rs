@@ -1,5 +1,6 @@
 //! Principal components.
 
+use weaver_kernels::dense::symmetric_eigen;
 use weaver_kernels::{Real, parallel};
 
 /// Points whose products are summed before the next ones are looked at: few enough to stay in a cache.
@@ -48,7 +49,15 @@ impl Pca {
             });
         }
         covariance.iter_mut().for_each(|x| *x /= count.max(2) as f64 - 1.0);
-        let (values, vectors) = symmetric_eigen(covariance, channels);
+        let square = |at: usize| covariance[at] * covariance[at];
+        let rounding = (0..channels * channels).map(square).sum::<f64>() * f64::EPSILON * f64::EPSILON;
+        let settled = |a: &[f64]| {
+            let below = (0..channels).flat_map(|i| (0..i).map(move |j| i * channels + j));
+            below.map(|at| a[at] * a[at]).sum::<f64>() <= rounding
+        };
+        let mut vectors = vec![0.0; channels * channels];
+        symmetric_eigen(&mut covariance, &mut vectors, MOST_SWEEPS, settled);
+        let values: Vec<f64> = (0..channels).map(|i| covariance[i * channels + i]).collect();
         let mut order: Vec<usize> = (0..channels).collect();
         order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
         order.truncate(components);
@@ -88,45 +97,5 @@ impl Pca {
             }
         });
         out
-    }
-}
-
-/// Eigenvalues and eigenvectors (as rows) of a symmetric matrix `[n, n]`, in no order, by Jacobi's rotations.
-fn symmetric_eigen(mut a: Vec<f64>, n: usize) -> (Vec<f64>, Vec<f64>) {
-    let mut vectors = vec![0.0; n * n];
-    (0..n).for_each(|i| vectors[i * n + i] = 1.0);
-    let scale: f64 = a.iter().map(|x| x * x).sum::<f64>() * f64::EPSILON * f64::EPSILON;
-    for _ in 0..MOST_SWEEPS {
-        let off: f64 = (0..n).flat_map(|i| (0..i).map(move |j| i * n + j)).map(|at| a[at] * a[at]).sum();
-        if off <= scale {
-            break;
-        }
-        for p in 0..n {
-            for q in p + 1..n {
-                let apq = a[p * n + q];
-                if apq == 0.0 {
-                    continue;
-                }
-                // The angle that zeroes a_pq, the smaller of the two.
-                let theta = (a[q * n + q] - a[p * n + p]) / (2.0 * apq);
-                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-                let c = 1.0 / t.hypot(1.0);
-                let s = t * c;
-                for k in 0..n {
-                    let (x, y) = (a[k * n + p], a[k * n + q]);
-                    (a[k * n + p], a[k * n + q]) = (c * x - s * y, s * x + c * y);
-                }
-                rotate_rows(&mut a, n, (p, q), (c, s));
-                rotate_rows(&mut vectors, n, (p, q), (c, s));
-            }
-        }
-    }
-    ((0..n).map(|i| a[i * n + i]).collect(), vectors)
-}
-
-fn rotate_rows(a: &mut [f64], n: usize, (p, q): (usize, usize), (c, s): (f64, f64)) {
-    let (above, below) = a.split_at_mut(q * n);
-    for (x, y) in above[p * n..(p + 1) * n].iter_mut().zip(&mut below[..n]) {
-        (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
     }
 }

@@ -3,9 +3,9 @@
 //! Four photos go in; a fifth, which the network never sees, says how well the scene was understood.
 
 use weaver_autograd::{Params, Tape};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_nn::{AdamW, Builder, Context, Group, clip_factor, global_norm};
 use weaver_pose::CameraVars;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::{intrinsics_row, viewmat};
 use weaver_splat::{RasterSettings, Rasterize, WorkspacePool};
 use weaver_two_experts::{OpacityDegree, Parametrization, Pyramid, PyramidConfig};

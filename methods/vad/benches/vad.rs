@@ -6,7 +6,7 @@ use weaver_autograd::{Params, Tape};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
 use weaver_vad::losses::bag_loss;
-use weaver_vad::ops::{binary_cross_entropy, conv1d, decay_attention, top_k_mean};
+use weaver_vad::ops::decay_attention;
 use weaver_vad::{Rule, Splatting, UrDmu, UrDmuSizes};
 
 fn numbers(count: usize, low: f32, high: f32) -> Vec<f32> {
@@ -43,8 +43,6 @@ fn ops(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("24 videos of 200 snippets, forward and backward");
     let (batch, time, width) = (24, 200, 128);
     let x = numbers(batch * time * width, -1.0, 1.0);
-    let p = numbers(batch * time, 0.1, 0.9);
-    let w = numbers(width * width * 3, -0.1, 0.1);
     let mut tape = Tape::<f32>::new();
     let mut run = |name: &str, f: &dyn Fn(&Tape<f32>)| {
         group.bench_function(name, |b| {
@@ -55,16 +53,6 @@ fn ops(criterion: &mut Criterion) {
         });
     };
     run("decay_attention", &|tape| decay_attention(tape.leaf(&x, [batch, time, width])).sum().backward());
-    run("conv1d", &|tape| {
-        let (x, w, b) =
-            (tape.leaf(&x, [batch, time, width]), tape.leaf(&w, [width, width, 3]), tape.leaf(&w[..width], [width]));
-        conv1d(x, w, b, 1).sum().backward();
-    });
-    run("top_k_mean", &|tape| top_k_mean(tape.leaf(&p, [batch, time]), 13).sum().backward());
-    run("binary_cross_entropy", &|tape| {
-        let y = tape.constant(&p, [batch, time]);
-        binary_cross_entropy(tape.leaf(&p, [batch, time]), y).backward();
-    });
     group.finish();
 }
 

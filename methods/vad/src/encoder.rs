@@ -1,7 +1,5 @@
 //! Networks that make features and scores of videos.
 
-use crate::conv1d::Conv1d;
-use crate::dropout::Dropout;
 use crate::encoded::Encoded;
 use crate::losses::abnormal;
 use crate::losses::{bag_loss, deepmil_loss, magnitude_bag_loss, magnitude_loss, smoothness, sparsity};
@@ -10,7 +8,7 @@ use crate::temporal_transformer::UrDmuSizes;
 use crate::urdmu::UrDmu;
 use weaver_autograd::{Real, Var, ops};
 use weaver_kernels::random::Stream;
-use weaver_nn::{Builder, Context, Linear, WeightInit};
+use weaver_nn::{Builder, Context, Conv1d, Dropout, Linear, WeightInit};
 
 /// Which network, and its sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,14 +6,11 @@
 //! - [`Trainer`] trains a [`Detector`] on a [`TrainingSet`]; [`Annotation`] and [`metrics`] judge it as the published evaluators do.
 
 mod annotation;
-mod binary_cross_entropy;
 mod chart;
 mod checkpoint;
-mod conv1d;
 mod decay_attention;
 mod detector;
 mod detector_file;
-mod dropout;
 mod encoded;
 mod encoder;
 mod error;
@@ -41,7 +38,6 @@ pub use annotation::{Annotation, Length};
 pub use chart::Chart;
 pub use checkpoint::{Checkpoint, Snapshot};
 pub use detector::{Curves, Detector};
-pub use dropout::Dropout;
 pub use encoded::Encoded;
 pub use encoder::{ConvolutionSizes, Convolutions, DeepMil, DeepMilSizes, Encoder, EncoderKind, Rtfm};
 pub use error::{Error, Result};
@@ -61,10 +57,7 @@ pub use urdmu::{UrDmu, UrDmuPass, UrDmuTerms};
 
 /// The ops of this crate.
 pub mod ops {
-    pub use crate::binary_cross_entropy::binary_cross_entropy;
-    pub use crate::conv1d::conv1d;
     pub use crate::decay_attention::decay_attention;
-    pub use crate::top_k::{mean_at_top_k, top_k_mean};
 }
 
 pub use top_k::top_k;

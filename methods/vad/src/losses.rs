@@ -1,8 +1,8 @@
 //! Losses of score curves. Batches have their normal half first.
 
-use crate::binary_cross_entropy::binary_cross_entropy;
-use crate::top_k::{mean_at_top_k, top_k, top_k_mean};
+use crate::top_k::top_k;
 use crate::urdmu::length;
+use weaver_autograd::ops::{binary_cross_entropy, mean_at_top_k, top_k_mean};
 use weaver_autograd::{Real, Var};
 
 /// Targets of a batch of `2 b` videos: 0 for the normal half, 1 for the other.

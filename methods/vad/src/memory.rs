@@ -1,6 +1,7 @@
 //! UR-DMU's memories of normal and of anomalous snippets.
 
-use crate::top_k::{top_k, top_k_mean};
+use crate::top_k::top_k;
+use weaver_autograd::ops::top_k_mean;
 use weaver_autograd::{ParamId, Real, Var};
 use weaver_nn::{Builder, Context, Init};
 

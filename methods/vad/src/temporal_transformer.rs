@@ -1,10 +1,8 @@
 //! UR-DMU's feature extractor: a convolution along time and layers of global and local attention.
 
-use crate::conv1d::Conv1d;
 use crate::decay_attention::decay_attention;
-use crate::dropout::Dropout;
 use weaver_autograd::{Real, Var, ops};
-use weaver_nn::{Builder, Context, LayerNorm, Linear, WeightInit};
+use weaver_nn::{Builder, Context, Conv1d, Dropout, LayerNorm, Linear, WeightInit};
 
 /// Sizes of the network of UR-DMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,11 +6,11 @@ use crate::kmeans::{cluster_centers, nearest_center};
 use crate::losses::{abnormal, bag_loss, class_loss, curve_loss};
 use crate::sampler::Sampler;
 use crate::splatting::Splatting;
-use crate::top_k::{mean_at_top_k, top_k};
+use crate::top_k::top_k;
 use crate::training_set::TrainingSet;
 use crate::{Error, Result};
 use std::ops::ControlFlow;
-use weaver_autograd::{ParamId, Tape, Var};
+use weaver_autograd::{ParamId, Tape, Var, ops};
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Context, Group, add_l2_gradient};
 
@@ -236,7 +236,7 @@ impl Trainer<'_> {
             points.extend(tape.without_gradient(|| {
                 let x = tape.constant(&x, [1, self.segments, self.set.width()]);
                 let encoded = detector.encoder.encode(Context::new(&tape, &detector.params), x);
-                mean_at_top_k(encoded.features, encoded.scores, top_k(self.segments)).normalize_rows(0.0).to_vec()
+                ops::mean_at_top_k(encoded.features, encoded.scores, top_k(self.segments)).normalize_rows(0.0).to_vec()
             }));
             tape.reset();
         }

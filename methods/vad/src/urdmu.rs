@@ -1,14 +1,13 @@
 //! UR-DMU: dual memory units with uncertainty regulation (Zhou et al., arXiv 2302.05160), as its public code computes.
 
-use crate::binary_cross_entropy::binary_cross_entropy;
-use crate::dropout::Dropout;
 use crate::encoded::Encoded;
 use crate::memory::{Memory, Recalled};
 use crate::score_head::ScoreHead;
 use crate::temporal_transformer::{TemporalTransformer, UrDmuSizes};
-use crate::top_k::{mean_at_top_k, top_k, top_k_mean};
-use weaver_autograd::{Real, Var, ops};
-use weaver_nn::{Builder, Context, Linear, WeightInit};
+use crate::top_k::top_k;
+use weaver_autograd::ops::{self, binary_cross_entropy, mean_at_top_k, top_k_mean};
+use weaver_autograd::{Real, Var};
+use weaver_nn::{Builder, Context, Dropout, Linear, WeightInit};
 
 /// The network. Parameters have the names of the public weights.
 #[derive(Clone, Debug)]

@@ -3,6 +3,7 @@
 use super::reference::Reference;
 use weaver_autograd::ops::huber;
 use weaver_autograd::{Pool, Real, Tape, Var};
+use weaver_kernels::order::quantile;
 use weaver_losses::*;
 use weaver_router::gumbel_softmax_straight_through;
 use weaver_wavelet::{EnergyMap, Wavelet};

@@ -3,9 +3,9 @@
 use crate::Example;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use weaver_data::appearance::{Appearance, seen};
 use weaver_data::{Scene, View};
 use weaver_kernels::random::Stream;
+use weaver_procedural::appearance::{Appearance, seen};
 
 /// Light and passers-by that photos are given, beside what was photographed. Training draws them afresh for each tuple, evaluation keeps
 /// one for each view, the same for every run.

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use weaver_autograd::Params;
-use weaver_data::{Scene, procedural};
+use weaver_data::Scene;
 use weaver_inference::{Checkpoint, Density, Predictor, RunFolder, WeightSet};
 use weaver_run::{Folder, Kind, StepReport};
 use weaver_splat::AnyRasterizer;
@@ -269,7 +269,7 @@ impl OpenRun {
         let load = |size: [usize; 2]| match source {
             Source::Run => scenes::load(&data, size),
             Source::Folders(folders) => scenes::load_captures(folders, &data, size),
-            Source::Unseen => Ok(procedural::default_unseen_set(size[1], size[0])),
+            Source::Unseen => Ok(weaver_procedural::default_unseen_set(size[1], size[0])),
         };
         let scenes = load(size)?;
         let matching = match choices.matching {

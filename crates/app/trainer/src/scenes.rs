@@ -3,9 +3,9 @@
 use crate::{DataConfig, Error, taught};
 use std::path::PathBuf;
 use weaver_data::capture::{self, CaptureOptions};
-use weaver_data::procedural::ProceduralOptions;
-use weaver_data::{Layout, Scene, procedural};
+use weaver_data::{Layout, Scene};
 use weaver_kernels::random::Stream;
+use weaver_procedural::ProceduralOptions;
 
 /// Loads the scenes of a run at the network's size (H, W): its captures, or the built-in procedural set.
 ///
@@ -13,9 +13,9 @@ use weaver_kernels::random::Stream;
 /// When a capture cannot be read.
 pub fn load(data: &DataConfig, size: [usize; 2]) -> Result<Vec<Scene>, Error> {
     if data.folders.is_empty() && data.looks.as_ref().is_some_and(|looks| looks.moving_sun) {
-        Ok(procedural::moving_sun_set(size[1], size[0]))
+        Ok(weaver_procedural::moving_sun_set(size[1], size[0]))
     } else if data.folders.is_empty() {
-        Ok(procedural::default_training_set(size[1], size[0]))
+        Ok(weaver_procedural::default_training_set(size[1], size[0]))
     } else {
         load_captures(&data.folders, data, size)
     }
@@ -129,7 +129,7 @@ impl Endless {
     }
 
     fn fresh(&self, number: usize) -> Scene {
-        let mut scene = procedural::varied_scene(self.stream.bits(number as u64), &self.options);
+        let mut scene = weaver_procedural::varied_scene(self.stream.bits(number as u64), &self.options);
         scene.views.iter_mut().for_each(|view| view.held_out = false);
         scene
     }

@@ -126,7 +126,7 @@ fn scene(
         let (width, height) = (image.width, image.height);
         let all = i * rows * columns..(i + 1) * rows * columns;
         let (depth, confidence) = (&taught.depth[all.clone()], &taught.confidence[all]);
-        let least = weaver_losses::quantile(&mut confidence.to_vec(), DOUBTFUL);
+        let least = weaver_kernels::order::quantile(&mut confidence.to_vec(), DOUBTFUL);
         let known = |at: usize| {
             let from = (at / width) * rows / height * columns + (at % width) * columns / width;
             let counts = confidence[from] > least && inside.as_ref().is_none_or(|inside| inside[at]);

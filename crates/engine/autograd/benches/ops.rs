@@ -81,6 +81,23 @@ fn rows(c: &mut Criterion) {
     step(c, "split 96 columns in 3, concat", &rows, |x| ops::concat(&ops::split(x[0], 1, &[32; 3]), 1));
 }
 
+/// At the sizes of 24 videos of 200 snippets.
+fn sequences(c: &mut Criterion) {
+    let shapes = [[24, 200, 128].into(), [128, 128, 3].into(), [128].into()];
+    step(c, "conv1d 24 x 200 x 128", &shapes, |x| ops::conv1d(x[0], x[1], x[2], 1));
+    let scores = [[24, 200].into()];
+    step(c, "top_k_mean 13 of 24 x 200", &scores, |x| ops::top_k_mean(x[0], 13));
+    step(c, "mean_at_top_k 13 of 24 x 200 x 128", &shapes[..1], |x| {
+        let by = x[0]
+            .tape()
+            .constant_with([24, 200], |by| by.iter_mut().enumerate().for_each(|(i, y)| *y = (i * 37 % 200) as f32));
+        ops::mean_at_top_k(x[0], by, 13)
+    });
+    step(c, "binary_cross_entropy 24 x 200", &scores, |x| {
+        ops::binary_cross_entropy(x[0].sigmoid(), x[0].tape().constant(&[0.5; 24 * 200], [24, 200]))
+    });
+}
+
 fn pointwise(c: &mut Criterion) {
     type Function = for<'t> fn(Var<'t, f32>) -> Var<'t, f32>;
     let functions: [(&str, Function); 17] = [
@@ -123,6 +140,7 @@ fn main() {
     layers(&mut criterion);
     images(&mut criterion);
     rows(&mut criterion);
+    sequences(&mut criterion);
     pointwise(&mut criterion);
     criterion.final_summary();
 }

@@ -1,5 +1,6 @@
 //! Numeric kernels on plain slices of `f32` and `f64`: matrix products, convolution, attention, normalization,
-//! resizing, reductions, nearest neighbors, greedy division of cells, and counter-based random numbers.
+//! resizing, reductions, nearest neighbors, greedy division of cells, small dense systems, order statistics, and
+//! counter-based random numbers.
 //!
 //! A kernel is a function. The caller owns all memory and passes shapes as arguments; kernels are independent of
 //! automatic differentiation. Results are the same bits at any number of threads: parallel tasks write disjoint parts
@@ -11,6 +12,7 @@
 pub mod attention;
 pub mod byte_products;
 pub mod conv;
+pub mod dense;
 pub mod erf;
 pub mod exp;
 mod extent;
@@ -20,6 +22,7 @@ pub mod lanes;
 pub mod layer_norm;
 pub mod nearest_neighbors;
 pub mod optim;
+pub mod order;
 pub mod pages;
 pub mod parallel;
 pub mod peak;

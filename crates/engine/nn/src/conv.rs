@@ -3,6 +3,41 @@
 use crate::{Builder, Context, WeightInit};
 use weaver_autograd::{ParamId, Real, Var, ops};
 
+/// Convolution of width 3 along time ([`ops::conv1d`]); parameters `weight` `[out, in, 3]` and `bias` `[out]`.
+///
+/// ```
+/// use weaver_autograd::{Params, Tape};
+/// use weaver_nn::{Builder, Context, Conv1d};
+/// let mut params = Params::<f32>::new();
+/// let layer = Conv1d::new(Builder::new(&mut params, 0).scope("embedding"), 3, 5, 1);
+/// let tape = Tape::new();
+/// let y = layer.forward(Context::new(&tape, &params), tape.constant(&[0.0; 12], [1, 4, 3]));
+/// assert_eq!(y.shape().dims(), [1, 4, 5]);
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Conv1d {
+    /// `weight`, `[out, in, 3]`.
+    pub weight: ParamId,
+    /// `bias`, `[out]`.
+    pub bias: ParamId,
+    /// Steps between taps.
+    pub dilation: usize,
+}
+
+impl Conv1d {
+    /// A layer from `inputs` to `outputs` channels whose taps are `dilation` steps apart.
+    pub fn new<T: Real>(mut builder: Builder<'_, T>, inputs: usize, outputs: usize, dilation: usize) -> Self {
+        let (weights, biases) = WeightInit::FanIn.of(3 * inputs);
+        let weight = builder.add("weight", [outputs, inputs, 3], weights);
+        Self { weight, bias: builder.add("bias", [outputs], biases), dilation }
+    }
+
+    /// Applies it to x `[B, T, in]`, which gives `[B, T, out]`. Differentiable in x and the parameters.
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
+        cx.layer(self.weight, "weight", || ops::conv1d(x, cx.param(self.weight), cx.param(self.bias), self.dilation))
+    }
+}
+
 /// Two-dimensional convolution ([`ops::conv2d`]); parameters `weight` `[out, in, k, k]` and `bias` `[out]`.
 ///
 /// ```

@@ -281,3 +281,78 @@ fn whole(decoder: &RangeDecoder, name: &[u8; 4]) -> Result<(), CompressError> {
     let place = || format!("stream {}", name.escape_ascii());
     if decoder.is_whole() { Ok(()) } else { Err(broken(place(), "no byte behind the last symbol", "more")) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_kernels::random::Stream;
+
+    /// Voxels are so near to positions as rounding says, and every position has one.
+    #[test]
+    fn positions_are_half_a_cell_from_their_voxels() {
+        for (seed, depth) in [(1, 4), (2, 10), (3, 16)] {
+            let stream = Stream::new(seed, 0, "test.grid");
+            let means: Vec<[f32; 3]> =
+                (0..200).map(|i| [0, 1, 2].map(|k| 3.0 * stream.normal::<f32>(3 * i + k))).collect();
+            let (grid, order) = Grid::about(&means, depth);
+            let mut numbers: Vec<usize> = order.iter().map(|(_, number)| *number).collect();
+            assert!(order.is_sorted_by_key(|(code, _)| *code));
+            for (code, number) in &order {
+                for (found, mean) in grid.mean(*code).iter().zip(means[*number]) {
+                    // Half a cell, and the rounding of numbers of this size.
+                    let most = 0.5 * f64::from(grid.cell) + 1e-6 * f64::from(mean.abs()).max(1.0);
+                    assert!((f64::from(*found) - f64::from(mean)).abs() <= most, "{found} for {mean}");
+                }
+            }
+            numbers.sort_unstable();
+            assert_eq!(numbers, (0..200).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn streams_come_back_in_their_order() {
+        let halves: Vec<f32> = (0..30).map(|i| f16::from_f32(0.37 * i as f32 - 4.0).to_f32()).collect();
+        let symbols: Vec<u32> = (0..40).map(|i| i * i % 7).collect();
+        let (grid, order) = Grid::about(&[[0.0; 3], [1.0, 2.0, 3.0], [-1.0, 0.5, 0.25]], 8);
+        let mut writer = Writer::default();
+        writer.positions(&grid, &order).unwrap();
+        writer.halves(b"half", &halves, 3);
+        writer.symbols(b"symb", 7, &symbols, 4);
+        writer.floats(b"flts", &[1.5, f32::MAX]);
+        let bytes = writer.finish(3, 2);
+
+        let mut reader = Reader::new(&bytes).unwrap();
+        assert_eq!((reader.gaussians(), reader.degree().unwrap()), (3, 2));
+        let (read, codes) = reader.positions(8).unwrap();
+        assert_eq!(codes, order.iter().map(|(code, _)| *code).collect::<Vec<_>>());
+        assert_eq!(read.mean(codes[1]), grid.mean(codes[1]));
+        assert_eq!(reader.rows(3, 10).unwrap(), 10);
+        assert!(reader.rows(3, 9).is_err() && reader.rows(4, 10).is_err());
+        assert_eq!(reader.halves(b"half", 10, 3).unwrap(), halves);
+        assert_eq!(reader.symbols(b"symb", 7, 10, 4).unwrap(), symbols);
+        assert_eq!(reader.floats(b"flts", 2).unwrap(), [1.5, f32::MAX]);
+        let error = Reader::new(&bytes).unwrap().floats(b"flts", 2).unwrap_err();
+        assert!(error.to_string().contains("stream flts"), "{error}");
+    }
+
+    #[test]
+    fn scenes_with_other_than_numbers_are_named() {
+        let whole = Gaussians {
+            means: vec![[0.0; 3]; 2],
+            log_scales: vec![[0.0; 3]; 2],
+            quats: vec![[1.0, 0.0, 0.0, 0.0]; 2],
+            opacity_logits: vec![f32::INFINITY, f32::NEG_INFINITY],
+            sh: vec![0.0; 6],
+            degree: 0,
+        };
+        check(&whole).unwrap();
+        let mut broken = whole.clone();
+        broken.sh[4] = f32::INFINITY;
+        assert!(check(&broken).unwrap_err().to_string().contains("Gaussian 1"));
+        let mut broken = whole.clone();
+        broken.opacity_logits[0] = f32::NAN;
+        assert!(check(&broken).unwrap_err().to_string().contains("Gaussian 0"));
+        assert!(check(&Gaussians { means: vec![[0.0; 3]], ..whole }).is_err());
+        assert!(check(&Gaussians::default()).is_err());
+    }
+}

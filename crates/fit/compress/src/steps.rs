@@ -253,3 +253,77 @@ fn with_step(quality: Quality, kind: usize, step: f64) -> Quality {
         _ => Quality { sh_step: step, ..quality },
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_changes_its_own_kind_alone() {
+        let base = Quality::default();
+        for kind in 0..KINDS {
+            let changed = with_step(base, kind, 0.02);
+            for other in 0..KINDS {
+                let expected = if other == kind { 0.02 } else { step_of(&base, other) };
+                assert_eq!(step_of(&changed, other), expected, "{other} of {kind}");
+            }
+        }
+        // Opacities have a whole number of levels, of which there is a least and a most.
+        assert_eq!(with_step(base, 2, 10.0).opacity_levels, 3);
+        assert_eq!(with_step(base, 2, 1e-9).opacity_levels, 4095);
+    }
+
+    fn curves() -> Curves {
+        let curve = |(step, error, exponent, bits)| Curve { step, error, exponent, bits };
+        let all = [
+            (0.01, 2e-4, 2.0, 900.0),
+            (0.05, 5e-5, 1.7, 1200.0),
+            (0.02, 1e-5, 2.2, 400.0),
+            (0.03, 8e-5, 1.9, 2000.0),
+            (0.04, 3e-4, 2.0, 700.0),
+            (0.1, 1e-4, 0.8, 5000.0),
+        ];
+        Curves(all.map(curve))
+    }
+
+    /// Within its reach, `dD/dR` is the same for all kinds; beyond, a step ends.
+    #[test]
+    fn a_bit_is_worth_the_same_in_all_kinds() {
+        let Curves(curves) = curves();
+        for curve in curves {
+            let mut within = 0;
+            for log_lambda in (-300..0).map(|i| f64::from(i) / 10.0) {
+                let step = curve.step_at(log_lambda.exp());
+                let part = step / curve.step;
+                assert!((1.0 / REACH..=REACH).contains(&part), "{part}");
+                assert!(step <= curve.step_at((log_lambda + 0.1).exp()), "more error allowed, finer steps");
+                if part > 1.001 / REACH && part < 0.999 * REACH {
+                    let slope = curve.exponent * curve.error * part.powf(curve.exponent) * std::f64::consts::LN_2;
+                    assert!((slope / curve.bits / log_lambda.exp() - 1.0).abs() < 1e-9);
+                    within += 1;
+                }
+            }
+            assert!(within > 20, "{curve:?}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_nothing_shows_take_the_largest_step() {
+        let unseen = Curve { step: 0.01, error: 0.0, exponent: 2.0, bits: 10.0 };
+        assert_eq!(unseen.step_at(1e-6), 0.01 * REACH);
+        assert_eq!(Curve { bits: 0.0, ..unseen }.step_at(1e-6), 0.01, "no bits to gain");
+    }
+
+    #[test]
+    fn the_first_guess_gives_the_wanted_error() {
+        let curves = curves();
+        for decibels in [30.0, 36.0, 42.0] {
+            let lambda = curves.first_guess(decibels).exp();
+            let error: f64 = curves.0.iter().map(|c| c.error * (c.step_at(lambda) / c.step).powf(c.exponent)).sum();
+            assert!((error / mean_square(decibels) - 1.0).abs() < 1e-9, "{error} at {decibels} dB");
+            let quality = curves.quality(lambda);
+            assert_eq!(quality.scale_step, curves.0[1].step_at(lambda));
+        }
+        assert_eq!(mean_square(40.0), 1e-4);
+    }
+}

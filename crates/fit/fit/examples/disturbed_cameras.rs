@@ -20,6 +20,7 @@ use weaver_data::posed::{self, PosedOptions};
 use weaver_fit::{Fit, FitSettings, Judge, Photo, init};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose, Similarity, so3};
+use weaver_kernels::order::median_high;
 use weaver_kernels::random::Stream;
 use weaver_scene::PointCloud;
 use weaver_sfm::{RefineSettings, Refined, View, carried};
@@ -242,8 +243,7 @@ fn direction(stream: Stream) -> DVec3 {
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    median_high(&mut values).unwrap_or(f64::NAN)
 }
 
 /// Lays one JSON tree over another.

@@ -3,6 +3,7 @@
 use crate::settings::Poses;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose, se3};
+use weaver_kernels::dense;
 use weaver_kernels::parallel;
 
 /// Numbers of a camera: a twist's, translation, then rotation.
@@ -76,7 +77,8 @@ impl Alignment {
         if alpha < 0.5 || views.mask.is_some_and(|mask| !mask[at]) {
             return;
         }
-        let (mut slopes, mut right) = ([0.0; 3], DVec2::ZERO);
+        let mut slopes = [0.0; 3];
+        let mut right = DVec2::ZERO;
         for c in 0..3 {
             let color = |at: usize| f64::from(views.image[3 * at + c] + views.photo[3 * at + c]);
             let slope =
@@ -143,26 +145,11 @@ pub(crate) fn moved(pose: &Pose, twist: [f64; TWIST], part: f64) -> Pose {
     se3::exp(DVec3::new(a, b, c), DVec3::new(d, e, f)).compose(pose)
 }
 
-/// Solves a positive definite system by Gauss-Jordan elimination; `None` if it is singular.
+/// Solves a positive definite system; `None` if it is singular.
 fn solve(mut matrix: Matrix, mut right: [f64; TWIST]) -> Option<[f64; TWIST]> {
     let scale: [f64; TWIST] = std::array::from_fn(|i| matrix[i][i]);
-    for i in 0..TWIST {
-        let pivot = matrix[i][i];
-        // Also not passed by NaN.
-        let sound = pivot > 1e-12 * scale[i] && pivot.is_finite();
-        if !sound {
-            return None;
-        }
-        let row = matrix[i].map(|x| x / pivot);
-        right[i] /= pivot;
-        matrix[i] = row;
-        for j in (0..TWIST).filter(|j| *j != i) {
-            let factor = matrix[j][i];
-            (0..TWIST).for_each(|k| matrix[j][k] -= factor * row[k]);
-            right[j] -= factor * right[i];
-        }
-    }
-    Some(right)
+    let sound = |i: usize, pivot: f64| pivot > 1e-12 * scale[i] && pivot.is_finite();
+    dense::gauss_jordan(matrix.as_flattened_mut(), &mut right, TWIST, sound).then_some(right)
 }
 
 impl Poses {

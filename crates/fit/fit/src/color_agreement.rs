@@ -1,6 +1,7 @@
 //! Agreement of photos on the colors of points that they share.
 
 use weaver_geometry::glam::DVec3;
+use weaver_kernels::order::median_mean;
 use weaver_scene::Photo;
 use weaver_scene::PointCloud;
 
@@ -73,7 +74,7 @@ impl ColorAgreement {
     /// Median over photos of the gains' distance from 1, for the largest of the three channels.
     pub fn spread(&self) -> f64 {
         let far = |gain: &[f32; 3]| gain.iter().map(|g| f64::from(g.ln().abs())).fold(0.0, f64::max);
-        median(&mut self.gains.iter().map(far).collect::<Vec<_>>())
+        median_mean(&mut self.gains.iter().map(far).collect::<Vec<_>>()).unwrap_or(0.0)
     }
 
     /// True if photos differ in exposure or white balance: gains, fitted to half of the points, bring the colors of the
@@ -110,11 +111,11 @@ fn gains(points: &[&[Sample]], photos: usize) -> Vec<[f64; 3]> {
             rests.iter_mut().for_each(Vec::clear);
             for samples in points {
                 let value = |s: &Sample| s.color[channel] - gains[s.photo][channel];
-                let color = median(&mut samples.iter().map(value).collect::<Vec<_>>());
+                let color = median_mean(&mut samples.iter().map(value).collect::<Vec<_>>()).unwrap_or(0.0);
                 samples.iter().for_each(|s| rests[s.photo].push(s.color[channel] - color));
             }
             for (gain, rests) in gains.iter_mut().zip(&mut rests).filter(|(_, rests)| !rests.is_empty()) {
-                gain[channel] = median(rests);
+                gain[channel] = median_mean(rests).unwrap_or(0.0);
             }
             let mean = gains.iter().map(|gain| gain[channel]).sum::<f64>() / photos as f64;
             gains.iter_mut().for_each(|gain| gain[channel] -= mean);
@@ -129,25 +130,11 @@ fn disagreement(points: &[&[Sample]], gains: &[[f64; 3]]) -> f64 {
     for samples in points {
         for channel in [0, 1, 2] {
             let value = |s: &Sample| s.color[channel] - gains[s.photo][channel];
-            let color = median(&mut samples.iter().map(value).collect::<Vec<_>>());
+            let color = median_mean(&mut samples.iter().map(value).collect::<Vec<_>>()).unwrap_or(0.0);
             all.extend(samples.iter().map(|s| (value(s) - color).abs()));
         }
     }
-    median(&mut all)
-}
-
-/// The median, of an even number the mean of the two in the middle; 0 of none.
-fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    let upper = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
-    if values.len().is_multiple_of(2) {
-        let lower = values[..middle].iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        return 0.5 * (lower + upper);
-    }
-    upper
+    median_mean(&mut all).unwrap_or(0.0)
 }
 
 #[cfg(test)]

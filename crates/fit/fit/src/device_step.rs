@@ -67,7 +67,8 @@ impl Fit {
         let camera = self.camera(index);
         let (photo, level) = self.photos[index].level(level);
         let camera = at_level(&camera, level);
-        let (viewmats, intrinsics) = (viewmat(&camera.pose), intrinsics_row(&camera));
+        let viewmats = viewmat(&camera.pose);
+        let intrinsics = intrinsics_row(&camera);
         let background = &self.settings.background;
         let (width, height) = (camera.width, camera.height);
         let mask = counted(photo, self.transients[index].as_ref());

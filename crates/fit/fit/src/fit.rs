@@ -277,7 +277,8 @@ impl Fit {
     /// # Errors
     /// [`FitError::Rounding`] for Gaussians that cannot be rounded.
     pub fn settle(&mut self) -> Result<(), FitError> {
-        let (fraction, step) = (self.moment().fraction(), self.step);
+        let fraction = self.moment().fraction();
+        let step = self.step;
         if let Some((_, rounding)) = self.rounding.as_mut().filter(|(from, _)| fraction >= *from) {
             let rounded = rounding.rounded(&self.population.to_gaussians(0));
             self.population.set(rounded.map_err(|source| FitError::Rounding { step, source })?);
@@ -295,7 +296,8 @@ impl Fit {
     /// # Errors
     /// When the rasterizer refuses, or the loss is no number any more.
     pub fn step(&mut self) -> Result<StepReport, FitError> {
-        let (step, settings) = (self.step, &self.settings);
+        let step = self.step;
+        let settings = &self.settings;
         let fraction = step as f64 / settings.steps.max(1) as f64;
         let degree = (fraction / settings.sh_interval.max(1e-9)) as usize;
         let degree = degree.min(settings.sh_degree);

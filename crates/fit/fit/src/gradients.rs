@@ -50,7 +50,8 @@ pub(crate) struct Activated {
 impl Activated {
     /// Computes scales and opacities.
     pub fn update(&mut self, population: &Population) {
-        let (stored, logits) = (&population.log_scales.values, &population.logits.values);
+        let stored = &population.log_scales.values;
+        let logits = &population.logits.values;
         self.scales.resize(stored.len(), 0.0);
         self.opacities.resize(logits.len(), 0.0);
         each(&mut self.scales, stored, Real::exp);
@@ -130,7 +131,8 @@ impl Gradients {
     ) {
         self.pull_back(activated);
         let by = |rate: f64| adam(rate as f32);
-        let (first, rest) = (rates.sh as f32, (rates.sh * rates.sh_rest) as f32);
+        let first = rates.sh as f32;
+        let rest = (rates.sh * rates.sh_rest) as f32;
         let columns: [f32; 3 * coefficients(MAX_DEGREE)] = std::array::from_fn(|i| if i < 3 { first } else { rest });
         let columns = &columns[..population.sh.width()];
         let gradients = [&self.means, &self.scales, &self.quats, &self.opacities];

@@ -29,6 +29,13 @@ pub(crate) struct Look {
     pub twist: Option<[f64; TWIST]>,
 }
 
+/// A photo, and how often it is halved.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PhotoLevel {
+    pub photo: usize,
+    pub level: usize,
+}
+
 impl Fit {
     /// Draws a photo's view and finds all gradients; camera and correction take their steps. Returns the loss, the mean
     /// squared difference and the pairs.
@@ -42,7 +49,7 @@ impl Fit {
         let (mut gradients, mut statistics) = (take(&mut self.gradients), take(&mut self.statistics));
         gradients.resize(&self.population);
         let wanted = self.strategy.wants_statistics(moment).then_some(&mut statistics[..]);
-        let look = self.look((index, level), drawn.as_ref(), moment, gradients.parts_mut(), wanted);
+        let look = self.look(PhotoLevel { photo: index, level }, drawn.as_ref(), moment, gradients.parts_mut(), wanted);
         (self.gradients, self.statistics) = (gradients, statistics);
         let look = look?;
         self.strategy.regularizer(moment, self.population.len()).add(&mut self.gradients);
@@ -75,7 +82,7 @@ impl Fit {
     /// statistics, if any are wanted. Nothing of the fit moves.
     pub(crate) fn look(
         &mut self,
-        (index, level): (usize, usize),
+        PhotoLevel { photo: index, level }: PhotoLevel,
         drawn: Option<&Population>,
         moment: &Moment,
         to: GradientsMut<'_>,
@@ -86,7 +93,8 @@ impl Fit {
         let (photo, level) = self.photos[index].level(level);
         let camera = at_level(&camera, level);
         let (height, width) = (camera.height, camera.width);
-        let (viewmats, intrinsics) = (viewmat(&camera.pose), intrinsics_row(&camera));
+        let viewmats = viewmat(&camera.pose);
+        let intrinsics = intrinsics_row(&camera);
         let background = &self.settings.background;
         let cameras = CameraSlices {
             viewmats: &viewmats,

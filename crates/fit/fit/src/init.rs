@@ -7,6 +7,7 @@ use crate::strategy::split;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
+use weaver_kernels::order::{median_high, nth};
 use weaver_kernels::random::Stream;
 use weaver_scene::Photo;
 use weaver_scene::{Gaussians, PointCloud, forms};
@@ -179,10 +180,9 @@ fn isotropic(means: Vec<[f32; 3]>, colors: &[[f32; 3]], settings: &FitSettings) 
     let scales: Vec<f32> = (neighbors.chunks_exact(4).enumerate())
         .map(|(n, near)| near[1..].iter().map(|m| distance(means[n], means[*m as usize])).sum::<f32>() / 3.0)
         .collect();
-    // For a point that stands alone.
-    let mut sorted: Vec<f32> = scales.iter().copied().filter(|s| *s > 0.0).collect();
-    sorted.sort_unstable_by(f32::total_cmp);
-    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+    // Where a point stands alone.
+    let mut apart: Vec<f32> = scales.iter().copied().filter(|s| *s > 0.0).collect();
+    let median = median_high(&mut apart).unwrap_or(1.0);
     let log_scale = |s: f32| {
         let distance = if s > 0.0 { s } else { median };
         (distance * settings.initial_scale).ln()
@@ -212,13 +212,12 @@ pub(crate) fn first_depth(photos: &[Photo], points: &[[f32; 3]]) -> f64 {
     for Photo { camera, .. } in photos {
         depths.extend(points.iter().filter_map(|point| depth_in(camera, DVec3::from(point.map(f64::from)))));
     }
-    if depths.is_empty() {
+    let hundredth = depths.len() / 100;
+    nth(&mut depths, hundredth).unwrap_or_else(|| {
         let photos: Vec<&Photo> = photos.iter().collect();
         let middle = looked_at(&photos);
-        return photos.first().map_or(1.0, |photo| photo.camera.pose.center().distance(middle));
-    }
-    let hundredth = depths.len() / 100;
-    *depths.select_nth_unstable_by(hundredth, f64::total_cmp).1
+        photos.first().map_or(1.0, |photo| photo.camera.pose.center().distance(middle))
+    })
 }
 
 /// The point nearest to all optical axes, in the sense of least squares; where they are (nearly) parallel, a point

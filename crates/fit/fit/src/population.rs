@@ -136,7 +136,8 @@ impl Population {
     /// Gaussians that are drawn and not optimized: without the optimizer's memory.
     pub(crate) fn drawn(gaussians: Gaussians) -> Self {
         let field = |values, width| Field { values, width, ..Field::default() };
-        let (width, degree) = (3 * gaussians.coefficients(), gaussians.degree);
+        let width = 3 * gaussians.coefficients();
+        let degree = gaussians.degree;
         Self {
             means: field(gaussians.means.into_flattened(), 3),
             log_scales: field(gaussians.log_scales.into_flattened(), 3),

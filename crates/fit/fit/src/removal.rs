@@ -52,7 +52,8 @@ impl Fit {
         let scene = self.gaussians().to_activated();
         let mut costs = vec![0.0; scene.opacities.len()];
         let mut drawing = self.drawing();
-        let (cameras, mut hits) = (drawing.cameras().collect::<Vec<_>>(), Vec::new());
+        let cameras = drawing.cameras().collect::<Vec<_>>();
+        let mut hits = Vec::new();
         for camera in cameras {
             drawing.draw(&scene, camera)?;
             let weights = BlendWeights::of(&drawing.workspace)?;
@@ -92,13 +93,15 @@ impl Fit {
         let rounded = rounded.map_err(|source| FitError::Rounding { step, source })?.to_activated();
         let scene = self.population.to_gaussians(0).to_activated();
         let mut drawing = self.drawing();
-        let (cameras, mut error) = (drawing.cameras().collect::<Vec<_>>(), 0.0);
+        let cameras = drawing.cameras().collect::<Vec<_>>();
+        let mut error = 0.0;
         for camera in cameras {
             let (before, after) = (drawing.draw(&scene, camera)?, drawing.draw(&rounded, camera)?);
             error += before.iter().zip(&after).map(|(x, y)| f64::from(x - y).powi(2)).sum::<f64>();
         }
         let costs = self.removal_costs()?;
-        let (count, least) = (costs.len(), worth * error / costs.len() as f64);
+        let count = costs.len();
+        let least = worth * error / costs.len() as f64;
         let mut order: Vec<usize> = (0..count).filter(|i| costs[*i] < least).collect();
         order.sort_unstable_by(|a, b| costs[*a].total_cmp(&costs[*b]).then(a.cmp(b)));
         let mut keep = vec![true; count];

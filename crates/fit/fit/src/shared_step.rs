@@ -5,7 +5,7 @@ use crate::cameras::TWIST;
 use crate::exposure;
 use crate::fit::Fit;
 use crate::gradients::GradientsMut;
-use crate::host_step::Look;
+use crate::host_step::{Look, PhotoLevel};
 use crate::strategy::Moment;
 use std::sync::Arc;
 use weaver_kernels::random::fnv1a;
@@ -114,7 +114,7 @@ impl Fit {
             statistics.clear();
             statistics.resize(if wanted { layout.gaussians } else { 0 }, GaussianStatistics::default());
             let into = wanted.then_some(&mut statistics[..]);
-            let look = self.look((photos[view], level), drawn.as_ref(), moment, gradients, into)?;
+            let look = self.look(PhotoLevel { photo: photos[view], level }, drawn.as_ref(), moment, gradients, into)?;
             numbers.copy_from_slice(&[look.loss as f32, look.mse as f32, look.pairs as f32]);
             put_own(&look, &mut own[view * OWN..][..OWN]);
             put_statistics(&statistics, sums, largest);

@@ -108,7 +108,8 @@ pub fn gaussians_of(state: &Tensors) -> Result<Gaussians> {
     let n = state.get("logits.values")?.shape.first().copied().unwrap_or(0);
     let sh = state.get("sh.values")?.shape.get(1).copied().unwrap_or(0);
     let Some(degree) = (0..=MAX_DEGREE).find(|degree| 3 * coefficients(*degree) == sh) else {
-        let (path, place) = (state.origin().into(), "tensor sh.values".into());
+        let path = state.origin().into();
+        let place = "tensor sh.values".into();
         return Err(Error::Invalid { path, place, expected: "rows of 3 (degree + 1)^2".into(), found: sh.to_string() });
     };
     let values = |name: &str, width: usize| state.values::<f32>(&format!("{name}.values"), &[n, width]);

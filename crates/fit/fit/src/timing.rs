@@ -102,7 +102,8 @@ impl Rehearsal {
         (fit.step, fit.since) = (0, 0);
         let mut seconds = [[0.0; PARTS]; 2];
         while fit.step < steps {
-            let (tenth, start) = (fit.step * PARTS / steps, Instant::now());
+            let tenth = fit.step * PARTS / steps;
+            let start = Instant::now();
             fit.step()?;
             let rounds = fit.timings.rounds().as_secs_f64();
             seconds[0][tenth] += start.elapsed().as_secs_f64() - rounds;

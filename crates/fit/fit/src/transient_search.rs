@@ -32,7 +32,8 @@ impl Fit {
         let (photos, cameras): (Vec<_>, Vec<_>) = (0..self.photos.len()).map(|photo| self.small(photo)).unzip();
         let small = photos.iter().zip(cameras).enumerate();
         let seen = small.map(|(i, (photo, camera))| self.seen(i, photo, camera)).collect::<Result<Vec<_>, _>>()?;
-        let (extent, thing) = (self.extent(), thing_residual(&photos));
+        let extent = self.extent();
+        let thing = thing_residual(&photos);
         let mut found = vec![None; seen.len()];
         parallel::for_chunks(&mut found, 1, |photo, found| found[0] = hidden(photo, &seen, extent, thing));
         Ok(found)

@@ -14,6 +14,7 @@
 use std::borrow::Cow;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec2;
+use weaver_kernels::order::median_high;
 use weaver_scene::Photo;
 
 /// Parts of a run after which photos are searched. A first search after 8 % of a run lost 0.17 dB.
@@ -137,7 +138,8 @@ pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64, thing: f32) -> Op
     };
     let expected: Vec<(usize, f32, f32)> = own.known().filter_map(expected).collect();
     // A photo that is met worse than its neighbors all over is judged by its own measure.
-    let worse = median(expected.iter().map(|(_, residual, mean)| residual / mean).collect(), 1.0).max(1.0);
+    let mut ratios: Vec<f32> = expected.iter().map(|(_, residual, mean)| residual / mean).collect();
+    let worse = median_high(&mut ratios).unwrap_or(1.0).max(1.0);
     let mut evidence = vec![None; width * height];
     for (at, residual, mean) in expected {
         // Where photos are met as badly as that, a thing cannot be recognized.
@@ -186,7 +188,8 @@ fn regions(evidence: &[f32], width: usize) -> Vec<bool> {
             continue;
         }
         visited[start] = true;
-        let (mut region, mut next) = (vec![start], 0);
+        let mut region = vec![start];
+        let mut next = 0;
         while let Some(at) = region.get(next).copied() {
             next += 1;
             for neighbor in neighbors(at, width, height) {
@@ -201,12 +204,6 @@ fn regions(evidence: &[f32], width: usize) -> Vec<bool> {
         }
     }
     hidden
-}
-
-/// The median, or this of nothing.
-fn median(mut values: Vec<f32>, of_nothing: f32) -> f32 {
-    values.sort_unstable_by(f32::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(of_nothing)
 }
 
 /// The pixels beside a pixel, corners included.

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 use weaver_io::{Bitmap, Image};
+use weaver_kernels::order::{median_high, nth};
 use weaver_scene::CameraRows;
 use weaver_splat::{CpuRasterizer, Images, Rasterizer};
 
@@ -65,9 +66,8 @@ impl Home {
 fn before(subject: &Subject<'_>) -> (Camera, Option<f64>) {
     let range = |axis: usize| {
         let mut values: Vec<f64> = subject.gaussians.means.iter().map(|mean| f64::from(mean[axis])).collect();
-        values.sort_unstable_by(f64::total_cmp);
         let last = values.len().saturating_sub(1) as f64;
-        [OUTSIDE, 1.0 - OUTSIDE].map(|share| values.get((share * last) as usize).copied().unwrap_or(0.0))
+        [OUTSIDE, 1.0 - OUTSIDE].map(|share| nth(&mut values, (share * last) as usize).unwrap_or(0.0))
     };
     let ranges = [0, 1, 2].map(range);
     let middle = DVec3::from(ranges.map(|[low, high]| 0.5 * (low + high)));
@@ -103,8 +103,7 @@ fn drawn(subject: &Subject<'_>, camera: &Camera) -> Result<(Vec<u8>, Option<f64>
         |at: usize, size: usize| (at as f64 + 0.5 - 0.5 * size as f64).abs() < 0.5 * MIDDLE * size as f64 + 1.0;
     let middle = (0..width * height).filter(|p| within(p % width, width) && within(p / width, height));
     let mut depths: Vec<f32> = middle.filter(|p| alpha[*p] > 0.3).map(|p| depth[p] / alpha[p]).collect();
-    depths.sort_unstable_by(f32::total_cmp);
     let pixels = Image { width, height, pixels: image }.to_bytes();
     let picture = Bitmap { width, height, pixels }.to_jpeg(QUALITY)?;
-    Ok((picture, depths.get(depths.len() / 2).map(|depth| f64::from(*depth))))
+    Ok((picture, median_high(&mut depths).map(f64::from)))
 }

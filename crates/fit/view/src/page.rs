@@ -11,6 +11,7 @@ use flate2::write::GzEncoder;
 use serde_json::{Value, json};
 use std::io::Write;
 use weaver_io::{Checksum, SceneFormat, spz_step, write_gaussians_to};
+use weaver_kernels::order::median_high;
 use weaver_scene::Gaussians;
 
 const PAGE: &str = include_str!("../web/page.html");
@@ -141,12 +142,7 @@ const COARSE: f64 = 0.5;
 fn rounds_well(gaussians: &Gaussians) -> bool {
     let Some(step) = spz_step(gaussians) else { return false };
     let mut scales = gaussians.log_scales.as_flattened().to_vec();
-    let middle = scales.len() / 2;
-    if scales.is_empty() {
-        return true;
-    }
-    let median = *scales.select_nth_unstable_by(middle, f32::total_cmp).1;
-    step <= COARSE * f64::from(median).exp()
+    median_high(&mut scales).is_none_or(|median| step <= COARSE * f64::from(median).exp())
 }
 
 /// The bytes of a scene as pages take them: gzip of PLY, or SPZ.

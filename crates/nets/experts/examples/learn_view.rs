@@ -5,12 +5,12 @@
 //! (the photo, the render before training, the render after it) and prints how close the renders are.
 
 use weaver_autograd::{Params, Tape, Var};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_experts::{CardinalityHead, HeadConfig, PixelInputs};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Builder, Context, Group, WarmupCosine};
 use weaver_pose::CameraVars;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_router::{Allocation, AllocationRequest, Assignment, Grid};
 use weaver_splat::{RasterSettings, Rasterize, WorkspacePool};
 

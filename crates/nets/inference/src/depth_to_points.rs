@@ -1,6 +1,7 @@
 //! Depth of a network brought to points whose depth is known.
 
 use rayon::prelude::*;
+use weaver_kernels::order::median_mean;
 
 /// Views with fewer points are corrected as all views together are.
 const FEWEST: usize = 5;
@@ -94,7 +95,7 @@ pub fn depth_to_points(depth: &[f32], [height, width]: [usize; 2], seen: &[Vec<S
     let maps: Vec<Vec<f64>> = (0..seen.len()).map(|v| log_depth(&depth[v * plane..][..plane])).collect();
     let views: Vec<Vec<Sample>> =
         maps.iter().zip(seen).map(|(map, seen)| samples(map, [height, width], seen)).collect();
-    let global = median(views.iter().flatten().map(|sample| sample.error)).unwrap_or(0.0);
+    let global = median_error(views.iter().flatten()).unwrap_or(0.0);
     let mut log_factors = vec![0.0; depth.len()];
     for (v, view) in views.iter().enumerate() {
         let out = &mut log_factors[v * plane..][..plane];
@@ -133,18 +134,14 @@ fn samples(map: &[f64], [height, width]: [usize; 2], seen: &[SeenPoint]) -> Vec<
     seen.iter().filter_map(sample).collect()
 }
 
-/// The mean of the two middle values of an even number; `None` of none.
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let n = sorted.len();
-    (n > 0).then(|| (sorted[(n - 1) / 2] + sorted[n / 2]) / 2.0)
+fn median_error<'a>(samples: impl Iterator<Item = &'a Sample>) -> Option<f64> {
+    median_mean(&mut samples.map(|sample| sample.error).collect::<Vec<f64>>())
 }
 
 /// The log factors of a view with enough points.
 fn correct(out: &mut [f32], map: &[f64], width: usize, view: &[Sample], global: f64) {
     let n = view.len() as f64;
-    let own = median(view.iter().map(|sample| sample.error)).unwrap_or(global);
+    let own = median_error(view.iter()).unwrap_or(global);
     let offset = (n * own + PRIOR_POINTS * global) / (n + PRIOR_POINTS);
     let line = Line::fit(view, offset);
     let rest: Vec<f64> = view.iter().map(|s| (s.error - line.at(s.log_depth)).clamp(-REST_LIMIT, REST_LIMIT)).collect();

@@ -222,7 +222,7 @@ impl Scene<'_> {
         for (v, (photo, camera)) in self.photos.iter().zip(&prediction.cameras).enumerate() {
             let pixels = photo.width * photo.height;
             let view = &confidence[v * pixels..][..pixels];
-            let threshold = weaver_losses::quantile(&mut view.to_vec(), 1.0 - TRUSTED);
+            let threshold = weaver_kernels::order::quantile(&mut view.to_vec(), 1.0 - TRUSTED);
             for i in (0..pixels).filter(|i| view[*i] >= threshold) {
                 let depth = f64::from(prediction.depth[v * pixels + i]);
                 // The published networks place a pixel at its corner.

@@ -6,9 +6,9 @@
 //! the busiest quarter.
 
 use weaver_autograd::Pool;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_router::{Allocation, AllocationRequest, Dithered, Grid, Random};
 use weaver_wavelet::{EnergyMap, Wavelet};
 

@@ -5,7 +5,7 @@
 //! relative error.
 
 use weaver_autograd::{Params, Tape, Var};
-use weaver_data::{View, procedural};
+use weaver_data::View;
 use weaver_io::{Image, false_color};
 use weaver_nn::{AdamW, Builder, Context, Group, WarmupCosine, WeightInit, clip_global_norm};
 use weaver_vggt::{
@@ -68,7 +68,8 @@ fn error<'t>(depth: Var<'t>, truth: &[f32]) -> Var<'t> {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let scene = procedural::scene(21, &procedural::ProceduralOptions { width: WIDTH, height: HEIGHT, views: 24 });
+    let scene =
+        weaver_procedural::scene(21, &weaver_procedural::ProceduralOptions { width: WIDTH, height: HEIGHT, views: 24 });
     let (training, held_out) = (scene.training_views(), scene.held_out_views());
     let truth = |v: usize| scene.views[v].depth.as_deref().expect("built-in scenes have depth");
     let mut params = Params::<f32>::new();

@@ -1,12 +1,12 @@
-//! Procedural scenes at the smallest training size, and a tuple drawn from it.
+//! Tuples drawn from a scene of the smallest training size, and layouts of its cameras.
 
 use criterion::Criterion;
 use std::f64::consts::TAU;
-use weaver_data::procedural::{ProceduralOptions, scene, varied_scene};
 use weaver_data::{Layout, Scene, training_tuple};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_kernels::random::Stream;
+use weaver_procedural::{ProceduralOptions, scene};
 
 /// A scene with so many cameras on a circle.
 fn around(scene: &Scene, views: usize) -> Scene {
@@ -24,16 +24,6 @@ fn main() {
     let mut group = criterion.benchmark_group("data");
     let options = ProceduralOptions { width: 64, height: 48, views: 24 };
     group.sample_size(10);
-    group.bench_function("procedural scene 24 x 64x48", |b| b.iter(|| scene(1, &options)));
-    let fresh = ProceduralOptions { views: 8, ..options };
-    let mut seed = 0;
-    group.bench_function("varied procedural scene 8 x 64x48", |b| {
-        b.iter(|| {
-            seed += 1;
-            varied_scene(seed, &fresh)
-        });
-    });
-
     let scenes = [scene(1, &options)];
     let layouts = [Layout::of(&scenes[0])];
     let rng = Stream::new(1, 0, "bench");

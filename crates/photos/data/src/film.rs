@@ -1,6 +1,6 @@
 //! Films: photos of a scene that moves, by calibrated cameras, each with its time.
 //!
-//! [`procedural()`] generates one from a seed; [`open`] reads one from a folder, whose files determine the layout:
+//! [`open`] reads one from a folder, whose files tell the layout:
 //!
 //! | the folder holds | layout | times | held out |
 //! |---|---|---|---|
@@ -25,7 +25,6 @@ mod roll;
 pub(crate) mod shots;
 
 use crate::Error;
-pub use crate::procedural::moving::{FilmOptions, MOTIONS, procedural};
 pub use pixels::Pixels;
 pub use shots::{Film, FilmPoint, HeldOut, Shot};
 use std::path::Path;

@@ -4,12 +4,14 @@ use crate::Scene;
 use std::sync::OnceLock;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
+use weaver_kernels::order::median_mean;
 
 /// Layout of a scene's cameras: measured over all pairs once, so that each tuple costs little.
 ///
 /// ```
-/// use weaver_data::{Layout, procedural};
-/// let scene = procedural::scene(1, &procedural::ProceduralOptions { width: 8, height: 8, views: 5 });
+/// use weaver_data::Layout;
+/// use weaver_procedural::{ProceduralOptions, scene};
+/// let scene = scene(1, &ProceduralOptions { width: 8, height: 8, views: 5 });
 /// let layout = Layout::of(&scene);
 /// assert_eq!(layout.nearest(0, &[0, 1, 2], 1), scene.nearest(0, &[0, 1, 2], 1));
 /// ```
@@ -115,11 +117,5 @@ fn median_distance(centers: &[DVec3]) -> f64 {
     for (i, a) in centers.iter().enumerate() {
         distances.extend(centers[..i].iter().map(|b| a.distance(*b)));
     }
-    if distances.is_empty() {
-        return 0.0;
-    }
-    let (middle, even) = (distances.len() / 2, distances.len().is_multiple_of(2));
-    let (below, &mut upper, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
-    let lower = below.iter().copied().max_by(f64::total_cmp);
-    lower.filter(|_| even).map_or(upper, |lower| (lower + upper) / 2.0)
+    median_mean(&mut distances).unwrap_or(0.0)
 }

@@ -1,20 +1,16 @@
-//! Scenes, captures, view sampling, and the procedural scene generator.
+//! Scenes of photos, captures on disk, estimated cameras, and view sampling.
 //!
-//! A [`Scene`] is photos of one place with their cameras and, where known, depth and surface points. [`capture`] loads
-//! scenes from photos on disk, [`procedural`] generates them from a seed, [`appearance`] gives their photos light and
-//! passers-by. [`training_tuple`] and [`evaluation_tuples`] choose the views that the network is given and those that
-//! it must render. A [`film::Film`] is photos of a scene that moves, each with its time: generated from a seed, or read
-//! from the layouts of D-NeRF, Neural 3D Video and HyperNeRF. [`lidar`] has sweeps of a spinning sensor through worlds
-//! of boxes.
+//! A [`Scene`] is photos of one place with their cameras and, where known, depth and surface points.
+//! [`capture`] loads scenes from photos on disk, [`estimate_photos`] finds their cameras where none are known.
+//! [`training_tuple`] and [`evaluation_tuples`] choose the views that the network is given and those that it must
+//! render. A [`film::Film`] is photos of a scene that moves, each with its time, read from the layouts of D-NeRF,
+//! Neural 3D Video and HyperNeRF.
 
-pub mod appearance;
 pub mod capture;
 mod error;
 mod estimated;
 pub mod film;
 mod layout;
-pub mod lidar;
-pub mod procedural;
 mod remarks;
 mod sampler;
 mod scene;

@@ -2,10 +2,10 @@
 
 use criterion::{BatchSize, Criterion, Throughput};
 use std::hint::black_box;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_kernels::random::Stream;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_sfm::{
     Bundle, Epipolar, Features, Lens, Observation, Photo, RefineSettings, View, matches, matches_along, refine,
     two_view,

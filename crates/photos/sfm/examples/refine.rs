@@ -1,8 +1,9 @@
 //! Turns the cameras of a built-in scene by a degree each, refines them, and prints how far they come back.
 
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Pose, Similarity, so3};
+use weaver_kernels::order::median_high;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_sfm::{RefineSettings, View, refine};
 
 fn main() {
@@ -24,8 +25,7 @@ fn main() {
         let onto = Similarity::fit_poses(poses, &truth).expect("cameras at several places");
         let angle = |(pose, truth): (&Pose, &Pose)| onto.apply_to_pose(pose).angle_to(truth).to_degrees();
         let mut angles: Vec<f64> = poses.iter().zip(&truth).map(angle).collect();
-        angles.sort_unstable_by(f64::total_cmp);
-        angles[angles.len() / 2]
+        median_high(&mut angles).expect("cameras")
     };
     let given: Vec<Pose> = views.iter().map(|view| view.camera.pose).collect();
     let refined: Vec<Pose> = found.cameras.iter().map(|camera| camera.pose).collect();

@@ -137,6 +137,7 @@ mod tests {
     use super::*;
     use crate::bundle::Lens;
     use weaver_geometry::{Intrinsics, Pose, so3};
+    use weaver_kernels::order::median_high;
     use weaver_kernels::random::Stream;
 
     /// A wavy picture on the plane z = 0, seen by cameras from different sides; keypoints off by some part of a pixel.
@@ -192,8 +193,7 @@ mod tests {
             (by.iter().map(|by| by.distance_squared(mean)).sum::<f64>() / by.len() as f64).sqrt()
         };
         let mut each: Vec<f64> = bundle.observations.chunks(4).zip(exact.observations.chunks(4)).map(apart).collect();
-        each.sort_by(f64::total_cmp);
-        each[each.len() / 2]
+        median_high(&mut each).expect("observations")
     }
 
     #[test]

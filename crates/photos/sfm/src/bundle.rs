@@ -19,6 +19,7 @@ use descent::{Descent, Limits};
 pub use lens::Lens;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose};
+use weaver_kernels::order::median_high;
 
 /// Numbers of a camera's movement: translation, then rotation.
 pub(crate) const TWIST: usize = 6;
@@ -182,16 +183,15 @@ impl Bundle {
 
     /// The median residual, pixels; not a number without observations.
     pub(crate) fn median_error(&self) -> f64 {
-        let mut errors = self.errors();
-        errors.sort_unstable_by(f64::total_cmp);
-        errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN)
+        median_high(&mut self.errors()).unwrap_or(f64::NAN)
     }
 
     /// A camera with its lens's focal length and principal point.
     pub fn camera(&self, number: usize) -> Camera {
         let mut camera = self.cameras[number];
         let lens = &self.lenses[self.lens_of[number]];
-        let (factor, center) = (lens.log_focal.exp(), lens.center(&camera));
+        let factor = lens.log_focal.exp();
+        let center = lens.center(&camera);
         let k = &mut camera.intrinsics;
         (k.fx, k.fy, k.cx, k.cy) = (k.fx * factor, k.fy * factor, center.x, center.y);
         camera

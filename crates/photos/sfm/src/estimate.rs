@@ -3,7 +3,7 @@
 use crate::bundle::{Bundle, Observation};
 use crate::features::Features;
 use crate::lenses::Taken;
-use crate::locate::locate;
+use crate::locate::{SceneOfSome, locate};
 use crate::pairs::{Pair, Pairs};
 use crate::photo::{EstimateOptions, Photo};
 use crate::search::{Scene, Search};
@@ -87,7 +87,7 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> Estimate {
 /// If there are not as many as photos.
 ///
 /// ```
-/// use weaver_data::procedural::{ProceduralOptions, scene};
+/// use weaver_procedural::{ProceduralOptions, scene};
 /// use weaver_sfm::{EstimateOptions, Features, Photo, estimate_from};
 ///
 /// let scene = scene(3, &ProceduralOptions { width: 96, height: 72, views: 4 });
@@ -133,8 +133,10 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     let focal_guessed = !told && placed.iter().filter(|placed| **placed).count() < 3;
     let uncertainty = Uncertainty::of(&bundle, &placed);
     let focal_factor = focal_factor(&bundle, &placed, &taken_of_those);
-    let (bundle, placed, pairs) = locate(&taken, features, settings, (&numbers, bundle, &placed), pairs);
-    let (error, seen) = (bundle.median_error(), bundle.seen());
+    let scene = SceneOfSome { numbers: &numbers, bundle, placed: &placed };
+    let (bundle, placed, pairs) = locate(&taken, features, settings, scene, pairs);
+    let error = bundle.median_error();
+    let seen = bundle.seen();
     let reasons = without_cameras(features, &pairs, &placed);
     let uncertainty = uncertainty.map(|u| u.renumbered(&numbers, photos.len()));
     let untied = untied.into_iter().map(|photo| numbers[photo]).collect();

@@ -221,7 +221,8 @@ impl LaneKernel<f32> for Row<'_> {
     #[inline(always)]
     fn run<V: Lanes<Scalar = f32>>(self) {
         let Self { differences, layer, y, found } = self;
-        let (end, least) = (differences.width - BORDER, V::splat(0.5 * CONTRAST / SCALES as f32));
+        let end = differences.width - BORDER;
+        let least = V::splat(0.5 * CONTRAST / SCALES as f32);
         let lines = [layer, layer - 1, layer + 1].map(
             #[inline(always)]
             |layer| [y, y - 1, y + 1].map(|y| differences.row(layer, y)),

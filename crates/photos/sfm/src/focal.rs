@@ -6,6 +6,7 @@ use crate::matching::Match;
 use crate::two_view::{self, Rays};
 use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Pose};
+use weaver_kernels::order::median_high;
 use weaver_kernels::parallel;
 
 /// Focal lengths that pairs vote for, over the usual one: the shortest, the ratio of neighbors, and their number.
@@ -87,10 +88,7 @@ impl Pixels {
             .map(Match::numbers)
             .map(|[first, second]| [at(*a, first), at(*b, second)])
             .collect();
-        let middle = |mut of: Vec<f64>| {
-            of.sort_by(f64::total_cmp);
-            of.get(of.len() / 2).copied().unwrap_or(0.0)
-        };
+        let middle = |mut of: Vec<f64>| median_high(&mut of).unwrap_or(0.0);
         let moved: Vec<DVec2> = matches.iter().map(|[x, y]| *y - *x).collect();
         let center =
             DVec2::new(middle(moved.iter().map(|d| d.x).collect()), middle(moved.iter().map(|d| d.y).collect()));

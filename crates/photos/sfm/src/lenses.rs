@@ -3,6 +3,7 @@
 use crate::bundle::{Bundle, Lens};
 use crate::photo::{EstimateOptions, Photo};
 use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_kernels::order::median_high;
 
 /// Facts about how a photo was taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,9 +83,8 @@ impl Lenses {
     }
 }
 
-fn median(mut of: Vec<f64>) -> Option<f64> {
-    of.sort_by(f64::total_cmp);
-    of.get(of.len() / 2).copied()
+fn median(of: impl Iterator<Item = f64>) -> Option<f64> {
+    median_high(&mut of.collect::<Vec<_>>())
 }
 
 impl EstimateOptions {
@@ -95,11 +95,11 @@ impl EstimateOptions {
         let lenses = Lenses::new(photos);
         let each = || photos.iter().zip(&lenses.of);
         let told_by = |lens: usize| {
-            median(each().filter(|(_, of)| **of == lens).filter_map(|(p, _)| Some(p.focal? / p.longer())).collect())
+            median(each().filter(|(_, of)| **of == lens).filter_map(|(p, _)| Some(p.focal? / p.longer())))
         };
         let told_by_others = |lens: usize| {
             let other = |(p, of): (&Taken, &usize)| Some(p.focal? / p.longer() * lenses.ratio(lens, *of));
-            median(each().filter_map(other).collect())
+            median(each().filter_map(other))
         };
         let known = |lens: usize| {
             let of = |focal: f64, expected: f64, deviation: f64| {
@@ -146,11 +146,11 @@ impl Bundle {
             let as_these = |i: usize| of_longer(i) * lenses.ratio(lenses.of[photo], lenses.of[numbers[i]]);
             let focal = taken.focal.or_else(|| {
                 let factor = same.map_or(1.0, |i| self.lenses[self.lens_of[i]].log_focal.exp());
-                let those: Vec<f64> = match same {
+                let mut those: Vec<f64> = match same {
                     Some(i) => vec![of_longer(i) / factor],
                     None => (0..numbers.len()).map(as_these).collect(),
                 };
-                Some(median(those)? * taken.longer())
+                Some(median_high(&mut those)? * taken.longer())
             });
             all.cameras.push(taken.camera(focal.unwrap_or(USUAL * taken.longer())));
             all.lens_of.push(same.map_or(all.lenses.len(), |i| self.lens_of[i]));
@@ -176,7 +176,7 @@ impl Bundle {
     /// observations: `free` ones follow the lenses in use.
     pub(crate) fn free_focal(&mut self, free: &[bool], placed: &[bool]) {
         let of_placed = self.lens_of.iter().zip(placed).filter(|(_, placed)| **placed);
-        let middle = median(of_placed.map(|(lens, _)| self.lenses[*lens].log_focal).collect()).unwrap_or(0.0);
+        let middle = median(of_placed.map(|(lens, _)| self.lenses[*lens].log_focal)).unwrap_or(0.0);
         let used = self.in_use(placed);
         for ((lens, free), used) in self.lenses.iter_mut().zip(free).zip(used) {
             lens.free_focal = *free && used;

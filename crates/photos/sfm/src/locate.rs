@@ -13,18 +13,28 @@ use crate::retrieval::candidates;
 /// Largest error of a place by pairs alone, in deviations of keypoints.
 const ASTRAY: f64 = 32.0;
 
-/// The cameras of all photos, for `numbers` with the cameras and points of `scene`, as they are; the photos that have a
-/// place; and all pairs, including the photos that are only located.
+/// The scene of some photos.
+pub(crate) struct SceneOfSome<'a> {
+    /// Numbers of these photos among all, ascending.
+    pub numbers: &'a [usize],
+    pub bundle: Bundle,
+    /// True for those with a place.
+    pub placed: &'a [bool],
+}
+
+/// The cameras of all photos, those of `scene` as they are; which have a place; and what pairs say, those of photos
+/// that are only located too.
 pub(crate) fn locate(
     taken: &[Taken],
     features: &[Features],
     settings: &EstimateOptions,
-    (numbers, scene, in_scene): (&[usize], Bundle, &[bool]),
+    scene: SceneOfSome<'_>,
     mut pairs: Pairs,
 ) -> (Bundle, Vec<bool>, Pairs) {
+    let SceneOfSome { numbers, bundle, placed: in_scene } = scene;
     let mut placed = vec![false; taken.len()];
     numbers.iter().zip(in_scene).for_each(|(photo, in_scene)| placed[*photo] = *in_scene);
-    let mut bundle = scene.among(numbers, taken);
+    let mut bundle = bundle.among(numbers, taken);
     if numbers.len() == taken.len() {
         return (bundle, placed, pairs);
     }

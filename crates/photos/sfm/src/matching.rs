@@ -41,7 +41,8 @@ impl Match {
 /// Source: Lowe, Distinctive image features from scale-invariant keypoints, 2004, section 7.1.
 pub fn matches(first: &Features, second: &Features) -> Vec<Match> {
     let (n, m) = (first.keypoints.len(), second.keypoints.len());
-    let (mut best, mut of_second) = (vec![TopTwo::default(); n], vec![0; m]);
+    let mut best = vec![TopTwo::default(); n];
+    let mut of_second = vec![0; m];
     top_products(DESCRIPTOR, &first.descriptors, &second.descriptors, &mut best, &mut of_second);
     mutual(&best, of_second)
 }
@@ -52,11 +53,13 @@ pub fn matches_along(first: &Features, second: &Features, epipolar: &Epipolar) -
     let near = Near::new(second);
     let mut best = vec![TopTwo::default(); first.keypoints.len()];
     let mut of_second = vec![0; second.keypoints.len()];
-    let (mut candidates, mut products) = (Vec::new(), vec![0; second.keypoints.len()]);
+    let mut candidates = Vec::new();
+    let mut products = vec![0; second.keypoints.len()];
     let descriptors = first.descriptors.chunks_exact(DESCRIPTOR);
     for ((keypoint, descriptor), best) in first.keypoints.iter().zip(descriptors).zip(&mut best) {
         let count = near.band(epipolar.line(keypoint.pixel), epipolar.farthest(), &mut candidates);
-        let (candidates, products) = (&candidates[..count], &mut products[..count]);
+        let candidates = &candidates[..count];
+        let products = &mut products[..count];
         chosen_products(descriptor, &near.descriptors, candidates, products);
         // The larger of two keys belongs to the larger product, or to the first of equal ones.
         let mut top = [0_u64; 2];

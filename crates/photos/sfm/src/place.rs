@@ -13,6 +13,7 @@ use resection::{Sight, resected};
 use std::cmp::Ordering;
 use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Pose};
+use weaver_kernels::order::median_high;
 
 /// Scales of the robust loss when a camera is fitted to the points that it sees.
 const LOCATING: [f64; 4] = [16.0, 8.0, 4.0, 2.0];
@@ -167,10 +168,9 @@ fn suggested(
         ratios.push(depth / here);
     }
     ratios.retain(|r| r.is_finite() && *r > 0.0);
-    ratios.sort_by(f64::total_cmp);
     let across = if second { pair.pose } else { pair.pose.inverse() };
     let with = |scale: f64| Pose::new(across.rotation, across.translation * scale).compose(&camera.pose);
-    (with(0.0), ratios.get(ratios.len() / 2).map(|scale| with(*scale)))
+    (with(0.0), median_high(&mut ratios).map(with))
 }
 
 /// Number of matches of a pair that lie on the epipolar lines of two cameras.

@@ -143,7 +143,8 @@ impl Order<'_> {
 
 /// For each photo the `wanted` most similar ones.
 fn alike(features: &[Features], order: &Order<'_>, wanted: &[usize]) -> Vec<Vec<usize>> {
-    let (n, inside) = (features.len(), order.inside);
+    let n = features.len();
+    let inside = order.inside;
     let vocabulary = Vocabulary::of(inside.iter().map(|i| &features[*i]));
     let mut counts = vec![Vec::new(); n];
     parallel::for_chunks(&mut counts, 1, |i, counts| counts[0] = vocabulary.counts(&features[i]));

@@ -166,7 +166,8 @@ impl<'a> Search<'a> {
         let few = self.taken.len() <= FEW;
         let absent = vec![false; self.taken.len()];
         let certain: Vec<Pair> = posed.iter().filter(|pair| few || pair.certain(share)).cloned().collect();
-        let (all_tracks, tracks) = (linked(self.features, posed), linked(self.features, &certain));
+        let all_tracks = linked(self.features, posed);
+        let tracks = linked(self.features, &certain);
         let evidence = Evidence {
             features: self.features,
             pairs: &certain,
@@ -288,5 +289,44 @@ mod tests {
         assert!(!first.differs(&grown(&[0], 0.7), DIFFERENT), "one of many");
         assert!(first.differs(&grown(&[0, 9], 0.7), DIFFERENT) && grown(&[0, 9], 0.7).differs(&first, DIFFERENT));
         assert!(!first.differs(&grown(&[0, 9], 0.7), 3.0 * DIFFERENT), "by little");
+    }
+
+    /// More photos with a place count before what these explain.
+    #[test]
+    fn the_best_scene_places_most_photos() {
+        let with = |placed: usize, support: f64| {
+            let placed = (0..16).map(|i| i < placed).collect();
+            Grown { placed, support, ..grown(&[], 0.0) }
+        };
+        assert_eq!(best(&[]), None);
+        assert_eq!(best(&[with(4, 9.0), with(5, 1.0), with(5, 2.0), with(2, 99.0)]), Some(2));
+        assert_eq!(best(&[with(5, 2.0), with(5, 2.0)]), Some(0), "the first of equal ones");
+    }
+
+    #[test]
+    fn scenes_confirm_each_other_where_they_agree() {
+        let with = |turned: &[usize], support: f64| Grown { support, ..grown(turned, 0.4) };
+        let unlike = [0, 4, 8, 12];
+        // `DIFFERENT` turns are less than what tells growing scenes apart.
+        assert!(confirmed(&[with(&[], 1.0), with(&unlike, 0.95)], 0));
+        assert!(confirmed(&[with(&[], 1.0), with(&[], 0.95)], 1));
+        assert!(!confirmed(&[with(&[], 1.0), with(&[], 0.95)], 2), "neither is new");
+        assert!(!confirmed(&[with(&[], 1.0), with(&[], 0.85)], 0), "one explains much less");
+        assert!(!confirmed(&[with(&[], 1.0)], 0) && !confirmed(&[], 0));
+        let fewer = Grown { placed: (0..16).map(|i| i < 15).collect(), ..grown(&[], 0.0) };
+        assert!(!confirmed(&[with(&[], 1.0), fewer], 0), "one places fewer photos");
+    }
+
+    #[test]
+    fn the_first_placed_photo_has_the_focal_length() {
+        let lens = |log_focal| crate::bundle::Lens { log_focal, ..Default::default() };
+        let mut scene = grown(&[], 0.0);
+        scene.bundle.lenses = vec![lens(0.5), lens(-0.25)];
+        scene.bundle.lens_of = (0..16).map(|i| i % 2).collect();
+        assert_eq!(scene.focal_factor(), 0.5_f64.exp());
+        scene.placed[0] = false;
+        assert_eq!(scene.focal_factor(), (-0.25_f64).exp());
+        scene.placed.fill(false);
+        assert_eq!(scene.focal_factor(), 1.0);
     }
 }

@@ -8,6 +8,7 @@ use normal::Normal;
 use std::f64::consts::PI;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_geometry::{Pose, Similarity, so3};
+use weaver_kernels::order::median_high;
 use weaver_kernels::parallel;
 
 /// The fewest matches a pose is estimated from: its five unknowns, and some to reject wrong matches by.
@@ -172,13 +173,10 @@ pub(crate) fn judge(pose: Pose, matches: &[[DVec2; 2]], tau: f64) -> Option<TwoV
             angles.push((pose.rotation * x).angle_between(y));
         }
     }
-    if angles.is_empty() {
-        return None;
-    }
+    let parallax = median_high(&mut angles)?;
     view.front /= angles.len() as f64;
     view.score *= view.front;
-    let middle = angles.len() / 2;
-    view.parallax = *angles.select_nth_unstable_by(middle, f64::total_cmp).1;
+    view.parallax = parallax;
     Some(view)
 }
 
@@ -261,7 +259,9 @@ fn descents(starts: &[Pose], rays: &[Rays], scales: &[f64], tau: f64) -> Vec<(Po
 fn facing(pose: &Pose, rays: &[Rays], tau: f64) -> (Pose, f64) {
     let essential = essential(pose);
     let poses = same_essential(pose);
-    let (mut total, mut inliers, mut front) = (0.0, 0.0, [0.0; 4]);
+    let mut total = 0.0;
+    let mut inliers = 0.0;
+    let mut front = [0.0; 4];
     for x in rays {
         let score = support(sampson(&essential, x).0 / tau);
         if score > 0.0 {

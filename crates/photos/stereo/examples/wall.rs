@@ -4,6 +4,7 @@
 mod planted;
 
 use weaver_geometry::glam::DVec2;
+use weaver_kernels::order::median_high;
 use weaver_stereo::{Stereo, StereoSettings};
 
 fn main() {
@@ -16,8 +17,7 @@ fn main() {
             (f64::from(*depth) * planted::inverse_depth(&photo.camera, pixel) - 1.0).abs()
         };
         let mut errors: Vec<f64> = depth.iter().enumerate().filter(|(_, d)| !d.is_nan()).map(error).collect();
-        errors.sort_unstable_by(f64::total_cmp);
-        let median = errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN);
+        let median = median_high(&mut errors).unwrap_or(f64::NAN);
         println!(
             "{}: depth for {:.0} % of pixels, off by {:.3} % in the median",
             photo.name,

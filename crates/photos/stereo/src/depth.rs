@@ -9,6 +9,7 @@ use crate::warp::Warp;
 use std::borrow::Borrow;
 use std::collections::VecDeque;
 use weaver_geometry::glam::DVec3;
+use weaver_kernels::order::nth;
 use weaver_kernels::parallel;
 use weaver_kernels::random::Stream;
 use weaver_scene::{Photo, PointCloud};
@@ -183,12 +184,13 @@ impl OnePhoto<'_> {
         let near = &neighbors[self.photo];
         let near = &near[..near.len().min(settings.sources)];
         let inverse = self.inverse_depths();
-        let mut sorted: Vec<f32> = inverse.iter().map(|(_, w)| *w).collect();
-        sorted.sort_unstable_by(f32::total_cmp);
-        let (false, Some(largest)) = (near.is_empty(), sorted.get(sorted.len().saturating_sub(1) * 99 / 100)) else {
+        let mut all: Vec<f32> = inverse.iter().map(|(_, w)| *w).collect();
+        let ends = [all.len() / 100, all.len().saturating_sub(1) * 99 / 100];
+        let [Some(smallest), Some(largest)] = ends.map(|rank| nth(&mut all, rank)) else { return Found::default() };
+        if near.is_empty() {
             return Found::default();
-        };
-        let range = [sorted[sorted.len() / 100], *largest];
+        }
+        let range = [smallest, largest];
         let source = |other: &usize| Source {
             picture: &pictures[*other],
             there: Warp::new(&picture.camera, &pictures[*other].camera),

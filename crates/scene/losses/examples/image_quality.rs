@@ -3,10 +3,10 @@
 //! A picture is spoilt in four ways, each until its mean squared error is the same. PSNR rates them equal; SSIM does
 //! not. Writes image_quality.png (the picture, then brighter, shifted, noisy, blurred) and prints both.
 
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_losses::metrics::{psnr, ssim};
+use weaver_procedural::{ProceduralOptions, scene};
 
 const WIDTH: usize = 128;
 const HEIGHT: usize = 96;

@@ -1,6 +1,7 @@
 //! Affine maps of colors: the effect of exposure, white balance and a tone curve's slope on a photo.
 
 use weaver_autograd::Real;
+use weaver_kernels::dense;
 
 /// An affine map of colors, `rgb' = A rgb + b`: `[A | b]`, `[3, 4]` row by row.
 ///
@@ -66,18 +67,8 @@ impl ColorMap {
     }
 }
 
-/// Solves a positive definite system of four by elimination.
+/// Solves a system of four, which the weight of the identity makes positive definite.
 fn solved(mut matrix: [[f64; 4]; 4], mut right: [f64; 4]) -> [f64; 4] {
-    for i in 0..4 {
-        for row in i + 1..4 {
-            let factor = matrix[row][i] / matrix[i][i];
-            (i..4).for_each(|k| matrix[row][k] -= factor * matrix[i][k]);
-            right[row] -= factor * right[i];
-        }
-    }
-    for i in (0..4).rev() {
-        let known: f64 = (i + 1..4).map(|k| matrix[i][k] * right[k]).sum();
-        right[i] = (right[i] - known) / matrix[i][i];
-    }
+    dense::gauss(matrix.as_flattened_mut(), &mut right, |_, _| true);
     right
 }

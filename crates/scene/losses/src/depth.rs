@@ -1,7 +1,7 @@
 //! Losses on depth maps.
 
-use crate::quantile;
 use weaver_autograd::{Real, Var, apply_pointwise, pointwise};
+use weaver_kernels::order::quantile;
 
 pointwise!(
     /// (depth - target)^2 where the mask is positive, else 0.

@@ -34,7 +34,7 @@ pub use mse::{mse, mse_per_image, weighted_mean};
 pub use perceptual::Perceptual;
 pub use photometric::{Photometric, PhotometricValue};
 pub use pose::{absolute_pose, huber_pose, iteration_weights, l1_pose};
-pub use quantile::{quantile, quantiles};
+pub use quantile::quantiles;
 pub use ranking::{frequency_targets, ranking_cross_entropy};
 pub use relative_pose::{focal_error, rotation_angles};
 pub use ssim::{masked_ssim, ssim, ssim_with, ssim_zero_padded};

@@ -1,8 +1,9 @@
 //! Image metrics without a tape: plain functions of slices, computed in `f64` unless stated otherwise.
 
 use crate::ssim_window::{Covariance, WINDOW, Windows};
-use crate::{ColorMap, Lpips, quantile};
+use crate::{ColorMap, Lpips};
 use weaver_autograd::{Real, Tape};
+use weaver_kernels::order::quantile;
 
 /// The peak signal-to-noise ratio of two images in dB.
 ///

@@ -1,53 +1,12 @@
-//! Quantiles with linear interpolation.
+//! Quantiles with linear interpolation, on the tape.
 
-use std::cmp::Ordering;
 use weaver_autograd::{Backward, Buffer, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
-
-fn order<T: Real>(a: T, b: T) -> Ordering {
-    a.to_f64().total_cmp(&b.to_f64())
-}
-
-/// The items just below and above the position q (n - 1) of the sorted sequence, and how far it is from the first to
-/// the second.
-fn neighbors<U: Copy>(items: &mut [U], q: f64, compare: impl Fn(&U, &U) -> Ordering) -> (U, U, f64) {
-    assert!(!items.is_empty() && (0.0..=1.0).contains(&q), "the {q}-quantile of {} numbers", items.len());
-    let position = q * (items.len() - 1) as f64;
-    let below = position.floor();
-    let (_, lower, above) = items.select_nth_unstable_by(below as usize, &compare);
-    let lower = *lower;
-    (lower, above.iter().copied().min_by(compare).unwrap_or(lower), position - below)
-}
-
-fn between<T: Real>(lower: T, upper: T, fraction: f64) -> T {
-    // An infinite neighbor that has no weight stays out of it.
-    if fraction == 0.0 { lower } else { lower + (upper - lower) * T::from_f64(fraction) }
-}
-
-/// The `q`-quantile of n numbers, with 0 <= q <= 1.
-///
-/// It lies at position q (n - 1) of the sorted sequence, interpolated linearly between the two neighbors. Reorders the
-/// numbers and takes linear time. Panics when there are none.
-///
-/// ```
-/// assert_eq!(weaver_losses::quantile(&mut [4.0, 1.0, 3.0, 2.0], 0.5), 2.5);
-/// ```
-pub fn quantile<T: Real>(values: &mut [T], q: f64) -> T {
-    let (lower, upper, fraction) = neighbors(values, q, |a, b| order(*a, *b));
-    between(lower, upper, fraction)
-}
-
-/// A quantile and its place.
-#[derive(Clone, Copy, Debug, Default)]
-struct Found {
-    lower: u32,
-    upper: u32,
-    fraction: f64,
-}
+use weaver_kernels::order::{QuantileNeighbors, ascending};
 
 #[derive(Debug)]
 struct Quantiles {
     q: Buffer<f64>,
-    found: Option<Buffer<Found>>,
+    found: Option<Buffer<QuantileNeighbors<u32>>>,
 }
 
 impl<T: Real> Op<T> for Quantiles {
@@ -62,13 +21,12 @@ impl<T: Real> Op<T> for Quantiles {
         let x = ins[0].data();
         let mut ranked = pool.buffer::<u32>(x.len());
         ranked.iter_mut().zip(0..).for_each(|(index, i)| *index = i);
-        let mut found = pool.buffer::<Found>(self.q.len());
+        let mut found = pool.buffer::<QuantileNeighbors<u32>>(self.q.len());
         for ((y, found), q) in outs[0].iter_mut().zip(found.iter_mut()).zip(self.q.iter()) {
             // Equal numbers in reading order, so that the choice among them is fixed.
-            let compare = |a: &u32, b: &u32| order(x[*a as usize], x[*b as usize]).then(a.cmp(b));
-            let (lower, upper, fraction) = neighbors(&mut ranked, *q, compare);
-            *found = Found { lower, upper, fraction };
-            *y = between(x[lower as usize], x[upper as usize], fraction);
+            let compare = |a: &u32, b: &u32| ascending(&x[*a as usize], &x[*b as usize]).then(a.cmp(b));
+            *found = QuantileNeighbors::of(&mut ranked, *q, compare);
+            *y = found.between(x[found.lower as usize], x[found.upper as usize]);
         }
         self.found = Some(found);
     }
@@ -91,7 +49,8 @@ impl<T: Real> Op<T> for Quantiles {
 ///
 /// `x` of any shape with n > 0 numbers gives `[Q]` for Q numbers `q` from 0 to 1. Differentiable in `x`: the two
 /// neighbors of each position get the gradient, and the order is held constant. Of equal numbers the earlier counts as
-/// the smaller. [`quantile`] computes single quantiles without a tape.
+/// the smaller.
+/// [`quantile`](weaver_kernels::order::quantile) computes single quantiles without a tape.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -1,8 +1,8 @@
 //! Ranking of pixels by high-frequency energy, as a target for the router.
 
-use crate::quantile;
 use weaver_autograd::ops::cross_entropy;
 use weaver_autograd::{Pool, Real, Var};
+use weaver_kernels::order::quantile;
 
 /// Writes the class of every pixel of a scene: the number of quantiles that its energy reaches.
 ///

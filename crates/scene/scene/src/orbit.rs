@@ -4,6 +4,7 @@ use crate::Gaussians;
 use std::f64::consts::FRAC_PI_3;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
+use weaver_kernels::order::nth;
 
 /// Cameras on a circle around a scene, -y up, with a horizontal field of view of 60 degrees and pictures of `[width,
 /// height]` pixels; `None` of a scene without Gaussians.
@@ -44,10 +45,7 @@ pub fn middle(gaussians: &Gaussians) -> Option<DVec3> {
 /// The value below which a part `q` of the values lie.
 fn quantile(q: f64, mut values: Vec<f64>) -> Option<f64> {
     let rank = (q * values.len() as f64) as usize;
-    if values.is_empty() {
-        return None;
-    }
-    Some(*values.select_nth_unstable_by(rank, f64::total_cmp).1)
+    nth(&mut values, rank)
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use crate::{Gaussians, forms};
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
+use weaver_kernels::order::median_high;
 
 /// A part of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,15 +101,10 @@ impl Gaussians {
             0.5 * squared_distance(to(0), to(NEIGHBORS)).max(f32::MIN_POSITIVE).ln()
         };
         let distances: Vec<f32> = neighbors.chunks_exact(1 + NEIGHBORS).map(distance).collect();
+        let median = |mut values: Vec<f32>| median_high(&mut values).expect("a distance of each");
         let middle = median(distances.clone());
         let spread = median(distances.iter().map(|d| (d - middle).abs()).collect());
         let most = middle + (DEVIATIONS * NORMAL * spread).max(EVEN.ln());
         (0..self.len()).filter(|&i| distances[i] <= most).collect()
     }
-}
-
-/// The median, of an even number the upper one of both in the middle.
-fn median(mut values: Vec<f32>) -> f32 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }

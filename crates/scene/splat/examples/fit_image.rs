@@ -5,11 +5,11 @@
 //! ratio.
 
 use weaver_autograd::{Params, Tape};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::{Background, Image};
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Context, Group, WarmupCosine};
 use weaver_pose::CameraVars;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 
 const GAUSSIANS: usize = 2000;

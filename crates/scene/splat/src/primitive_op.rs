@@ -113,7 +113,7 @@ impl<T: Real, P: Primitive<T>> RasterizePrimitives<T, P> {
     fn draw(&self, ins: &[View<'_, T>], tiles: &mut Tiles<T>, images: Images<'_, T>) -> Result<TileStats, RasterError> {
         let (seen, blending) = (self.seen(ins), self.blending());
         let grid = Grid::new(self.region(), self.settings.tile);
-        let stats = tiles.project(grid, (self.primitive.views(), ins[0].shape()[0]), &seen, &seen)?;
+        let stats = tiles.project(grid, self.primitive.views(), ins[0].shape()[0], &seen, &seen)?;
         tiles.bin(None);
         tiles.blend(&seen, &blending);
         tiles.images(&blending, background_of(ins), images);

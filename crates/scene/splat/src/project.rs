@@ -13,6 +13,7 @@ use crate::settings::{RATIO_FLOOR, RasterSettings};
 use crate::sh;
 use crate::tiles::{self, ALPHA_MIN, Projected, record};
 use crate::view::View;
+use std::ops::Range;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
@@ -180,20 +181,21 @@ impl<T: Real> tiles::Projection<T> for EwaProjection<'_, T> {
     #[inline(always)]
     fn project<V: Lanes<Scalar = T>>(&self, state: &mut Self::State<V>, first: usize, count: usize) -> Projected<V> {
         let (view, coefficients) = state;
-        splats(view, self.settings, self.gaussians, (first, count), coefficients)
+        splats(view, self.settings, self.gaussians, first..first + count, coefficients)
     }
 }
 
-/// Projects Gaussians `first..first + count`. Colors and features count only where a Gaussian may be seen: behind the
-/// camera, or if it is too faint, they reject nothing.
+/// Projects the Gaussians of these numbers, sixteen at most. Colors and features count only where a Gaussian may be
+/// seen: those of one behind the camera, or too faint, reject nothing.
 #[inline(always)]
 pub(crate) fn splats<V: Lanes>(
     view: &View<V>,
     settings: &RasterSettings,
     gaussians: &GaussianSlices<'_, V::Scalar>,
-    (first, count): (usize, usize),
+    numbers: Range<usize>,
     coefficients: &mut Coefficients<V>,
 ) -> Projected<V> {
+    let (first, count) = (numbers.start, numbers.len());
     let group = Group::load(gaussians, first, count);
     let shape = projection(view, settings, &group);
     let present = V::Mask::from_bits((u32::MAX >> (32 - count)) as u16);

@@ -83,7 +83,7 @@ pub fn rasterize<T: Real>(
     let tiles = &mut workspace.tiles;
     let grid = Grid::new(extent.region, settings.tile);
     let projection = EwaProjection { gaussians, cameras, settings };
-    let stats = tiles.project(grid, (extent.views, extent.gaussians), &projection, &EwaGaussian)?;
+    let stats = tiles.project(grid, extent.views, extent.gaussians, &projection, &EwaGaussian)?;
     let projected = Instant::now();
     tiles.bin(gaussians.groups);
     let binned = Instant::now();

@@ -9,6 +9,7 @@ use crate::tiles::Tiles;
 use std::time::Duration;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::Row;
+use weaver_scene::Features;
 
 /// State from forward for backward, and room to work in. It only grows: calls of sizes seen before allocate nothing.
 #[derive(Debug)]
@@ -137,7 +138,12 @@ impl<T: Real> Workspace<T> {
         let (extent, settings) = self.last()?;
         expect_len("cotangent of the features", cotangent.len(), extent.pixels() * channels)?;
         expect_len("gradient of the features", target.values.len(), extent.gaussians * channels)?;
-        self.tiles.feature_gradients(&EwaGaussian, settings.alpha_max, (cotangent, channels), target);
+        self.tiles.feature_gradients(
+            &EwaGaussian,
+            settings.alpha_max,
+            Features { values: cotangent, channels },
+            target,
+        );
         Ok(())
     }
 
@@ -159,7 +165,7 @@ impl<T: Real> Workspace<T> {
         let (extent, settings) = self.last()?;
         expect_len("values to gather", values.len(), extent.pixels() * channels)?;
         expect_len("sums of the squared contributions", sums.values.len(), extent.gaussians * channels)?;
-        self.tiles.squared_contributions(&EwaGaussian, settings.alpha_max, (values, channels), sums);
+        self.tiles.squared_contributions(&EwaGaussian, settings.alpha_max, Features { values, channels }, sums);
         Ok(())
     }
 }

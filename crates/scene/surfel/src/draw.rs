@@ -91,7 +91,7 @@ impl<T: Real> SurfelWorkspace<T> {
         let camera = sight.camera;
         let grid = Grid::new(Region::whole(camera.width, camera.height), TileSide::Sixteen);
         let start = Instant::now();
-        let stats = self.tiles.project(grid, (sight.poses.len(), sight.surfels.len()), sight, sight)?;
+        let stats = self.tiles.project(grid, sight.poses.len(), sight.surfels.len(), sight, sight)?;
         let projected = Instant::now();
         self.tiles.bin(None);
         let binned = Instant::now();

@@ -5,10 +5,10 @@
 //! noisy, denoised) and prints the peak signal-to-noise ratios.
 
 use weaver_autograd::{Params, Tape, Var, ops};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Builder, Context, Conv2d, Group, WarmupCosine, WeightInit};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_wavelet::{Wavelet, analysis, synthesis};
 
 const SIGMA: f32 = 0.1;

@@ -4,9 +4,9 @@ use clap::Parser;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use weaver_command::{Console, Interrupt};
-use weaver_data::lidar::{LidarWorld, SpinningSensor, room_loop};
 use weaver_io::{TrajectoryFile, TrajectoryFormat, write_lidar_scan};
 use weaver_lidar_run::{KIND, Lidar, LidarJob, LidarPlan, run};
+use weaver_procedural::lidar::{LidarWorld, SpinningSensor, room_loop};
 use weaver_run::{Folder, Job, Run};
 
 #[derive(Parser)]

@@ -3,10 +3,10 @@
 use crate::commands::{SMALL, command, scans, text};
 use clap::Parser;
 use weaver_command::Console;
-use weaver_data::lidar::LidarWorld;
 use weaver_io::ply::write_triangles;
 use weaver_lidar_run::{EvalMesh, eval_mesh, map_mesh};
 use weaver_mesh::Mesh;
+use weaver_procedural::lidar::LidarWorld;
 use weaver_scene::PointCloud;
 
 #[derive(Parser)]

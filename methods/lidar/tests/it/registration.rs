@@ -3,6 +3,7 @@
 use crate::hall::{range, scan};
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Pose, so3};
+use weaver_kernels::order::median_high;
 use weaver_lidar::{
     Error, Frame, GeometricSettings, Lost, PatchTree, RangeReference, Scan, SurfelCamera, register, register_ranges,
 };
@@ -128,8 +129,7 @@ fn ranges_are_brought_to_the_middles_of_pixels() {
         let exact = |pixel: usize| range(DVec3::ZERO, camera.pixel_ray(pixel % 512, pixel / 512));
         let error = |pixel: &u32| (f64::from(frame.range[*pixel as usize]) - exact(*pixel as usize)).abs();
         let mut errors: Vec<f64> = frame.pixels.iter().map(error).collect();
-        errors.sort_by(f64::total_cmp);
-        errors[errors.len() / 2]
+        median_high(&mut errors).unwrap()
     };
     let (before, after) = (median(&frame), median(&frame.clone().with_normals()));
     assert!(before > 0.005 && after < 1e-5, "{before} {after}");

@@ -169,7 +169,7 @@ fn rejection(noises: &[&Noise]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use weaver_data::procedural::ProceduralOptions;
+    use weaver_procedural::ProceduralOptions;
 
     /// The claims that hold on a scene as small as a test can have.
     #[test]

@@ -3,6 +3,7 @@
 use weaver_command::Failure;
 use weaver_geometry::Camera;
 use weaver_io::Image;
+use weaver_kernels::order::nth;
 use weaver_lift::{Operator, Pca, Raster};
 
 /// Gaussians whose features say what the components are.
@@ -47,6 +48,6 @@ impl PcaColors {
 
 /// 2 % and 98 % of the values lie below these.
 fn quantiles(mut values: Vec<f64>) -> [f64; 2] {
-    values.sort_by(f64::total_cmp);
-    [0.02, 0.98].map(|q| values.get((q * values.len() as f64) as usize).copied().unwrap_or(0.0))
+    let count = values.len() as f64;
+    [0.02, 0.98].map(|q| nth(&mut values, (q * count) as usize).unwrap_or(0.0))
 }

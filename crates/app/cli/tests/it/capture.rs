@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 use weaver_data::Scene;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::Camera;
 use weaver_io::Transforms;
 use weaver_io::colmap::{CameraModel, ImageRecord, Model, Point};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::Frame;
 
 /// Enough for a context of two out of a pool of four, with two views held out.

@@ -9,8 +9,8 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::{PhotoFile, Transforms};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::Frame;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 use std::process::{Command, Output};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Transforms;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::Frame;
 
 pub const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");

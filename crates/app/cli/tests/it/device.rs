@@ -146,8 +146,8 @@ mod with {
         }
         let temporary = tempfile::tempdir().unwrap();
         let folder = temporary.path();
-        let options = weaver_data::procedural::ProceduralOptions { width: 64, height: 48, views: 10 };
-        let scene = weaver_data::procedural::scene(2, &options);
+        let options = weaver_procedural::ProceduralOptions { width: 64, height: 48, views: 10 };
+        let scene = weaver_procedural::scene(2, &options);
         std::fs::create_dir_all(folder.join("capture/images")).unwrap();
         let frame = |(i, view): (usize, &weaver_data::View)| {
             let name = format!("images/{i:02}.png");

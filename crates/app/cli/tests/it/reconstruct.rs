@@ -2,8 +2,10 @@
 
 use std::path::Path;
 use std::process::{Command, Output};
-use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_geometry::{Pose, Similarity};
 use weaver_io::{Image, Transforms};
+use weaver_kernels::order::median_high;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::Frame;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
@@ -29,22 +31,49 @@ fn said(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
+/// The object that a command with `--json` has printed.
+fn json(output: &Output) -> serde_json::Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(output)))
+}
+
+/// Number of photos that have a camera, and of all, by the summary of `cameras --json`.
+fn placed(summary: &serde_json::Value) -> [usize; 2] {
+    let photos = summary["photos"].as_object().unwrap();
+    [photos.values().filter(|photo| photo["left_out"].is_null()).count(), photos.len()]
+}
+
+/// Median angle between the cameras of a file and the true ones, degrees.
+fn error(folder: &Path, found: &str) -> f64 {
+    let poses = |file: &str| -> Vec<Pose> {
+        let frames = Transforms::read(folder.join(file)).unwrap().frames;
+        frames.iter().map(|frame| frame.camera.pose).collect()
+    };
+    let (found, truth) = (poses(found), poses("truth/transforms.json"));
+    let onto = Similarity::fit_poses(&found, &truth).unwrap();
+    let angle = |(a, b): (&Pose, &Pose)| onto.apply_to_pose(a).angle_to(b).to_degrees();
+    median_high(&mut found.iter().zip(&truth).map(angle).collect::<Vec<f64>>()).unwrap()
+}
+
 #[test]
 fn cameras_become_a_capture() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     photos(folder, 12);
-    let output = run(folder, "cameras photos -o found --compare truth/transforms.json");
-    let text = said(&output);
-    assert!(output.status.success() && text.contains("6 of 6 photos placed"), "{text}");
-    let degrees: f64 = text.split("rotation ").nth(1).and_then(|t| t.split(' ').next()).unwrap().parse().unwrap();
-    assert!(degrees < 1.5, "{text}");
+    let output = run(folder, "cameras photos -o found --json");
+    assert!(output.status.success(), "{}", said(&output));
+    assert_eq!(placed(&json(&output)), [6, 6], "{}", said(&output));
+    let degrees = error(folder, "found/transforms.json");
+    assert!(degrees < 1.5, "{degrees} degrees");
     assert!(folder.join("found/points.png").exists());
     let capture = weaver_data::posed::load(folder.join("found"), &Default::default()).unwrap();
     assert_eq!(capture.photos.len(), 6);
     assert!(capture.points.positions.len() > 100, "{} points", capture.points.positions.len());
-    let again = run(folder, "cameras photos -o again --threads 1");
-    assert!(again.status.success(), "{}", said(&again));
+    let again = run(folder, "cameras photos -o again --threads 1 --compare truth/transforms.json");
+    let compared = said(&again);
+    assert!(
+        again.status.success() && compared.contains("beside truth/transforms.json: 6 of 6 photos; rotation"),
+        "{compared}"
+    );
     for name in ["transforms.json", "sparse/0/points3D.bin", "sparse/0/images.bin", "points.png"] {
         let bytes = |out: &str| std::fs::read(folder.join(out).join(name)).unwrap();
         assert!(bytes("found") == bytes("again"), "{name} depends on the number of threads");
@@ -64,10 +93,11 @@ fn a_distortion_is_named_with_the_cameras() {
     let capture = weaver_data::posed::load(folder.join("found"), &Default::default()).unwrap();
     assert_eq!(capture.photos.len(), 6);
     // Lines are straight in these photos: nothing tells a distortion.
-    let output = run(folder, "cameras photos -o straight");
+    let output = run(folder, "cameras photos -o straight --json");
     assert!(output.status.success() && !said(&output).contains("radial distortion"), "{}", said(&output));
-    let summary = std::fs::read_to_string(folder.join("straight/cameras.json")).unwrap();
-    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    let summary = json(&output);
+    let written = std::fs::read(folder.join("straight/cameras.json")).unwrap();
+    assert_eq!(serde_json::from_slice::<serde_json::Value>(&written).unwrap(), summary);
     let deviation = summary["focal_length_deviation"].as_f64().unwrap();
     assert!(deviation > 0.0 && deviation < 0.1, "{summary}");
     assert_eq!(summary["photos"].as_object().unwrap().len(), 6, "{summary}");
@@ -82,8 +112,7 @@ fn networks_are_judged_with_estimated_cameras() {
     let capture = run(folder, "cameras photos -o capture");
     assert!(capture.status.success(), "{}", said(&capture));
     let output = run(folder, "eval --data capture --cameras estimated --match-size 192 --json");
-    let found: serde_json::Value =
-        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(&output)));
+    let found = json(&output);
     assert_eq!(found["cameras"], "estimated");
     let mean = &found["mean"];
     let figure = |key: &str| mean[key].as_f64().unwrap_or_else(|| panic!("{key} in {mean}"));
@@ -219,9 +248,10 @@ fn what_is_not_used_is_said() {
 
     // A photo that cannot be read is left out, with a word.
     std::fs::write(folder.join("capture/images/06.heic"), b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
-    let output = run(folder, "cameras capture/images -o found");
+    let output = run(folder, "cameras capture/images -o found --json");
     let text = said(&output);
-    assert!(output.status.success() && text.contains("6 of 7 photos placed"), "{text}");
+    assert!(output.status.success(), "{text}");
+    assert_eq!(placed(&json(&output))[0], 6, "{text}");
     assert!(text.contains("warning: 1 of 7 photos") && text.contains("(capture/images/06.heic)"), "{text}");
     let output = run(folder, "cameras capture/images/00.png capture/images/06.heic -o found");
     let text = said(&output);
@@ -238,9 +268,10 @@ fn cropped_photos_have_their_own_focal_length() {
         let path = folder.join(format!("photos/{name}.png"));
         Image::read(&path, Default::default()).unwrap().crop(32, 8, 128, 128).write_png(&path).unwrap();
     }
-    let text = said(&run(folder, "cameras photos -o found"));
+    let output = run(folder, "cameras photos -o found --json");
+    let text = said(&output);
     assert!(text.contains("photos of 2 proportions") && text.contains("--own-focal"), "{text}");
-    assert!(text.contains("6 of 6 photos placed"), "{text}");
+    assert_eq!(placed(&json(&output)), [6, 6], "{text}");
     let frames = Transforms::read(folder.join("found/transforms.json")).unwrap().frames;
     let truth = Transforms::read(folder.join("truth/transforms.json")).unwrap().frames;
     // In pixels, which cropping leaves as they are. How long it is at all six photos of a narrow arc hardly tell.

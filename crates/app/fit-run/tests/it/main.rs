@@ -10,13 +10,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::{self, PosedOptions};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{CameraSummary, CamerasSummary};
 use weaver_fit::{FitSettings, Judge};
 use weaver_fit_run::{Initial, Pace, Run, RunError, RunSettings, plan};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Distortion, Pose, Similarity, so3};
 use weaver_io::Transforms;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::Frame;
 use weaver_splat::CpuRasterizer;
 

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::{self, PosedOptions};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_fit::{Judge, Quality, Rates};
 use weaver_fit_run::{ByPhotos, Initial, Outcome, Run, RunError, RunSettings};
 use weaver_io::{Image, Transforms};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::PointCloud;
 use weaver_splat::{CpuRasterizer, RasterSettings, Workspace, render};
 

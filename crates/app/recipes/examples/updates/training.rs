@@ -5,11 +5,11 @@ use crate::place::{Drawer, Loss, NUMBERS, Place, STATE, Shot, WIDTHS, shots};
 use crate::{Variant, density};
 use std::time::Instant;
 use weaver_autograd::{Params, Tape, Var};
-use weaver_data::procedural::{ProceduralOptions, varied_scene};
 use weaver_data::{Layout, Sampler};
 use weaver_inference::{CameraSource, Predictor};
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Context, Group, clip_factor, global_norm};
+use weaver_procedural::{ProceduralOptions, varied_scene};
 use weaver_trainer::{Error, Example};
 
 /// Steps of places that it is trained on.

@@ -74,7 +74,7 @@ impl KnownDepth<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use weaver_data::procedural::{ProceduralOptions, scene};
+    use weaver_procedural::{ProceduralOptions, scene};
 
     /// Depth and cameras of two views of a built-in scene.
     fn known() -> (Vec<f32>, Vec<Camera>) {

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use weaver_data::Scene;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Transforms;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::{Frame, PointCloud};
 
 /// Writes a scene as photos with cameras and points.

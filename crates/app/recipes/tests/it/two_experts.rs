@@ -3,12 +3,12 @@
 use crate::capture;
 use crate::determinism::same_bits;
 use std::sync::Arc;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Layout, Scene};
 use weaver_inference::{
     CameraSource, Density, OutputFolder, PredictOptions, Predictor, SplatWeaverPredictor, predict_to_folder,
 };
 use weaver_kernels::random::Stream;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_recipes::{SplatWeaverRecipe, TwoExpertsRecipe, registry};
 use weaver_trainer::evaluate::{Options, evaluate};
 use weaver_trainer::losses::{camera_constants, photo_constant};

@@ -3,13 +3,13 @@
 use super::light::{as_photos, photo_of};
 use super::{Matching, Options, Targets};
 use crate::{CameraMode, Error, Example, LooksConfig};
-use weaver_data::appearance::Appearance;
 use weaver_data::{Scene, Tuple};
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_inference::{CameraSource, Density, JointPrediction, Look, LookPrediction, Prediction, Predictor, planar};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_pose::PoseErrors;
+use weaver_procedural::appearance::Appearance;
 
 /// A held-out view as it was drawn.
 pub(super) struct Drawn {

@@ -4,10 +4,10 @@ use super::Options;
 use crate::figures::LookFigures;
 use std::fmt;
 use std::str::FromStr;
-use weaver_data::appearance::{keep_columns, seen};
 use weaver_data::{Scene, Tuple, View};
 use weaver_inference::{Photos, planar};
 use weaver_io::Image;
+use weaver_procedural::appearance::{keep_columns, seen};
 
 /// In whose light a held-out view is drawn. All figures are then of its right half, whatever the model was shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,10 +1,10 @@
 //! Training tuples varied: what follows, exactly, and what stays.
 
 use crate::config;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Layout, Scene, Tuple};
 use weaver_geometry::glam::DVec2;
 use weaver_kernels::random::Stream;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::ActivatedGaussians;
 use weaver_splat::{RasterSettings, Workspace, render};
 use weaver_trainer::{Augmentation, Config, Example, Session};

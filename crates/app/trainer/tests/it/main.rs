@@ -183,7 +183,7 @@ fn optional_keys_are_set_unset_and_documented() {
 /// Times and numbers of a capture's photos reach the losses, context first, then targets.
 #[test]
 fn times_and_numbers_reach_the_examples() {
-    let mut scene = weaver_data::procedural::default_unseen_set(16, 16).swap_remove(0);
+    let mut scene = weaver_procedural::default_unseen_set(16, 16).swap_remove(0);
     for (view, i) in scene.views.iter_mut().zip(0_u64..) {
         (view.time, view.number) = ((i % 2 == 1).then_some(i as f64 / 4.0), (i != 5).then_some(10 + i));
     }

@@ -5,8 +5,10 @@
 
 pub mod activations;
 mod attention;
+mod binary_cross_entropy;
 mod checkpoint;
 mod concat;
+mod conv1d;
 mod conv2d;
 mod conv_transpose2d;
 mod cross_entropy;
@@ -32,11 +34,14 @@ mod straight_through;
 mod strided;
 mod sum;
 mod sum_axis;
+mod top_k;
 
 pub use attention::attention;
+pub use binary_cross_entropy::binary_cross_entropy;
 pub use checkpoint::checkpoint;
 pub use concat::concat;
 pub use conv_transpose2d::conv_transpose2d;
+pub use conv1d::conv1d;
 pub use conv2d::conv2d;
 pub use cross_entropy::cross_entropy;
 pub use huber::{Huber, huber};
@@ -45,3 +50,4 @@ pub use rope2d::RopeTable;
 pub use scale_residual::scale_residual;
 pub use slice::split;
 pub use straight_through::straight_through;
+pub use top_k::{mean_at_top_k, top_k_mean};

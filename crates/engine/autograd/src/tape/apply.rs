@@ -7,6 +7,12 @@ use crate::recycle::Slot;
 use crate::{Buffer, Shape, ShapeError, Shapes, Var};
 use weaver_kernels::Real;
 
+/// The outputs of an op, and their shapes.
+struct Computed<T: Real> {
+    outputs: List<Buffer<T>>,
+    shapes: Shapes,
+}
+
 impl<T: Real> Tape<T> {
     /// Applies an op.
     ///
@@ -31,16 +37,16 @@ impl<T: Real> Tape<T> {
     #[inline(never)]
     pub fn try_apply<'t, O: Op<T>>(&'t self, mut op: O, inputs: &[Var<'t, T>]) -> Result<List<Var<'t, T>>, ShapeError> {
         let used = self.pool.used_bytes();
-        let outputs = self.run(&mut op, inputs)?;
+        let computed = self.run(&mut op, inputs)?;
         let auxiliary = op.auxiliary_outputs();
         let tracked = self.recording.get() && inputs.iter().any(Var::is_tracked);
         let recorded = tracked.then(|| self.record.borrow_mut().boxes.store(op));
-        Ok(self.push_outputs(recorded, inputs, outputs, auxiliary, used))
+        Ok(self.push_outputs(recorded, inputs, computed, auxiliary, used))
     }
 
     /// Computes the outputs of an op.
     #[inline(never)]
-    fn run(&self, op: &mut dyn Op<T>, inputs: &[Var<'_, T>]) -> Result<(List<Buffer<T>>, Shapes), ShapeError> {
+    fn run(&self, op: &mut dyn Op<T>, inputs: &[Var<'_, T>]) -> Result<Computed<T>, ShapeError> {
         let name = op.name();
         for var in inputs {
             assert!(std::ptr::eq(var.tape(), self), "{name}: an input belongs to another tape");
@@ -63,7 +69,7 @@ impl<T: Real> Tape<T> {
             self.ended(began, name, Phase::Forward, record.path());
         }
         drop(outs);
-        Ok((outputs, shapes))
+        Ok(Computed { outputs, shapes })
     }
 
     /// Adds the outputs of an op, the last `auxiliary` without a gradient, and the op, if it is recorded. `used` is how
@@ -73,7 +79,7 @@ impl<T: Real> Tape<T> {
         &'t self,
         op: Option<Box<dyn Slot<T>>>,
         inputs: &[Var<'t, T>],
-        (outputs, shapes): (List<Buffer<T>>, Shapes),
+        Computed { outputs, shapes }: Computed<T>,
         auxiliary: usize,
         used: usize,
     ) -> List<Var<'t, T>> {

@@ -3,7 +3,7 @@
 use crate::strategies::cases;
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::{Input, gradcheck};
-use weaver_autograd::ops::{conv_transpose2d, conv2d};
+use weaver_autograd::ops::{conv_transpose2d, conv1d, conv2d};
 use weaver_autograd::{Shape, Tape};
 
 proptest! {
@@ -61,6 +61,30 @@ proptest! {
                 let b = if bias { inputs[2].data[at / (hh * ww) % o] } else { 0.0 };
                 prop_assert!((y - b - adjoint[at]).abs() < 1e-12);
             }
+        }
+    }
+
+    #[test]
+    fn along_time(batch in 0usize..3, time in 1usize..7, inputs in 1usize..4, outputs in 1usize..3,
+                  dilation in 1usize..4, seed: u64) {
+        let x = Input::normal(seed, [batch, time, inputs]);
+        let (w, b) = (Input::normal(seed ^ 1, [outputs, inputs, 3]), Input::normal(seed ^ 2, [outputs]));
+        gradcheck(&[x.clone(), w.clone(), b.clone()], |v| vec![conv1d(v[0], v[1], v[2], dilation)]);
+        let tape = Tape::<f64>::new();
+        let constant = |x: &Input| tape.constant(&x.data, x.shape);
+        let found = conv1d(constant(&x), constant(&w), constant(&b), dilation).to_vec();
+        for (at, found) in found.into_iter().enumerate() {
+            let (n, t, o) = (at / (time * outputs), at / outputs % time, at % outputs);
+            let mut expected = b.data[o];
+            for tap in 0..3 {
+                let from = t as isize + (tap as isize - 1) * dilation as isize;
+                if (0..time as isize).contains(&from) {
+                    expected += (0..inputs)
+                        .map(|i| w.data[(o * inputs + i) * 3 + tap] * x.data[(n * time + from as usize) * inputs + i])
+                        .sum::<f64>();
+                }
+            }
+            prop_assert!((found - expected).abs() < 1e-12);
         }
     }
 }

@@ -24,6 +24,17 @@ proptest! {
     }
 
     #[test]
+    fn binary_cross_entropy(n in 0usize..9, seed: u64) {
+        let (p, y) = (Input::uniform(seed, 0.05, 0.95, [n]), Input::uniform(!seed, 0.0, 1.0, [n]).constant());
+        gradcheck(&[p.clone(), y.clone()], |x| vec![ops::binary_cross_entropy(x[0], x[1])]);
+        let tape = Tape::<f64>::new();
+        let found = ops::binary_cross_entropy(tape.constant(&p.data, [n]), tape.constant(&y.data, [n])).item();
+        let term = |(p, y): (&f64, &f64)| -(y * p.ln() + (1.0 - y) * (1.0 - p).ln());
+        let expected = p.data.iter().zip(&y.data).map(term).sum::<f64>() / n.max(1) as f64;
+        prop_assert!((found - expected).abs() < 1e-12);
+    }
+
+    #[test]
     fn huber(n in dim(), delta in 0.1..2.0, seed: u64) {
         // The second derivative jumps at delta; the first does not.
         gradcheck(&[Input::normal(seed, [n]), Input::normal(!seed, [n])], |x| vec![ops::huber(x[0], x[1], delta)]);
@@ -45,6 +56,17 @@ proptest! {
         let y = tape.constant(&Input::normal(seed, [rows, width]).data, [rows, width]).normalize_rows(0.0);
         prop_assert!(y.square().sum_axis(1).to_vec().iter().all(|s| (s - 1.0).abs() < 1e-14));
     }
+}
+
+/// Certain probabilities have finite losses and gradients.
+#[test]
+fn certain_probabilities_have_finite_losses() {
+    let tape = Tape::<f32>::new();
+    let p = tape.leaf(&[0.0, 1.0], [2]);
+    let loss = ops::binary_cross_entropy(p, tape.constant(&[1.0, 0.0], [2]));
+    loss.backward();
+    assert_eq!(loss.item(), 100.0);
+    assert!(p.grad().unwrap().iter().all(|g| g.is_finite()));
 }
 
 #[test]

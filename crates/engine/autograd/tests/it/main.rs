@@ -16,3 +16,4 @@ mod spatial;
 mod strategies;
 mod tape;
 mod threads;
+mod top_k;

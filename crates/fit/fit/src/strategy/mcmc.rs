@@ -127,7 +127,8 @@ impl Mcmc {
                 if gate < 1e-6 {
                     continue;
                 }
-                let (axes, scales) = (others.axes(n), others.log_scales.row(n));
+                let axes = others.axes(n);
+                let scales = others.log_scales.row(n);
                 let normal: [f32; 3] = std::array::from_fn(|k| stream.normal(3 * n as u64 + k as u64));
                 for (axis, scale) in axes.iter().zip(scales) {
                     let along: f32 = axis.iter().zip(normal).map(|(a, b)| a * b).sum();

@@ -1,10 +1,11 @@
 //! Refinement of cameras: derivatives, location of photos, recovery of disturbed cameras.
 
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_fit::{Fit, FitSettings, Photo, StrategyKind, init, motion};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose, se3, so3};
+use weaver_kernels::order::median_high;
 use weaver_kernels::random::Stream;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::PointCloud;
 
 const SIZE: [usize; 2] = [96, 72];
@@ -82,8 +83,7 @@ fn median_error(found: &[Pose], photos: &[Photo]) -> f64 {
     let angle = |i: usize, j: usize| found[i].relative_to(&found[j]).angle_to(&truth[i].relative_to(&truth[j]));
     let pairs = (0..truth.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
     let mut angles: Vec<f64> = pairs.map(|(i, j)| angle(i, j).to_degrees()).collect();
-    angles.sort_unstable_by(f64::total_cmp);
-    angles[angles.len() / 2]
+    median_high(&mut angles).expect("pairs")
 }
 
 fn cameras(fit: &Fit) -> Vec<Pose> {

@@ -1,9 +1,9 @@
 //! A thing in one photo alone is left out, and nothing else is.
 
 use crate::scenes::finish;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_fit::{Fit, FitSettings, Photo, init, mean_color, steps_in};
 use weaver_geometry::glam::DVec2;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::PointCloud;
 
 const SIZE: [usize; 2] = [80, 60];

@@ -3,13 +3,13 @@
 use std::sync::mpsc::{Sender, channel};
 use weaver_autograd::Params;
 use weaver_data::SparsePoints;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::Camera;
 use weaver_inference::{
     CameraSource, Density, Effort, Error, Photos, Prediction, Predictor, Refined, SplatWeaverPredictor, planar,
 };
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_router::AllocationKind;
 use weaver_splat::Renderer;
 

@@ -1,6 +1,5 @@
 //! Refinement of predictions on their own photos: its gain there, and the parts that it leaves.
 
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_fit::FitSettings;
 use weaver_geometry::Camera;
 use weaver_inference::{
@@ -8,6 +7,7 @@ use weaver_inference::{
 };
 use weaver_kernels::random::Stream;
 use weaver_losses::metrics;
+use weaver_procedural::{ProceduralOptions, scene};
 
 /// Photos are met better with no more gaussians moved or in place.
 #[test]

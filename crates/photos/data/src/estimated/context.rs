@@ -28,7 +28,7 @@ impl Scene {
     /// If a view is out of range.
     ///
     /// ```
-    /// use weaver_data::procedural::{ProceduralOptions, scene};
+    /// use weaver_procedural::{ProceduralOptions, scene};
     ///
     /// let scene = scene(3, &ProceduralOptions { width: 96, height: 72, views: 8 });
     /// let found = scene.estimated_context(&[0, 1, 2, 3], [36, 48], true).expect("views that overlap");

@@ -5,6 +5,7 @@ use crate::Error;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
 use weaver_io::{Checksum, Image};
+use weaver_kernels::order::median_high;
 
 /// Times closer than this are the same.
 pub(super) const SAME_TIME: f64 = 1e-6;
@@ -39,8 +40,8 @@ pub struct Shot {
     pub time: f64,
     /// Its pixels.
     pub pixels: Pixels,
-    /// Kind of motion at each pixel's center, `[H, W]`, of a procedural film: 0 is nothing that moves, others are
-    /// numbers into [`MOTIONS`](super::MOTIONS).
+    /// The kind of motion that each pixel's center shows, `[H, W]`, of a procedural film: 0 is nothing that moves, the
+    /// rest are indices into `weaver_procedural::MOTIONS`.
     pub motion: Option<Vec<u8>>,
     /// Its part in evaluation.
     pub held_out: HeldOut,
@@ -149,7 +150,6 @@ impl Film {
             return 1.1 * centers.iter().map(|center| center.distance(mean)).fold(0.0, f64::max);
         }
         let mut distances: Vec<f64> = self.points.iter().map(|point| point.position.distance(*first)).collect();
-        distances.sort_by(f64::total_cmp);
-        distances.get(distances.len() / 2).copied().unwrap_or(1.0)
+        median_high(&mut distances).unwrap_or(1.0)
     }
 }

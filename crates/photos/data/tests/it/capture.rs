@@ -6,10 +6,10 @@ use tempfile::TempDir;
 use weaver_data::Scene;
 use weaver_data::capture::{CaptureOptions, HoldOut, has_cameras, load, load_cameras, load_images};
 use weaver_data::posed;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Transforms;
 use weaver_io::colmap::{CAMERA_ID, CameraModel, ImageRecord, Model, Point};
 use weaver_io::realestate::{Clip, ClipFrame};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::Frame;
 
 const SIZE: ProceduralOptions = ProceduralOptions { width: 40, height: 30, views: 10 };

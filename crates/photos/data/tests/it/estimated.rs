@@ -7,9 +7,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use weaver_data::capture::{CaptureOptions, load, load_cameras};
 use weaver_data::posed::{self, PosedOptions};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{EstimatePhotosOptions, EstimatedPhotos, estimate_photos};
 use weaver_io::{Transforms, colmap::Model};
+use weaver_procedural::{ProceduralOptions, scene};
 
 /// Small, for matching is slow where nothing is optimized.
 const SIZE: [usize; 2] = [96, 72];

@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use weaver_data::capture::{CaptureOptions, HoldOut, load, load_cameras, load_images, load_masked_images};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::Distortion;
 use weaver_io::{Image, Transforms};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::{Frame, PointCloud};
 
 const OPTIONS: CaptureOptions =

@@ -8,13 +8,13 @@ use std::fs;
 use std::path::Path;
 use weaver_data::capture::{CaptureOptions, HoldOut, load, load_cameras, load_images};
 use weaver_data::posed::{self, PosedOptions};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{EstimatePhotosOptions, estimate_photos};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 use weaver_io::colmap::Model;
 use weaver_io::ply::write_points;
 use weaver_io::{Bitmap, Transforms};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::{Frame, PointCloud};
 
 const SIZE: (usize, usize) = (96, 72);

@@ -4,10 +4,10 @@ use std::fs;
 use std::path::Path;
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::{PosedOptions, cameras, load};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::Camera;
 use weaver_io::colmap::{Model, Point};
 use weaver_io::{Image, Transforms};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::Frame;
 
 /// Six photos, the last smaller than the others.

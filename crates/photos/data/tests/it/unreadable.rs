@@ -4,9 +4,9 @@ use std::fs;
 use std::path::Path;
 use weaver_data::capture::{CaptureOptions, load, load_readable_images};
 use weaver_data::posed::{self, PosedOptions};
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Transforms;
 use weaver_io::colmap::Model;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::Frame;
 
 /// A capture as a transforms.json, or as a model of COLMAP.

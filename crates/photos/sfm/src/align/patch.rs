@@ -2,6 +2,7 @@
 
 use crate::photo::Photo;
 use weaver_geometry::glam::{DMat2, DVec2};
+use weaver_kernels::dense;
 
 /// Samples from the middle of a patch to its side, and of the whole patch.
 const REACH: usize = 5;
@@ -105,7 +106,8 @@ impl Template {
         }
         let slope = |axis: DVec2| {
             let [ahead, behind] = [HALF, -HALF].map(|by| sampled(photo, at + warp * axis * by, warp));
-            let (mut slope, behind) = (ahead?, behind?);
+            let mut slope = ahead?;
+            let behind = behind?;
             slope.iter_mut().zip(behind).for_each(|(ahead, behind)| *ahead -= behind);
             Some(slope)
         };
@@ -155,26 +157,12 @@ impl Template {
     }
 }
 
-/// The inverse of a symmetric matrix, by elimination; `None` unless it is positive definite.
+/// The inverse of a symmetric matrix; `None` unless it is positive definite.
 fn inverted(mut matrix: [[f64; NUMBERS]; NUMBERS]) -> Option<[[f64; NUMBERS]; NUMBERS]> {
     let mut inverse: [[f64; NUMBERS]; NUMBERS] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)));
-    for k in 0..NUMBERS {
-        let pivot = matrix[k][k];
-        if pivot <= f64::EPSILON {
-            return None;
-        }
-        for rows in [&mut matrix, &mut inverse] {
-            rows[k].iter_mut().for_each(|x| *x /= pivot);
-        }
-        for i in (0..NUMBERS).filter(|i| *i != k) {
-            let by = matrix[i][k];
-            for rows in [&mut matrix, &mut inverse] {
-                let from = rows[k];
-                rows[i].iter_mut().zip(from).for_each(|(x, from)| *x -= by * from);
-            }
-        }
-    }
-    Some(inverse)
+    let (rows, right) = (matrix.as_flattened_mut(), inverse.as_flattened_mut());
+    let sound = |_, pivot: f64| pivot.is_nan() || pivot > f64::EPSILON;
+    dense::gauss_jordan(rows, right, NUMBERS, sound).then_some(inverse)
 }
 
 #[cfg(test)]
@@ -198,7 +186,8 @@ mod tests {
 
     #[test]
     fn what_was_moved_bent_and_lit_another_way_is_found() {
-        let (first, at) = (photo(|p| p, |v| v), DVec2::new(34.3, 30.8));
+        let first = photo(|p| p, |v| v);
+        let at = DVec2::new(34.3, 30.8);
         let template = Template::new(&first, at, DMat2::IDENTITY).unwrap();
         for seed in 0..20 {
             let draw = |k: u64| Stream::new(1, seed, "align").uniform::<f64>(k) - 0.5;

@@ -124,7 +124,8 @@ impl<'a> Descent<'a> {
     pub fn run(&mut self, most_steps: usize) -> Solved {
         let mut cost = self.linearize();
         let [mut damping, least, largest] = DAMPING;
-        let (mut more, mut steps) = (2.0, 0);
+        let mut more = 2.0;
+        let mut steps = 0;
         let nothing = EXACT * EXACT * self.scale * self.scale * self.bundle.observations.len() as f64;
         // Exact observations leave nothing to lower, and no relative fall to measure.
         let mut converged = cost <= nothing;
@@ -220,7 +221,8 @@ impl<'a> Descent<'a> {
                 tried.views[i] = View::new(bundle, blocks, i, &tried.poses[i], &tried.lenses[lens]);
             }
         }
-        let (step, fixed_points) = (&*step, bundle.fixed_points);
+        let step = &*step;
+        let fixed_points = bundle.fixed_points;
         let sights = Sights { views: &tried.views, scale: self.scale };
         parallel::for_chunks(&mut self.parts, 1, |_, parts| {
             for part in parts {
@@ -277,7 +279,8 @@ impl Part {
         let right = self.right[point];
         let mut sums = [[0.0; PADDED]; 3];
         for entry in self.entries(point) {
-            let (step, coupling) = (&step[self.block[entry] as usize], &self.coupling[entry].0);
+            let step = &step[self.block[entry] as usize];
+            let coupling = &self.coupling[entry].0;
             for k in 0..3 {
                 for b in 0..PADDED {
                     sums[k][b] += coupling[k][b] * step[b];

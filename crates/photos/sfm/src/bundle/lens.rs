@@ -55,7 +55,8 @@ impl Lens {
         if self.k1 == 0.0 && self.k2 == 0.0 {
             return pixel;
         }
-        let (center, factor) = (self.center(camera), self.log_focal.exp());
+        let center = self.center(camera);
+        let factor = self.log_focal.exp();
         let focal = DVec2::new(camera.intrinsics.fx, camera.intrinsics.fy) * factor;
         let seen = (pixel - center) / focal;
         let far = seen.length();
@@ -129,7 +130,8 @@ impl Lens {
     pub(super) fn priors(&self) -> [(f64, f64); NUMBERS] {
         let weights =
             [self.weight, self.distortion_weight, self.distortion_weight, self.shift_weight, self.shift_weight];
-        let (free, numbers) = (self.free(), self.numbers());
+        let free = self.free();
+        let numbers = self.numbers();
         std::array::from_fn(|i| {
             let expected = if i == 0 { self.expected } else { 0.0 };
             (if free[i] { weights[i] } else { 0.0 }, numbers[i] - expected)

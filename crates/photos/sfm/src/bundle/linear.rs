@@ -42,7 +42,9 @@ const SEEING: usize = 6;
 impl View {
     pub fn new(bundle: &Bundle, blocks: &Blocks, camera: usize, pose: &Pose, lens: &Lens) -> Self {
         let seen: &Camera = &bundle.cameras[camera];
-        let (k, center, factor) = (&seen.intrinsics, lens.center(seen), lens.log_focal.exp());
+        let k = &seen.intrinsics;
+        let center = lens.center(seen);
+        let factor = lens.log_focal.exp();
         let moves = f64::from(blocks.of_camera[camera] != NONE);
         let [focal, k1, k2, x, y] = lens.free().map(f64::from);
         let (x, y) = (x * longer(seen), y * longer(seen));
@@ -225,7 +227,9 @@ impl Batch {
         let row = &mut self.rows[i];
         for l in 0..LANES {
             let weight = (self.precision[l] / (1.0 + self.far[l])).sqrt();
-            let (along, r2, f) = (self.at[i][l], self.r2[l], self.optics[i][l]);
+            let along = self.at[i][l];
+            let r2 = self.r2[l];
+            let f = self.optics[i][l];
             // By the place at depth 1, then by the point.
             let turn = along * 2.0 * fma::<FUSED>(2.0 * r2, k2[l], k1[l]);
             let near = weight * f * self.near[l];
@@ -279,7 +283,8 @@ impl Sights<'_> {
     /// The cost of the observations of points.
     #[inline(always)]
     pub fn cost<const FUSED: bool>(&self, points: &[DVec3], seen: &[Seen]) -> f64 {
-        let (mut logs, mut batch) = (Logs::default(), Batch::new());
+        let mut logs = Logs::default();
+        let mut batch = Batch::new();
         for seen in seen.chunks(LANES) {
             batch.load::<FUSED, SEEING>(self.views, points, seen);
             batch.see::<FUSED>(self.scale.powi(-2));
@@ -291,7 +296,8 @@ impl Sights<'_> {
     /// The cost of a part and its quadratic model.
     #[inline(always)]
     pub fn linearize<const FUSED: bool>(&self, part: &mut Part) {
-        let (mut logs, mut batch) = (Logs::default(), Batch::new());
+        let mut logs = Logs::default();
+        let mut batch = Batch::new();
         part.sums.fill(Sums::default());
         part.matrix.fill([0.0; 6]);
         part.right.fill([0.0; 3]);

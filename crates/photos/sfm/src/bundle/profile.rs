@@ -8,6 +8,7 @@ use super::sums::BLOCK;
 use super::system::Row;
 use std::cmp::Reverse;
 use std::collections::VecDeque;
+use weaver_kernels::dense::cholesky;
 use weaver_kernels::simd::{self, Level};
 
 /// Sums side by side.
@@ -149,7 +150,7 @@ impl Profile {
                     }
                 }
             }
-            if !factor_block(&mut rest[width - BLOCK..], width) {
+            if !cholesky(&mut rest[width - BLOCK..], BLOCK, width) {
                 return false;
             }
         }
@@ -267,26 +268,6 @@ fn products<const FUSED: bool>(
         }
     }
     all
-}
-
-/// The factor of a block on the diagonal, whose rows are so far from each other; `false` if it is not positive
-/// definite.
-#[inline(always)]
-fn factor_block(block: &mut [f64], wide: usize) -> bool {
-    for a in 0..BLOCK {
-        for b in 0..=a {
-            let sum: f64 = (0..b).map(|c| block[wide * a + c] * block[wide * b + c]).sum();
-            let left = block[wide * a + b] - sum;
-            if a > b {
-                block[wide * a + b] = left / block[wide * b + b];
-            } else if left.is_nan() || left <= 0.0 {
-                return false;
-            } else {
-                block[wide * a + a] = left.sqrt();
-            }
-        }
-    }
-    true
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -51,7 +51,8 @@ impl Reduced {
         let all: usize = work.iter().sum();
         let most = all.div_ceil((all / PRODUCTS).clamp(1, GROUPS));
         let mut groups: Vec<Group> = Vec::new();
-        let (mut of_row, mut sum) = (Vec::new(), most);
+        let mut of_row = Vec::new();
+        let mut sum = most;
         for (row, work) in work.iter().enumerate() {
             if sum >= most {
                 groups.push(Group { rows: row..row, ..Group::default() });

@@ -5,18 +5,32 @@
 use super::reduced::Reduced;
 use super::sums::{BLOCK, PADDED};
 use super::system::{Block, Row};
+use weaver_kernels::dense::cholesky;
 use weaver_kernels::{parallel, simd};
 
 /// Rows of a task.
 const ROWS: usize = 32;
 
+/// The blocks below the diagonal, column by column.
+#[derive(Clone, Debug)]
+struct Below {
+    /// Where the blocks of each column begin in `blocks`, and where the last end.
+    first: Vec<u32>,
+    /// The row of each, and its place among those of the row.
+    blocks: Vec<[u32; 2]>,
+}
+
+impl Below {
+    #[inline(always)]
+    fn column(&self, column: usize) -> &[[u32; 2]] {
+        &self.blocks[self.first[column] as usize..self.first[column + 1] as usize]
+    }
+}
+
 /// State of conjugate gradients beside the matrix.
 #[derive(Clone, Debug)]
 pub(super) struct Sparse {
-    /// Start of each column's blocks in `below`, and the end of the last column's.
-    first: Vec<u32>,
-    /// The row of each, and its place within the row.
-    below: Vec<[u32; 2]>,
+    below: Below,
     /// Inverses of the diagonal blocks.
     inverse: Vec<Block>,
     residual: Vec<Row>,
@@ -36,17 +50,16 @@ impl Sparse {
         (0..n).for_each(|row| columns(row).for_each(|column| first[column + 1] += 1));
         (0..n).for_each(|i| first[i + 1] += first[i]);
         let mut next = first.clone();
-        let mut below = vec![[0; 2]; first[n] as usize];
+        let mut blocks = vec![[0; 2]; first[n] as usize];
         for row in 0..n {
             for (place, column) in columns(row).enumerate() {
-                below[next[column] as usize] = [row as u32, place as u32];
+                blocks[next[column] as usize] = [row as u32, place as u32];
                 next[column] += 1;
             }
         }
         let rows = vec![[0.0; PADDED]; n];
         Self {
-            first,
-            below,
+            below: Below { first, blocks },
             inverse: vec![Block::default(); n],
             residual: rows.clone(),
             direction: rows.clone(),
@@ -131,11 +144,11 @@ impl Sparse {
 
     /// The product of the matrix and the direction. Each row is summed by one task, in the order of columns.
     fn multiply(&mut self, reduced: &Reduced) {
-        let Self { first, below, direction, product, .. } = self;
+        let Self { below, direction, product, .. } = self;
         parallel::for_chunks(product, ROWS, |chunk, product| {
             simd::dispatch(
                 #[inline(always)]
-                || multiply_rows(reduced, (first, below), direction, chunk * ROWS, product),
+                || multiply_rows(reduced, below, direction, chunk * ROWS, product),
             );
         });
     }
@@ -143,14 +156,7 @@ impl Sparse {
 
 /// The product of some rows of the matrix and a direction.
 #[inline(always)]
-fn multiply_rows(
-    reduced: &Reduced,
-    below: (&[u32], &[[u32; 2]]),
-    direction: &[Row],
-    first: usize,
-    product: &mut [Row],
-) {
-    let (start, below) = below;
+fn multiply_rows(reduced: &Reduced, below: &Below, direction: &[Row], first: usize, product: &mut [Row]) {
     for (row, product) in (first..).zip(product) {
         *product = [0.0; PADDED];
         let (columns, blocks) = reduced.row(row);
@@ -166,7 +172,7 @@ fn multiply_rows(
         for a in 0..BLOCK {
             product[a] = sums.0[a].iter().sum();
         }
-        for &[other, place] in &below[start[row] as usize..start[row + 1] as usize] {
+        for &[other, place] in below.column(row) {
             let block = &reduced.row(other as usize).1[place as usize];
             times_transposed(product, block, &direction[other as usize]);
         }
@@ -196,17 +202,13 @@ fn dot(a: &[Row], b: &[Row]) -> f64 {
 
 /// The inverse of a block, by Cholesky's factors; `None` if it is not positive definite.
 fn inverted(block: &Block) -> Option<Block> {
-    let mut l = [[0.0; BLOCK]; BLOCK];
+    let mut l = block.0;
+    if !cholesky(l.as_flattened_mut(), BLOCK, PADDED) {
+        return None;
+    }
+    // The inverse of the factor, row by row.
     let mut m = [[0.0; BLOCK]; BLOCK];
     for i in 0..BLOCK {
-        for j in 0..=i {
-            let rest = block.0[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
-            l[i][j] = if i > j { rest / l[j][j] } else { rest.sqrt() };
-        }
-        if l[i][i].is_nan() || l[i][i] <= 0.0 {
-            return None;
-        }
-        // The row of the inverse of the factor.
         for j in 0..=i {
             let unit = f64::from(i == j);
             m[i][j] = (unit - (j..i).map(|k| l[i][k] * m[k][j]).sum::<f64>()) / l[i][i];
@@ -219,4 +221,36 @@ fn inverted(block: &Block) -> Option<Block> {
         }
     }
     Some(inverse)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_kernels::random::Stream;
+
+    #[test]
+    fn a_block_times_its_inverse_is_the_identity() {
+        for seed in 0..50 {
+            let stream = Stream::new(seed, 0, "test.block");
+            let a: [[f64; BLOCK]; BLOCK] =
+                std::array::from_fn(|i| std::array::from_fn(|j| stream.normal((BLOCK * i + j) as u64)));
+            let mut block = Block::default();
+            for i in 0..BLOCK {
+                for j in 0..BLOCK {
+                    block.0[i][j] = (0..BLOCK).map(|k| a[i][k] * a[j][k]).sum::<f64>() + 0.1 * f64::from(i == j);
+                }
+            }
+            let inverse = inverted(&block).expect("a positive definite block");
+            for i in 0..BLOCK {
+                for j in 0..BLOCK {
+                    let product: f64 = (0..BLOCK).map(|k| block.0[i][k] * inverse.0[k][j]).sum();
+                    assert!((product - f64::from(i == j)).abs() < 1e-9, "{seed}: {product} at {i}, {j}");
+                    assert_eq!(inverse.0[i][j], inverse.0[j][i]);
+                }
+                assert_eq!(inverse.0[i][BLOCK..], [0.0; PADDED - BLOCK]);
+            }
+            block.0[seed as usize % BLOCK][seed as usize % BLOCK] = -1.0;
+            assert!(inverted(&block).is_none());
+        }
+    }
 }

@@ -132,7 +132,8 @@ impl Part {
         order.sort_by_key(|point| keys[*point as usize]);
         let count = (observations.len() / OBSERVATIONS).clamp(1, PARTS);
         let mut parts: Vec<Self> = Vec::with_capacity(count);
-        let (mut rest, mut before) = (&order[..], 0);
+        let mut rest = &order[..];
+        let mut before = 0;
         for part in 1..=count {
             let enough = part * observations.len() / count;
             let mut end = 0;
@@ -180,7 +181,8 @@ impl Part {
             let entry = |block: u32| of_point.binary_search(&block).map_or(NONE, |at| (first + at) as u32);
             part.seen.extend(here.iter().map(|o| {
                 let [camera_entry, lens_entry] = blocks.of(bundle, o.camera).map(entry);
-                let (pixel, precision) = (o.pixel.to_array(), 1.0 / (o.deviation * o.deviation));
+                let pixel = o.pixel.to_array();
+                let precision = 1.0 / (o.deviation * o.deviation);
                 let (camera, point, sums) = (o.camera as u32, point as u32, sums[o.camera]);
                 Seen { pixel, precision, camera, point, sums, camera_entry, lens_entry }
             }));

@@ -1,5 +1,7 @@
 //! The equations and their solution beside ones that share no code with them.
 
+mod solvers;
+
 use super::descent::{Descent, Limits};
 use super::structure::NONE;
 use super::*;
@@ -201,10 +203,12 @@ fn the_right_side_is_the_slope_of_the_cost() {
 fn the_step_solves_the_damped_normal_equations() {
     for (seed, fixed_points) in (0..12).flat_map(|seed| [(seed, false), (seed, true)]) {
         let bundle = Bundle { fixed_points, ..bundle(seed) };
-        let (scale, damping) = (3.0, 1e-3);
+        let scale = 3.0;
+        let damping = 1e-3;
         let free: Vec<usize> = (0..numbers(&bundle)).filter(|at| free(&bundle, *at)).collect();
         let by: Vec<Vec<f64>> = free.iter().map(|at| derivative(&bundle, *at, 3e-3, differences)).collect();
-        let (off, weights) = (differences(&bundle), weights(&bundle, scale));
+        let off = differences(&bundle);
+        let weights = weights(&bundle, scale);
         let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).zip(&weights).map(|((a, b), w)| a * b * w).sum() };
         let mut matrix: Vec<Vec<f64>> = by.iter().map(|a| by.iter().map(|b| dot(a, b)).collect()).collect();
         (0..free.len()).for_each(|i| matrix[i][i] *= 1.0 + damping);

@@ -110,7 +110,8 @@ impl Near {
             return Across { slope: 0.0, start: 0.0, width: self.columns as f32 };
         }
         // u = -(offset + b v) / a for v from the row to the next, in cells.
-        let (slope, reach) = (-line.y / line.x, (farthest / self.side + 1e-2) / line.x.abs());
+        let slope = -line.y / line.x;
+        let reach = (farthest / self.side + 1e-2) / line.x.abs();
         let start = -offset / line.x + slope.min(0.0) - reach;
         Across { slope: slope as f32, start: start as f32, width: (2.0 * reach + slope.abs()) as f32 }
     }

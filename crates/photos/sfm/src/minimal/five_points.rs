@@ -212,7 +212,8 @@ mod tests {
         for seed in 0..300 {
             let stream = Stream::new(seed, 0, "test.five_points");
             let draw = |k: u64| DVec3::new(stream.normal(k), stream.normal(k + 1), stream.normal(k + 2));
-            let (rotation, translation) = (so3::exp(0.5 * draw(0)), draw(3).normalize());
+            let rotation = so3::exp(0.5 * draw(0));
+            let translation = draw(3).normalize();
             let matches: [[DVec3; 2]; 5] = std::array::from_fn(|k| {
                 let point = draw(10 + 3 * k as u64) + DVec3::Z * 6.0;
                 let there = rotation * point + translation;

@@ -42,7 +42,8 @@ pub(super) fn resected(sights: &[Sight], camera: &Camera) -> Vec<Pose> {
     };
     let stream = Stream::new(n as u64, 0, "sfm.three_points");
     let mut kept: Vec<(Pose, f64)> = Vec::new();
-    let (mut needed, mut sample) = (MOST, 0);
+    let mut needed = MOST;
+    let mut sample = 0;
     while sample < needed {
         let first = DRAWS * sample as u64;
         let mut chosen: Vec<usize> = Vec::with_capacity(3);

@@ -43,7 +43,8 @@ fn threads<R: Send>(n: usize, body: impl FnOnce() -> R + Send) -> R {
 /// Photos of the same landmarks are found also where the path comes back.
 #[test]
 fn loops_are_retrieved() {
-    let (photos, around) = (60, 45);
+    let photos = 60;
+    let around = 45;
     let features = walk(photos, around);
     let pairs = candidates(&features, &[true; 60], 6, false);
     let apart = |[a, b]: [usize; 2]| {

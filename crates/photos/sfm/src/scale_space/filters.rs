@@ -157,12 +157,15 @@ impl Symmetric<'_> {
     fn sums<V: Lanes<Scalar = f32>, const N: usize>(&self, x: usize) -> [[f32; LANES]; N] {
         let mut sums = [V::zero(); N];
         let [center, _] = self.pairs[0];
-        let (center, tap) = (vectors::<N>(center, x), V::splat(self.taps[0]));
+        let center = vectors::<N>(center, x);
+        let tap = V::splat(self.taps[0]);
         for k in 0..N {
             sums[k] = V::load(&center[k]) * tap;
         }
         for (tap, [a, b]) in self.taps.iter().zip(&self.pairs).skip(1) {
-            let (a, b, tap) = (vectors::<N>(a, x), vectors::<N>(b, x), V::splat(*tap));
+            let a = vectors::<N>(a, x);
+            let b = vectors::<N>(b, x);
+            let tap = V::splat(*tap);
             for k in 0..N {
                 sums[k] = (V::load(&a[k]) + V::load(&b[k])).mul_add(tap, sums[k]);
             }

@@ -90,7 +90,8 @@ impl Search<'_> {
 
     /// Small scenes from the first initial pair that grows to a full trial, one for each of its poses.
     fn trials(&self, bundle: &Bundle, certain: &[Pair]) -> Vec<Grown> {
-        let (tracks, absent) = (linked(self.features, certain), vec![false; self.taken.len()]);
+        let tracks = linked(self.features, certain);
+        let absent = vec![false; self.taken.len()];
         let evidence = self.evidence(certain, &tracks, &absent);
         let mut trials: Vec<Grown> = Vec::new();
         for from in beginnings(&evidence).into_iter().take(BEGINNINGS).map(|i| &certain[i]) {
@@ -125,7 +126,8 @@ impl Search<'_> {
     /// Goes on with a scene by the first `end` pairs, and grows others from initial pairs that it does not reach.
     fn grow_many(&mut self, bundle: &Bundle, posed: &[Pair], end: usize, begun: Option<Grown>) {
         let certain = &posed[..end];
-        let (tracks, absent) = (linked(self.features, certain), vec![false; self.taken.len()]);
+        let tracks = linked(self.features, certain);
+        let absent = vec![false; self.taken.len()];
         let features = self.features;
         // Matches of certain pairs may place a photo alone; later, with the other fitting pairs, points must.
         let evidence = Evidence { features, pairs: certain, tracks: &tracks, absent: &absent, trust: Trust::PAIRS };

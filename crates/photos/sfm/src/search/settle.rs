@@ -100,7 +100,8 @@ impl Search<'_> {
     /// many points after it.
     fn reconsider(&self, grown: &mut Grown) {
         let absent = vec![false; self.taken.len()];
-        let (features, pairs) = (self.features, &self.pairs.posed[..]);
+        let features = self.features;
+        let pairs = &self.pairs.posed[..];
         let tracks = linked(features, pairs);
         let evidence = Evidence { features, pairs, tracks: &tracks, absent: &absent, trust: Trust::POINTS };
         let free: Vec<bool> = grown.bundle.lenses.iter().map(|lens| lens.free_focal).collect();
@@ -135,8 +136,8 @@ mod tests {
     use crate::features::Features;
     use crate::lenses::Taken;
     use crate::photo::{EstimateOptions, Photo};
-    use weaver_data::procedural::{ProceduralOptions, scene};
     use weaver_geometry::glam::DMat3;
+    use weaver_procedural::{ProceduralOptions, scene};
 
     /// Runs a search of six drawn photos.
     fn with_search<T>(run: impl FnOnce(Search<'_>) -> T) -> T {
@@ -144,7 +145,8 @@ mod tests {
         let photo = |view: &weaver_data::View| Photo::new(view.image.to_bytes(), [144, 192]);
         let photos: Vec<Photo<'_>> = drawn.views.iter().step_by(2).map(photo).collect();
         let features: Vec<Features> = photos.iter().map(|photo| photo.features(1000)).collect();
-        let (taken, settings) = (photos.iter().map(Taken::of).collect::<Vec<_>>(), EstimateOptions::default());
+        let taken = photos.iter().map(Taken::of).collect::<Vec<_>>();
+        let settings = EstimateOptions::default();
         let photos: Vec<&Photo<'_>> = photos.iter().collect();
         run(Search::new(&taken, &photos, &features, &settings))
     }

@@ -2,6 +2,7 @@
 
 use crate::bundle::Bundle;
 use weaver_geometry::glam::{DMat3, DVec3};
+use weaver_kernels::order::median_high;
 
 /// A plane explains points within this distance of their places on it, in deviations of keypoints, and a scene if it
 /// explains at least this part of it.
@@ -33,8 +34,7 @@ impl Bundle {
                 return false;
             }
             let mut off: Vec<f64> = rays.iter().map(|(ray, inverse)| (plane.dot(*ray) - inverse).abs()).collect();
-            off.sort_unstable_by(f64::total_cmp);
-            farthest = FAR * off.get(off.len() / 2).copied().unwrap_or(0.0);
+            farthest = FAR * median_high(&mut off).unwrap_or(0.0);
         }
         let back = first.inverse();
         let on_plane = |p: &DVec3| back.apply(*p / plane.dot(*p));

@@ -2,9 +2,9 @@
 
 use rayon::ThreadPoolBuilder;
 use weaver_data::Scene;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Distortion, Intrinsics, Pose, Similarity, so3};
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_sfm::{Estimate, EstimateOptions, Find, LeftOut, Photo, estimate};
 
 fn built_in(seed: u64, views: usize) -> Scene {

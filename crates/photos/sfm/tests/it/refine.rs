@@ -1,10 +1,11 @@
 //! Cameras that are nearly right, and photos that a program drew.
 
 use rayon::ThreadPoolBuilder;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity, so3};
+use weaver_kernels::order::median_high;
 use weaver_kernels::random::Stream;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_sfm::{RefineSettings, Refined, View, refine};
 
 /// Photos of a built-in scene, and their true cameras.
@@ -31,8 +32,7 @@ fn error(found: &[Camera], truth: &[View<'_>]) -> f64 {
     let onto = Similarity::fit_poses(&found, &truth).expect("cameras at several places");
     let mut angles: Vec<f64> =
         found.iter().zip(&truth).map(|(f, t)| onto.apply_to_pose(f).angle_to(t).to_degrees()).collect();
-    angles.sort_unstable_by(f64::total_cmp);
-    angles[angles.len() / 2]
+    median_high(&mut angles).expect("cameras")
 }
 
 #[test]

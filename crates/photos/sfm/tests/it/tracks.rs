@@ -21,7 +21,35 @@ proptest! {
         all.sort_unstable();
         all.dedup();
         prop_assert_eq!(all.len(), count);
+        let mut sorted = found.clone();
+        sorted.sort();
+        prop_assert_eq!(&sorted, &joined_one_by_one(&[6; 4], &pairs));
         pairs.reverse();
         prop_assert_eq!(tracks(&[6; 4], &pairs), found);
     }
+}
+
+/// The slow twin: groups of keypoints, of which two are joined by a match, the clearest first, unless they have a photo
+/// in common.
+fn joined_one_by_one(counts: &[usize], pairs: &[([usize; 2], Vec<Match>)]) -> Vec<Vec<(usize, usize)>> {
+    let all = counts.iter().enumerate().flat_map(|(photo, count)| (0..*count).map(move |keypoint| (photo, keypoint)));
+    let mut groups: Vec<Vec<(usize, usize)>> = all.map(|keypoint| vec![keypoint]).collect();
+    let mut links: Vec<(f32, [(usize, usize); 2])> = Vec::new();
+    for ([a, b], matches) in pairs {
+        links.extend(matches.iter().map(|m| (m.ratio, [(*a, m.first as usize), (*b, m.second as usize)])));
+    }
+    links.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
+    for (_, ends) in links {
+        let [a, b] = ends.map(|end| groups.iter().position(|group| group.contains(&end)).expect("a group of each"));
+        let shared = groups[a].iter().any(|(photo, _)| groups[b].iter().any(|(other, _)| other == photo));
+        if a != b && !shared {
+            let (kept, gone) = (a.min(b), a.max(b));
+            let others = groups.remove(gone);
+            groups[kept].extend(others);
+        }
+    }
+    groups.retain(|group| group.len() > 1);
+    groups.iter_mut().for_each(|group| group.sort_unstable());
+    groups.sort();
+    groups
 }

@@ -189,7 +189,8 @@ impl Fields {
                 let there = row[first..next].iter().any(|three| *three != [0; 3]);
                 if any.code(coder, contexts, there) {
                     for k in first..next {
-                        row[k] = harmonic(coder, &mut model, (k, row[k]), (&recent[k], &mut sums));
+                        row[k] =
+                            Harmonic { number: k, own: row[k], recent: &recent[k] }.code(coder, &mut model, &mut sums);
                     }
                 } else {
                     row[first..next].fill([0; 3]);
@@ -203,25 +204,33 @@ impl Fields {
     }
 }
 
-/// Codes the three coefficients of a harmonic. `sums` are the magnitudes of the harmonics before it.
-#[inline(always)]
-fn harmonic(
-    coder: &mut impl Coder,
-    model: &mut MixedModel<3>,
-    (k, own): (usize, [i32; 3]),
-    (recent, sums): (&[i32; 3], &mut [i32; 3]),
-) -> [i32; 3] {
-    let (count, lately) = (k as i32 + 1, bucket(total(&[*recent]) >> 3, 11));
-    let mut found = [0; 3];
-    for m in 0..3 {
-        let energy = bucket(2 * sums[m] / count + sums[m].min(2), 11);
-        let all = bucket(total(&[*sums]), 11);
-        let kind = 3 * k + m;
-        let contexts = [12 * kind + energy, 12 * (12 * m + all) + lately, 9 * kind + brothers(found, m)];
-        found[m] = coefficient(model.code(coder, contexts, own[m]));
-        sums[m] = (sums[m] + found[m].abs()).min(LARGEST);
+/// A harmonic beyond the first.
+struct Harmonic<'a> {
+    /// Its number among these.
+    number: usize,
+    /// Its three coefficients, where they are known.
+    own: [i32; 3],
+    /// Magnitudes of the same harmonic before.
+    recent: &'a [i32; 3],
+}
+
+impl Harmonic<'_> {
+    /// Codes the three coefficients. `sums` are those of magnitudes of the harmonics before it.
+    #[inline(always)]
+    fn code(&self, coder: &mut impl Coder, model: &mut MixedModel<3>, sums: &mut [i32; 3]) -> [i32; 3] {
+        let count = self.number as i32 + 1;
+        let lately = bucket(total(&[*self.recent]) >> 3, 11);
+        let mut found = [0; 3];
+        for m in 0..3 {
+            let energy = bucket(2 * sums[m] / count + sums[m].min(2), 11);
+            let all = bucket(total(&[*sums]), 11);
+            let kind = 3 * self.number + m;
+            let contexts = [12 * kind + energy, 12 * (12 * m + all) + lately, 9 * kind + brothers(found, m)];
+            found[m] = coefficient(model.code(coder, contexts, self.own[m]));
+            sums[m] = (sums[m] + found[m].abs()).min(LARGEST);
+        }
+        found
     }
-    found
 }
 
 #[inline(always)]

@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::{Input, gradcheck};
 use weaver_autograd::{Real, Shape, Tape, Var};
+use weaver_kernels::order::quantile;
 use weaver_losses::*;
 
 fn image(seed: u64, shape: impl Into<Shape>) -> Input {

@@ -2,6 +2,7 @@
 
 use weaver_autograd::gradcheck::Input;
 use weaver_autograd::{Pool, Tape};
+use weaver_kernels::order::quantile;
 use weaver_losses::*;
 
 const QUANTILES: [f64; 3] = [0.76, 0.96, 0.98];

@@ -3,6 +3,7 @@
 use weaver_autograd::ops::straight_through;
 use weaver_autograd::{Pool, Tape, Var};
 use weaver_fixtures::Fixture;
+use weaver_kernels::order::quantile;
 use weaver_losses::*;
 
 const TARGETS: [f64; 3] = [0.2, 0.02, 0.02];

@@ -67,14 +67,20 @@ fn transpose<const A: usize, const B: usize>(a: &[[Number; B]; A]) -> [[Number; 
     std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
 }
 
+/// A view's camera: the rows of its matrix, focal lengths and principal point, and the size of its picture.
+struct Pinhole<'a> {
+    matrix: &'a [f64],
+    k: &'a [f64],
+    width: f64,
+    height: f64,
+}
+
 /// Projects one Gaussian by the book; `None` where it is not drawn.
 fn see(
     index: usize,
     gaussian: &Gaussian<'_>,
     color: &Color<'_, f64>,
-    matrix: &[f64],
-    k: &[f64],
-    (width, height): (f64, f64),
+    &Pinhole { matrix, k, width, height }: &Pinhole<'_>,
     settings: &RasterSettings,
 ) -> Option<Seen> {
     let c = Number::constant;
@@ -201,9 +207,9 @@ pub(super) fn see_all(
 ) -> Vec<Seen> {
     let matrix = &cameras.viewmats[v * cameras.matrix_len()..];
     let k = &cameras.intrinsics[4 * v..];
-    let size = (cameras.width as f64, cameras.height as f64);
+    let pinhole = Pinhole { matrix, k, width: cameras.width as f64, height: cameras.height as f64 };
     let mut seen: Vec<Seen> = (0..gaussians.opacities.len())
-        .filter_map(|n| see(n, &Gaussian::of(gaussians, n), &gaussians.color, matrix, k, size, settings))
+        .filter_map(|n| see(n, &Gaussian::of(gaussians, n), &gaussians.color, &pinhole, settings))
         .filter(|seen| features_of(gaussians, seen).iter().all(|x| x.is_finite()))
         .collect();
     seen.sort_by(|a, b| (a.z.value as f32).total_cmp(&(b.z.value as f32)));

@@ -5,6 +5,20 @@ use super::{Blending, Tiles};
 use crate::rasterizer::Images;
 use weaver_kernels::{Real, parallel};
 
+/// Planes of all windows.
+#[derive(Clone, Copy)]
+pub(super) struct WindowPlanes<'a, T> {
+    pub planes: &'a [Plane<T>],
+    pub per_window: usize,
+}
+
+impl<'a, T> WindowPlanes<'a, T> {
+    /// The planes of a window.
+    fn of(&self, window: usize) -> &'a [Plane<T>] {
+        &self.planes[window * self.per_window..][..self.per_window]
+    }
+}
+
 impl<T: Real> Tiles<T> {
     /// Writes the images of the last [`blend`](Self::blend), which had the same `blending`, over a background color per
     /// view. Images cover the grid's region, `[V, h, w, channels]`, or `[V, K, h, w, channels]` of K groups.
@@ -15,11 +29,12 @@ impl<T: Real> Tiles<T> {
         images: Images<'_, T>,
     ) {
         let (channels, planes) = (blending.channels(), blending.planes());
-        self.assemble(images.alpha, &self.planes, (planes, 1), |_, window, block, lane, out| {
+        let windows = WindowPlanes { planes: &self.planes, per_window: planes };
+        self.assemble(images.alpha, windows, 1, |_, window, block, lane, out| {
             out.iter_mut().zip(&window[0][block].0[lane..]).for_each(|(out, &left)| *out = T::ONE - left);
         });
         if !images.image.is_empty() {
-            self.assemble(images.image, &self.planes, (planes, 3), |picture, window, block, lane, out| {
+            self.assemble(images.image, windows, 3, |picture, window, block, lane, out| {
                 let [left, red, green, blue] = [0, 1, 2, 3].map(|plane| &window[plane][block].0[lane..]);
                 let background = background(picture / self.groups);
                 for (i, pixel) in out.as_chunks_mut::<3>().0.iter_mut().enumerate() {
@@ -32,13 +47,13 @@ impl<T: Real> Tiles<T> {
             });
         }
         if let Some(depth) = images.depth {
-            self.assemble(depth, &self.planes, (planes, 1), |_, window, block, lane, out| {
+            self.assemble(depth, windows, 1, |_, window, block, lane, out| {
                 out.copy_from_slice(&window[4][block].0[lane..][..out.len()]);
             });
         }
         if let Some(features) = images.features.filter(|features| !features.is_empty()) {
             let first = planes - channels;
-            self.assemble(features, &self.planes, (planes, channels), |_, window, block, lane, out| {
+            self.assemble(features, windows, channels, |_, window, block, lane, out| {
                 for (i, pixel) in out.chunks_exact_mut(channels).enumerate() {
                     pixel.iter_mut().enumerate().for_each(|(c, x)| *x = window[first + c][block].0[lane + i]);
                 }
@@ -47,12 +62,12 @@ impl<T: Real> Tiles<T> {
     }
 
     /// Runs `body(picture, planes of the window, block, first lane, pixels)` on each row of each block, in parallel;
-    /// `out` is `[V, K, h, w, channels]`, a window has `per_window` of the `planes`.
+    /// `out` is `[V, K, h, w, channels]`.
     pub(super) fn assemble(
         &self,
         out: &mut [T],
-        planes: &[Plane<T>],
-        (per_window, channels): (usize, usize),
+        windows: WindowPlanes<'_, T>,
+        channels: usize,
         body: impl Fn(usize, &[Plane<T>], usize, usize, &mut [T]) + Sync,
     ) {
         let grid = &self.grid;
@@ -63,7 +78,7 @@ impl<T: Real> Tiles<T> {
             for (x, out) in cuts(region.x, SIDE, channels, out) {
                 let tile = picture * grid.tiles() + grid.tile((x / side) as u32, (y / side) as u32) as usize;
                 let window = tile * across * across + y % side / SIDE * across + x % side / SIDE;
-                let planes = &planes[window * per_window..][..per_window];
+                let planes = windows.of(window);
                 for (x, out) in cuts(x, BLOCK, channels, out) {
                     let block = y % SIDE / BLOCK * BLOCK + x % SIDE / BLOCK;
                     body(picture, planes, block, y % BLOCK * BLOCK + x % BLOCK, out);

@@ -146,10 +146,9 @@ impl<T: Real, P: Footprint + Response, const C: usize, const MORE: bool> LaneKer
             let d = prepare::<V>(&window, C == 4, self.background, &self.cotangents, blended, planes);
             (0..3).for_each(|c| dbackground[c] += d[c]);
             let sums = EntrySums { moments: &mut *self.sums.moments, features: &mut *self.sums.features };
-            let response = (self.primitive, self.alpha_max);
+            let Self { primitive, alpha_max, attributes, list, records, .. } = self;
             let mut visitor =
-                BlendBackward::<V, P, C, MORE>::new(response, self.attributes, planes, sums, &mut row_sums);
-            let Self { primitive, alpha_max, list, records, .. } = self;
+                BlendBackward::<V, P, C, MORE>::new(primitive, alpha_max, attributes, planes, sums, &mut row_sums);
             traverse(primitive, alpha_max, &window, list, records, &mut transmittance, &mut visitor);
         }
         dbackground

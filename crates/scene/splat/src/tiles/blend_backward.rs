@@ -161,7 +161,8 @@ impl<'a, V: Lanes, R: Response, const C: usize, const MORE: bool> BlendBackward<
     /// Adds to `sums`; `planes` come from [`prepare`], `row_sums` is room for all features.
     #[inline(always)]
     pub fn new(
-        (response, alpha_max): (&'a R, f64),
+        response: &'a R,
+        alpha_max: f64,
         attributes: Attributes<'a, V::Scalar>,
         planes: &'a mut [Plane<V::Scalar>],
         sums: EntrySums<'a, V::Scalar>,

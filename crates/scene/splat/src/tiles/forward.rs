@@ -2,6 +2,7 @@
 
 use super::blend::{Blend, planes};
 use super::coverage::{CHUNK, Chunk, Coverage};
+use super::lists::Picture;
 use super::primitive::{Footprint, Projection, Response};
 use super::sort::{sort, split};
 use super::traverse::{Work, traverse};
@@ -59,7 +60,8 @@ impl<T: Real> Tiles<T> {
     pub fn project<P: Projection<T>, F: Footprint>(
         &mut self,
         grid: Grid,
-        (views, per_view): (usize, usize),
+        views: usize,
+        per_view: usize,
         projection: &P,
         footprint: &F,
     ) -> Result<TileStats, RasterError> {
@@ -120,8 +122,8 @@ impl<T: Real> Tiles<T> {
                 start = part.end;
                 let (keys, sorted) = (&mut keys[part.clone()], &mut sorted[part]);
                 let seen = sort(keys, sorted, &mut self.counts);
-                let picture = (v * self.groups + group, v * per_view);
-                self.lists.bin(picture, self.grid.tiles(), &sorted[..seen], chunks);
+                let picture = Picture { number: v * self.groups + group, first: v * per_view, chunks };
+                self.lists.bin(picture, self.grid.tiles(), &sorted[..seen]);
             }
         }
     }

@@ -12,6 +12,7 @@ use crate::memory::grown;
 use std::sync::atomic::AtomicU32;
 use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
 use weaver_kernels::{Real, parallel};
+use weaver_scene::Features;
 
 impl<T: Real> Tiles<T> {
     /// The sums over all pixels of w times `values` `[V, h, w, channels]`, w = alpha T, for each primitive, `[N,
@@ -26,7 +27,7 @@ impl<T: Real> Tiles<T> {
         &mut self,
         primitive: &P,
         alpha_max: f64,
-        values: (&[T], usize),
+        values: Features<'_, T>,
         sums: Target<'_, T>,
     ) {
         self.gather::<P, false>(primitive, alpha_max, values, sums);
@@ -45,7 +46,7 @@ impl<T: Real> Tiles<T> {
         &mut self,
         primitive: &P,
         alpha_max: f64,
-        values: (&[T], usize),
+        values: Features<'_, T>,
         sums: Target<'_, T>,
     ) {
         self.gather::<P, true>(primitive, alpha_max, values, sums);
@@ -55,7 +56,7 @@ impl<T: Real> Tiles<T> {
         &mut self,
         primitive: &P,
         alpha_max: f64,
-        (values, channels): (&[T], usize),
+        Features { values, channels }: Features<'_, T>,
         sums: Target<'_, T>,
     ) {
         let tiles = self.tiles();

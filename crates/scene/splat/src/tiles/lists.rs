@@ -39,6 +39,14 @@ fn for_each_places(sorted: &[AtomicU64], chunks: &[Chunk], mut body: impl FnMut(
     }
 }
 
+/// A picture whose primitives are put into lists.
+pub(super) struct Picture<'a> {
+    pub number: usize,
+    /// The first primitive of its view, and the tiles of all of these.
+    pub first: usize,
+    pub chunks: &'a [Chunk],
+}
+
 impl Lists {
     /// Makes room for `entries` entries in `tiles` tiles, over all pictures.
     pub fn prepare(&mut self, tiles: usize, entries: usize) {
@@ -48,10 +56,10 @@ impl Lists {
         self.len = entries;
     }
 
-    /// Bins the primitives of a picture, after the earlier pictures' primitives; `sorted` are their keys by depth,
-    /// `chunks` the tiles of all primitives of its view, which begin with primitive `first`. A picture has `tiles`
-    /// tiles.
-    pub fn bin(&mut self, (picture, first): (usize, usize), tiles: usize, sorted: &[AtomicU64], chunks: &[Chunk]) {
+    /// Bins the primitives of a picture, after those of the pictures before; `sorted` are their keys by depth. A
+    /// picture has `tiles` tiles.
+    pub fn bin(&mut self, picture: Picture<'_>, tiles: usize, sorted: &[AtomicU64]) {
+        let Picture { number, first, chunks } = picture;
         // Enough parts for many threads, few enough for the cursors to stay in the cache. The result does not depend
         // on them.
         let parts = (sorted.len() / 4096).clamp(1, 32);
@@ -67,7 +75,7 @@ impl Lists {
                 places.iter().for_each(|tile| counts[tile.load(Relaxed) as usize] += 1);
             });
         });
-        let starts = &mut self.starts[picture * tiles..];
+        let starts = &mut self.starts[number * tiles..];
         let mut next = starts[0];
         for tile in 0..tiles {
             starts[tile] = next;

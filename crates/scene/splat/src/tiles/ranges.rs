@@ -1,5 +1,6 @@
 //! Depths of primitives along the rays of pixels, beyond their blended sum: median and distortion.
 
+use super::assemble::WindowPlanes;
 use super::primitive::{Footprint, Response};
 use super::record;
 use super::traverse::{Hit, Visitor, traverse};
@@ -40,8 +41,9 @@ impl<T: Real> Tiles<T> {
             let list = lists.of_tile(tile);
             lanes::run(RangesOfTile { primitive, alpha_max, grid, tile, list, records, planes });
         });
+        let windows = WindowPlanes { planes: &self.range_planes, per_window: PLANES };
         for (plane, out) in [median, distortion].into_iter().enumerate() {
-            self.assemble(out, &self.range_planes, (PLANES, 1), |_, window, block, lane, out| {
+            self.assemble(out, windows, 1, |_, window, block, lane, out| {
                 out.copy_from_slice(&window[plane][block].0[lane..][..out.len()]);
             });
         }

@@ -1,12 +1,12 @@
 //! Gaussians of a built-in scene, and the thing that each belongs to.
 
 use weaver_command::Failure;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Scene, View};
 use weaver_fit::{Fit, FitSettings, Photo, init};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_inference::{Density, Predictor, predict_group};
 use weaver_kernels::random::Stream;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_router::AllocationKind;
 use weaver_scene::{ActivatedGaussians, Gaussians, PointCloud};
 

@@ -3,10 +3,10 @@
 use super::gaussians::{Labeled, fitted, id, predicted, surface};
 use weaver_command::Failure;
 use weaver_data::Scene;
-use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::Camera;
 use weaver_inference::Predictor;
 use weaver_lift::Maps;
+use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::ActivatedGaussians;
 use weaver_splat::RasterSettings;
 

@@ -84,7 +84,8 @@ fn apart(found: &Grown, truth: &[Pose]) -> [f64; 2] {
 
 #[test]
 fn many_photos_have_the_cameras_that_they_have_as_few() {
-    let (features, truth) = (features(), truth());
+    let features = features();
+    let truth = truth();
     let few = found(&features, |search| search.run());
     let many = found(&features, |search| search.run_many());
     for grown in [&few, &many] {
@@ -115,7 +116,8 @@ fn the_same_bits_at_any_number_of_threads() {
 fn pairs_with_little_in_common_come_later() {
     let pair = |photos, count: usize, share| {
         let matches = vec![Match { first: 0, second: 0, ratio: 0.5 }; count];
-        let (pose, inverse_depths) = (Pose::IDENTITY, vec![1.0; count]);
+        let pose = Pose::IDENTITY;
+        let inverse_depths = vec![1.0; count];
         Pair { photos, matches, pose, rival: None, inverse_depths, parallax: 0.1, score: 1.0, turned: 0.0, share }
     };
     // The last photo has no better pair than the one with the first.
