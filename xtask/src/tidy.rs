@@ -6,6 +6,7 @@ mod dependencies;
 mod documents;
 mod floors;
 mod packages;
+mod promises;
 mod sources;
 mod spelling;
 
@@ -73,6 +74,7 @@ pub fn run() -> Result<(), String> {
         }
     }
     circles::check(&workspace, &mut faults);
+    promises::check(&workspace, &mut faults);
     documents::check(&workspace, &mut faults);
     let inside = workspace.packages.iter().flat_map(|package| package.sources.iter().chain(&package.tests));
     for source in inside.chain(&workspace.others) {

@@ -92,6 +92,9 @@ mod tests {
     }
 
     /// Photos that only chance ties to the others are told.
+    ///
+    /// Promise (figures): photos that nothing ties to the others are named, and a part of a scene whose place matches
+    /// contradict.
     #[test]
     fn photos_tied_by_chance_are_named() {
         let pairs = [
@@ -112,6 +115,8 @@ mod tests {
     }
 
     /// Photos are told of which more than half as many matches contradict their place as hold it.
+    ///
+    /// Promise of `photos_tied_by_chance_are_named`.
     #[test]
     fn photos_whose_place_is_contradicted_are_named() {
         let pairs = [

@@ -239,6 +239,8 @@ proptest! {
 }
 
 /// An empty file and a text that are called .ply are told from a damaged PLY.
+///
+/// Promise (files): an empty file or text with the name of a PLY is called so.
 #[test]
 fn a_file_that_is_no_ply_is_called_so() {
     let folder = tempfile::tempdir().unwrap();
