@@ -133,6 +133,7 @@ fn read() -> Result<Workspace, String> {
         workspace.others.extend(sources::directly_in(&root, folder)?);
     }
     workspace.others.extend(sources::directly_in(&root, &root)?);
+    workspace.others.extend(sources::directly_in(&root, &root.join("methods"))?);
     for folder in ["docs", "shaders", "tests/fixtures", "tests/embedding"] {
         workspace.others.extend(sources::below(&root, &root.join(folder))?);
     }

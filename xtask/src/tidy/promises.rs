@@ -7,7 +7,7 @@ use super::sources::Source;
 use super::{Workspace, required};
 use std::collections::BTreeMap;
 
-const PAGE: &str = "docs/tests.md";
+const PAGE: &str = "docs/contribute/tests.md";
 
 /// Sections of the page in their order: the word in the comments of tests, and the heading.
 const SECTIONS: &[(&str, &str)] = &[
@@ -27,7 +27,7 @@ const HEAD: &str = "# Promises and their tests
 Promises to users, each with the tests that fail where it does not hold. The page is made from the lines
 `/// Promise (section): ...` in the comments of tests: `UPDATE_PAGES=1 cargo xtask tidy` writes it, and
 `cargo xtask tidy` checks it. Sweeps of many minutes run under `cargo xtask stress`
-([contributing.md](contributing.md)); tries by hand on every command are in [hostile use](results/hostile-use.md).
+([contributing.md](contributing.md)); tries by hand on every command are in [hostile use](../results/hostile-use.md).
 ";
 
 /// Checks the page, or writes it if the environment has `UPDATE_PAGES`.
