@@ -1,9 +1,9 @@
-//! Every flag has one meaning: docs/reference/conventions.md lists those that several commands have, with what their values are.
+//! Every flag has one meaning: docs/reference/conventions.md lists flags of several commands with their values.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// The rows of the table of flags: the alternatives of a flag's value, none for a switch, and an empty one where it is a switch as well.
+/// The rows of the table of flags: the alternatives of a value, none for a switch, an empty one for an optional value.
 fn table() -> BTreeMap<String, BTreeSet<String>> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("docs/reference/conventions.md");
     let page = std::fs::read_to_string(page).unwrap();

@@ -1,4 +1,4 @@
-//! docs/contribute/add-an-op.md is compiled and run as a doctest of this package; here, that it keeps its title's promise.
+//! The walk-through docs/contribute/add-an-op.md is a doctest of this package; here, that it keeps its promise.
 
 #[test]
 fn an_op_takes_30_lines() {
