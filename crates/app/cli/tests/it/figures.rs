@@ -33,7 +33,7 @@ fn masked(folder: &Path) {
     }
 }
 
-/// Promise (figures): figures of a fit equal the figures of `eval --scene`, with and without masks, exposure, refined
+/// Promise (figures): figures of a fit equal the figures of `compare`, with and without masks, exposure, refined
 /// cameras.
 #[test]
 fn a_fit_says_of_held_out_photos_what_eval_says() {
