@@ -1,9 +1,10 @@
-//! The invariants that no compiler checks: which crate may use which, who may open files or print, where `unsafe` may stand, how
-//! words are spelled, and that the documents say what is so.
+//! The invariants that no compiler checks: which crate may use which, who may open files or print, where `unsafe` may
+//! stand, how words are spelled and sentences built, and that the documents say what is so.
 
 mod circles;
 mod dependencies;
 mod documents;
+mod english;
 mod floors;
 mod packages;
 mod promises;
@@ -77,9 +78,11 @@ pub fn run() -> Result<(), String> {
     promises::check(&workspace, &mut faults);
     documents::check(&workspace, &mut faults);
     let inside = workspace.packages.iter().flat_map(|package| package.sources.iter().chain(&package.tests));
-    for source in inside.chain(&workspace.others) {
+    let all = inside.chain(&workspace.others);
+    for source in all.clone() {
         spelling::check(source, &mut faults);
     }
+    english::check(all, &mut faults);
     if faults.is_empty() { Ok(()) } else { Err(format!("tidy:\n  {}", faults.join("\n  "))) }
 }
 

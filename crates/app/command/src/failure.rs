@@ -50,7 +50,7 @@ impl Failure {
         if error.kind() == io::ErrorKind::BrokenPipe {
             return Self::OutputClosed;
         }
-        Self::Error(format!("standard output: {error}").into())
+        io::Error::new(error.kind(), format!("standard output: {error}")).into()
     }
 
     /// A failure with this message and exit code 1.
@@ -63,7 +63,7 @@ impl Failure {
         match self {
             Self::OutputClosed => 0,
             Self::Error(error) => match Advice::of(error.as_ref()) {
-                Some(Advice::LessMemory { .. }) => MACHINE,
+                Some(Advice::LessMemory { .. } | Advice::SmallerNetwork) => MACHINE,
                 Some(_) => 2,
                 None if is_of_machine(error.as_ref()) => MACHINE,
                 None => 1,
@@ -100,6 +100,7 @@ fn advised(message: &str, advice: Advice) -> String {
                 if gaussians { "--geometry (cameras, depth and points only)" } else { "closing other programs" };
             format!("{message}; fewer photos, a smaller --size or {third} reduces it")
         }
+        Advice::SmallerNetwork => format!("{message}; smaller sizes in the section `model` reduce it"),
         _ => message.into(),
     }
 }
@@ -207,7 +208,7 @@ mod tests {
     fn a_closed_pipe_is_no_error() {
         let failure = Failure::output(io::ErrorKind::BrokenPipe.into());
         assert_eq!((failure.exit_code(), failure.line()), (0, None));
-        let failure = Failure::output(io::ErrorKind::StorageFull.into());
-        assert_eq!(failure.exit_code(), 1);
+        let code = |kind: io::ErrorKind| Failure::output(kind.into()).exit_code();
+        assert_eq!([io::ErrorKind::StorageFull, io::ErrorKind::PermissionDenied].map(code), [75, 1]);
     }
 }

@@ -21,15 +21,19 @@ pub(crate) struct Start {
     pub coverage: Coverage,
 }
 
-/// Photos whose depth is found, at most.
+/// Photos whose depth is found, at most: each takes about half a second of a core, and evenly spread ones show the
+/// surfaces of many.
 pub(crate) const PHOTOS: usize = 60;
 /// Part of the time of a run that finding depth may take.
 const SHARE: f64 = 0.15;
-/// Longest side of photos in the rehearsal that is timed, pixels.
+/// Longest side of photos in the timed rehearsal, pixels. Time grows with the number of pixels, so that a small
+/// rehearsal predicts it.
 const REHEARSAL: usize = 50;
-/// Photos from which Gaussians begin on what photos agree about: of fewer, that is too little of the scene.
+/// Photos from which Gaussians begin on surfaces that photos agree about. Nine photos began 0.8 dB better on points in
+/// the mean, even at a high coverage; from 12 to 20 on it makes little difference.
 pub(crate) const FEWEST: usize = 13;
-/// Mean coverage from which Gaussians begin on what photos agree about.
+/// Mean coverage from which Gaussians begin on surfaces: the captures on which this was measured to pay have 0.49 and
+/// more.
 const COVERAGE: f64 = 0.4;
 
 impl Start {

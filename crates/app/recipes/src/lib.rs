@@ -12,7 +12,7 @@ pub use wild::{WildEvaluation, WildLosses, WildRecipe, WildStage};
 
 use std::path::Path;
 use weaver_inference::{Checkpoint, Network, Predictor, SplatWeaverPredictor};
-use weaver_trainer::{CameraMode, DataConfig, Error, OpenRun, Registry};
+use weaver_trainer::{CameraMode, DataConfig, Error, OpenRun, Registry, Sources};
 use weaver_two_experts::{TwoExperts, TwoExpertsPredictor};
 use weaver_wild::{Wild, WildPredictor};
 
@@ -40,6 +40,7 @@ pub fn built_in() -> Result<OpenRun, Error> {
         seed: checkpoint.defaults().seed,
         data: DataConfig::default(),
         cameras: CameraMode::Given,
+        sources: Sources::default(),
     })
 }
 
@@ -57,6 +58,7 @@ pub fn open_weights(path: &Path) -> Result<OpenRun, Error> {
             seed: 0,
             data: DataConfig::default(),
             cameras: CameraMode::Predicted,
+            sources: Sources::default(),
         });
     }
     let checkpoint = Checkpoint::read(path)?;
@@ -73,6 +75,7 @@ pub fn open_weights(path: &Path) -> Result<OpenRun, Error> {
         seed: checkpoint.defaults().seed,
         data: DataConfig::default(),
         cameras: CameraMode::Predicted,
+        sources: Sources::default(),
     })
 }
 

@@ -72,6 +72,10 @@ impl Recipe for SplatWeaverRecipe {
         SplatWeaver::new(model.clone(), params, seed)
     }
 
+    fn declare(model: &ModelConfig, params: &mut Params<f32>) {
+        SplatWeaver::declare(model.clone(), params);
+    }
+
     fn groups(params: &Params<f32>) -> Vec<Vec<ParamId>> {
         let is_dense = |name: &str| DENSE.iter().any(|module| name.starts_with(module));
         let group =

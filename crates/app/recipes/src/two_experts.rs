@@ -65,6 +65,10 @@ impl Recipe for TwoExpertsRecipe {
         TwoExperts::new(model.clone(), params, seed)
     }
 
+    fn declare(model: &TwoExpertsConfig, params: &mut Params<f32>) {
+        TwoExperts::declare(model.clone(), params);
+    }
+
     fn groups(params: &Params<f32>) -> Vec<Vec<ParamId>> {
         let group = |appearance: bool| {
             params.iter().filter(|(_, p)| p.name().starts_with(APPEARANCE) == appearance).map(|(id, _)| id).collect()

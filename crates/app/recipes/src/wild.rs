@@ -52,6 +52,10 @@ impl Recipe for WildRecipe {
         Wild::new(model.clone(), params, seed)
     }
 
+    fn declare(model: &WildConfig, params: &mut Params<f32>) {
+        Wild::declare(model.clone(), params);
+    }
+
     fn untrained(stage: &StageConfig<Self>) -> Vec<&'static str> {
         let mut untrained = Vec::new();
         let pose = &stage.losses.pose;

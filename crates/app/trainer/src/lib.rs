@@ -43,6 +43,7 @@ pub use registry::{
 };
 pub use rows::TrainedRows;
 pub use session::{PendingStep, Session};
+pub use sources::Sources;
 pub use weaver_kernels::ranks::{Alone, Ranks};
 pub use weaver_run::{Folder, StepReport};
 

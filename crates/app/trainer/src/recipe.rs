@@ -89,6 +89,10 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Adds the parameters of a new network, drawn from `seed`.
     fn build(model: &Self::Model, params: &mut Params<f32>, seed: u64) -> Self::Network;
 
+    /// Declares the same parameters without values, so that their memory is known before it is taken. A model that
+    /// declares none is built unchecked.
+    fn declare(_model: &Self::Model, _params: &mut Params<f32>) {}
+
     /// Parameters that share a learning rate; all of them, unless a model says otherwise. Every trained parameter is in
     /// exactly one group.
     fn groups(params: &Params<f32>) -> Vec<Vec<ParamId>> {

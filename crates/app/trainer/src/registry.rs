@@ -3,8 +3,8 @@
 use crate::evaluate::{Matching, Options};
 use crate::session::SAMPLES;
 use crate::{
-    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, LookOf, Observer, Ranks, Recipe, Session, Summary,
-    Targets, TrainingState, evaluate, initial, scenes,
+    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, LookOf, Observer, Ranks, Recipe, Session, Sources,
+    Summary, Targets, TrainingState, evaluate, initial, scenes,
 };
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -198,6 +198,8 @@ pub struct OpenRun {
     pub data: DataConfig,
     /// Source of the cameras, unless a call says otherwise.
     pub cameras: CameraMode,
+    /// The captures that the run has learned from, if its checkpoint tells.
+    pub sources: Sources,
 }
 
 /// Which scenes to evaluate on.
@@ -294,7 +296,15 @@ impl OpenRun {
             seed: self.seed,
             step: self.step,
         };
-        evaluate::evaluate(&mut *self.predictor, &scenes, &options, lpips.as_ref(), progress)
+        let mut evaluation = evaluate::evaluate(&mut *self.predictor, &scenes, &options, lpips.as_ref(), progress)?;
+        if *source == Source::Run && data.masks == self.data.masks {
+            let changed = self.sources.changed(&scenes).filter_map(|i| data.folders.get(i));
+            let remark = |folder: &PathBuf| {
+                format!("{}: other photos, cameras or points than the run began with", folder.display())
+            };
+            evaluation.remarks.extend(changed.map(remark));
+        }
+        Ok(evaluation)
     }
 }
 
@@ -391,6 +401,7 @@ impl<R: Recipe> ModelEntry for Named<R> {
             seed: config.seed,
             data: config.data,
             cameras: R::cameras(&config.evaluation),
+            sources: Sources::of_checkpoint(&checkpoint)?.unwrap_or_default(),
         })
     }
 }

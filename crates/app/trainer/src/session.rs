@@ -19,6 +19,7 @@ use std::sync::Arc;
 use weaver_autograd::{OpTime, Params, Tape};
 use weaver_data::{Layout, Scene};
 use weaver_inference::{Checkpoint, Predictor};
+use weaver_io::Advice;
 use weaver_kernels::random::{Stream, fnv1a};
 use weaver_nn::{AdamW, Context, Ema, Group, WarmupCosine, clip_factor, global_norm, missing_gradients};
 use weaver_run::{Folder, Scalar, StepReport};
@@ -86,6 +87,7 @@ impl<R: Recipe> Session<R> {
     fn prepare(config: Config<R>) -> Result<Self, Error> {
         config.check()?;
         let size = R::image_size(&config.model);
+        check_memory::<R>(&config.model)?;
         let networks = evaluate::image_networks(config.network_files().map_err(Error::Input)?, size)?;
         let mut params = Params::new();
         let network = Arc::new(R::build(&config.model, &mut params, config.seed));
@@ -417,6 +419,23 @@ impl<R: Recipe> Session<R> {
 
 /// Steps of each stage in a dry run: the first ones allocate and are slower, the last one is as large as steps get.
 const DRY_RUN_STEPS: usize = 8;
+
+/// Bytes of a parameter in training: its value, its gradient, two moments and its average.
+const PARAMETER_BYTES: u64 = 5 * size_of::<f32>() as u64;
+
+/// Refuses a network whose parameters do not fit into memory: an allocation that fails would end the process.
+fn check_memory<R: Recipe>(model: &R::Model) -> Result<(), Error> {
+    let mut declared = Params::new();
+    R::declare(model, &mut declared);
+    let numbers = declared.iter().map(|(_, param)| param.shape().len() as u64).fold(0, u64::saturating_add);
+    let needed = numbers.saturating_mul(PARAMETER_BYTES);
+    match weaver_io::available_memory() {
+        Some(available) if available < needed => {
+            Err(weaver_inference::Error::Memory { needed, available, source: Advice::SmallerNetwork }.into())
+        }
+        _ => Ok(()),
+    }
+}
 
 fn new_optimizer<R: Recipe>(config: &Config<R>, params: &Params<f32>) -> AdamW<f32> {
     let o = &config.optimizer;

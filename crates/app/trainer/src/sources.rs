@@ -15,10 +15,11 @@ pub(crate) const ENTRY: &str = "sources";
 /// The inputs' content decides the bits, and not where it lay: captures as they were loaded (photos at the network's size, cameras, depth,
 /// points), and the tensors of networks that images are compared by. Folders may have been moved and renamed; their content may not have changed.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Sources(BTreeMap<String, String>);
+pub struct Sources(BTreeMap<String, String>);
 
 impl Sources {
-    pub fn of<R: Recipe>(config: &Config<R>, scenes: &[Scene]) -> Result<Self, Error> {
+    /// Of what a configuration names, with the scenes as they were loaded.
+    pub(crate) fn of<R: Recipe>(config: &Config<R>, scenes: &[Scene]) -> Result<Self, Error> {
         let mut all = BTreeMap::new();
         if !config.data.folders.is_empty() {
             let sums = scenes.iter().enumerate().map(|(i, scene)| (format!("data.folders.{i}"), of_scene(scene)));
@@ -36,13 +37,30 @@ impl Sources {
         Ok(Self(all))
     }
 
+    /// As a checkpoint has them, if it does.
+    pub(crate) fn of_checkpoint(checkpoint: &Checkpoint) -> Result<Option<Self>, Error> {
+        let Some(text) = checkpoint.tensors().metadata.get(ENTRY) else { return Ok(None) };
+        let all = serde_json::from_str(text).map_err(|e| checkpoint.wrong(format!("metadata {ENTRY}: {e}")))?;
+        Ok(Some(Self(all)))
+    }
+
+    /// The indices of those scenes, loaded from the same folders, whose content is no longer the same.
+    pub(crate) fn changed(&self, scenes: &[Scene]) -> impl Iterator<Item = usize> {
+        let began = move |i: usize| self.0.get(&format!("data.folders.{i}"));
+        scenes
+            .iter()
+            .enumerate()
+            .filter(move |(i, scene)| began(*i).is_some_and(|sum| *sum != of_scene(scene)))
+            .map(|(i, _)| i)
+    }
+
     /// The checksums by key.
-    pub fn entries(&self) -> impl Iterator<Item = (&str, &str)> {
+    pub(crate) fn entries(&self) -> impl Iterator<Item = (&str, &str)> {
         self.0.iter().map(|(key, sum)| (key.as_str(), sum.as_str()))
     }
 
     /// As a checkpoint has them.
-    pub fn to_json(&self) -> String {
+    pub(crate) fn to_json(&self) -> String {
         serde_json::to_string(&self.0).expect("text by text is plain data")
     }
 
@@ -50,10 +68,8 @@ impl Sources {
     ///
     /// # Errors
     /// Names the first key that has other content.
-    pub fn check<R: Recipe>(&self, checkpoint: &Checkpoint, config: &Config<R>) -> Result<(), Error> {
-        let Some(text) = checkpoint.tensors().metadata.get(ENTRY) else { return Ok(()) };
-        let began: BTreeMap<String, String> =
-            serde_json::from_str(text).map_err(|e| checkpoint.wrong(format!("metadata {ENTRY}: {e}")))?;
+    pub(crate) fn check<R: Recipe>(&self, checkpoint: &Checkpoint, config: &Config<R>) -> Result<(), Error> {
+        let Some(Self(began)) = Self::of_checkpoint(checkpoint)? else { return Ok(()) };
         let Some(key) = began.keys().chain(self.0.keys()).find(|key| began.get(*key) != self.0.get(*key)) else {
             return Ok(());
         };

@@ -1,6 +1,7 @@
 //! Fits a logistic curve to noisy points: `cargo run --release -p weaver-autograd --example fit_curve`.
 //!
-//! One `pointwise!` line is the model, and the tape differentiates it in all three parameters. Prints what was found beside the truth.
+//! One `pointwise!` line is the model, and the tape differentiates it in all three parameters. Prints the fitted
+//! parameters beside the true ones.
 
 use weaver_autograd::{Tape, apply_pointwise, pointwise};
 use weaver_kernels::random::Stream;

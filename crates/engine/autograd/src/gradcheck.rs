@@ -1,7 +1,7 @@
 //! Gradient checks: compares the gradients of a function on a tape with central differences in `f64`.
 //!
-//! One call tests what goes wrong in practice: single coordinates and random directions under random cotangents,
-//! gradients that are added to an existing sum, one tensor used as several inputs, and inputs that need no gradient.
+//! One call tests the usual mistakes: single coordinates and random directions under random cotangents, gradients that
+//! are added to an existing sum, one tensor used as several inputs, and inputs that need no gradient.
 //!
 //! ```
 //! use weaver_autograd::gradcheck::{Input, gradcheck};
@@ -11,7 +11,8 @@
 use crate::{Shape, Tape, Var};
 use weaver_kernels::random::Stream;
 
-/// Largest error of the sums of a loss and of a gradient, in units of the precision of `f64` and relative to their terms' magnitudes.
+/// Largest error of the sums of a loss and of a gradient, in units of the precision of `f64` and relative to their
+/// terms' magnitudes.
 const ROUNDING: f64 = 4.0;
 
 /// An input of the function under test.
@@ -57,8 +58,9 @@ impl Input {
 pub struct Options {
     /// Step size of the central differences.
     pub step: f64,
-    /// Largest allowed error of a derivative, relative to the larger of it and the root mean square of the gradient that it
-    /// is part of. Beyond that only rounding is allowed: of the outputs, over `step`, and of sums over cotangents.
+    /// Largest allowed error of a derivative, relative to the larger of it and the root mean square of the gradient
+    /// that it is part of. Beyond that only rounding is allowed: of the outputs, over `step`, and of sums over
+    /// cotangents.
     pub tolerance: f64,
     /// Number of coordinates checked per input.
     pub coordinates: usize,
@@ -114,7 +116,8 @@ fn check(check: &Check<'_>, inputs: &[Input]) {
     }
 }
 
-/// Checks that `forward` is a linear map and its gradient the adjoint A': <A x, y> = <x, A' y> for random vectors x and y.
+/// Checks that `forward` is a linear map and its gradient the adjoint A': <A x, y> = <x, A' y> for random vectors x and
+/// y.
 ///
 /// # Panics
 ///
@@ -158,7 +161,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// Computation of the gradient: plain, or with a complication that must not change it.
 #[derive(Default)]
 struct Mode {
-    /// Also add <seed, x_i> to the loss, recorded after `f`, so that the backward pass of `f` finds an existing gradient.
+    /// Also add <seed, x_i> to the loss, recorded after `f`, so that the backward pass of `f` finds an existing
+    /// gradient.
     seeds: Option<Vec<Vec<f64>>>,
     /// Inputs to pass as constants.
     absent: Vec<usize>,
@@ -180,8 +184,8 @@ impl Check<'_> {
         (0..shape.len() as u64).map(|i| stream.normal(i)).collect()
     }
 
-    /// The loss, which is the sum of cotangent * output, and what rounding may make of a central difference of it and of its
-    /// gradient.
+    /// The loss, which is the sum of cotangent * output, and a bound on the rounding error of its central difference
+    /// and gradient.
     fn loss(&self, inputs: &[Input]) -> (f64, f64) {
         let tape = Tape::<f64>::new();
         let vars: Vec<_> = inputs.iter().map(|x| tape.constant(&x.data, x.shape)).collect();

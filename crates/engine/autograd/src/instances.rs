@@ -1,10 +1,10 @@
 //! The engine for `f32` and `f64`, compiled here once.
 //!
 //! All of it is generic, so that every crate, test and example above would compile the ops it uses once more. Naming an
-//! instance has it compiled here. The dev profile, where crates are optimized one by one, links all of them. Release builds
-//! specialize each use, except of functions that are `#[inline(never)]`: those are linked, too. They are the ones that
-//! have much code below them, as kernels and [`Tape::try_apply`], which knows an op by its type. Nobody trains in `f64`,
-//! so that release builds have no use for its instances.
+//! instance has it compiled here. The dev profile, where crates are optimized one by one, links all of them. Release
+//! builds specialize each use, except of functions that are `#[inline(never)]`: those are linked, too. They are the
+//! ones that have much code below them, as kernels and [`Tape::try_apply`], which is compiled for each type of op.
+//! Nobody trains in `f64`, so that release builds have no use for its instances.
 
 use crate::{Params, Tape, Var, ops};
 use std::hint::black_box;

@@ -16,7 +16,8 @@ pub trait Op<T: Real>: Debug + Send + 'static {
     /// The name of the op in messages and profiles.
     fn name(&self) -> &'static str;
 
-    /// Checks the shapes of the inputs and returns those of the outputs. This is the only place where shapes are checked.
+    /// Checks the shapes of the inputs and returns the outputs' shapes. This is the only place where shapes are
+    /// checked.
     fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError>;
 
     /// Computes every output in full. On entry, the outputs hold unspecified numbers.
@@ -74,7 +75,7 @@ impl<'a, T> View<'a, T> {
     ///
     /// # Panics
     ///
-    /// If the length is not that of the shape.
+    /// If the length does not fit the shape.
     pub fn new(data: &'a [T], shape: impl Into<Shape>) -> Self {
         let shape = shape.into();
         assert_eq!(data.len(), shape.len(), "a view of shape {shape} needs as many elements");
@@ -128,7 +129,7 @@ impl<'a, T> ViewMut<'a, T> {
     ///
     /// # Panics
     ///
-    /// If the length is not that of the shape.
+    /// If the length does not fit the shape.
     pub fn new(data: &'a mut [T], shape: impl Into<Shape>) -> Self {
         let shape = shape.into();
         assert_eq!(data.len(), shape.len(), "a view of shape {shape} needs as many elements");
@@ -156,8 +157,8 @@ impl<T> DerefMut for ViewMut<'_, T> {
 
 /// A gradient that an op adds to.
 ///
-/// The first write overwrites the memory, which then needs no clearing; later ones add. The tape checks that every gradient
-/// that is needed was written.
+/// The first write overwrites the memory, which then needs no clearing; later ones add. The tape checks that every
+/// gradient that is needed was written.
 #[derive(Debug)]
 pub struct Grad<'a, T> {
     data: &'a mut [T],
@@ -194,7 +195,7 @@ impl<'a, T: Real> Grad<'a, T> {
         (!self.first).then_some(&*self.data)
     }
 
-    /// The memory and the factor of what it holds, 0 at the first write and 1 later, as kernels take them
+    /// The memory and the factor of its present contents, 0 at the first write and 1 later, as kernels take them
     /// ([`weaver_kernels::Target`]). With a factor of 0 the memory must not be read.
     pub fn target(&mut self) -> (&mut [T], T) {
         let beta = if self.first { T::ZERO } else { T::ONE };

@@ -194,8 +194,8 @@ impl<T: Real> Params<T> {
     /// same. State of the same shape, such as the moments of an optimizer or averages, must be changed as well. Reset
     /// the tape first.
     ///
-    /// Panics unless the rows of the parameter [vary](Params::set_rows_vary): a checkpoint that was written after it grew
-    /// could not be read into a new model otherwise.
+    /// Panics unless the rows of the parameter [vary](Params::set_rows_vary): a checkpoint that was written after it
+    /// grew could not be read into a new model otherwise.
     ///
     /// ```
     /// use weaver_autograd::Params;
@@ -210,7 +210,7 @@ impl<T: Real> Params<T> {
     /// ```
     ///
     /// # Errors
-    /// If the number of values is not that of the rows; the parameter is then unchanged.
+    /// If the number of values does not fit the rows; the parameter is then unchanged.
     pub fn replace(&mut self, id: ParamId, rows: usize, values: Vec<T>) -> Result<(), ReplaceError> {
         let param = &mut Arc::make_mut(&mut self.list)[id.index()];
         assert!(param.rows_vary, "the rows of parameter {} were not said to vary", param.name);
@@ -275,7 +275,8 @@ impl<T: Real> Params<T> {
         self.list.iter().enumerate().map(|(i, p)| (ParamId(i as u32), p))
     }
 
-    /// The ids of all parameters in order. The iterator does not borrow the list, so values can be changed while it runs.
+    /// The ids of all parameters in order. The iterator does not borrow the list, so values can be changed while it
+    /// runs.
     pub fn ids(&self) -> impl ExactSizeIterator<Item = ParamId> + use<T> {
         (0..self.list.len()).map(|i| ParamId(i as u32))
     }

@@ -129,9 +129,9 @@ impl<T: Real, F: Pointwise<N>, const N: usize> Op<T> for PointwiseOp<F, N> {
 /// Defines a differentiable elementwise function from one expression.
 ///
 /// `pointwise!(Silu, 1, |x| x / (1 + (-x).exp()))` defines a type `Silu` for a function of one input, and
-/// `pointwise!(Affine { a: f64, b: f64 }, 1, |x| x * a + b)` one with constants as fields. The expression is evaluated on
-/// [`Dual`] numbers, so that value and derivative always agree. Apply it with [`Var::map`](crate::Var::map) (one input) or
-/// [`apply_pointwise`](crate::apply_pointwise) (any number).
+/// `pointwise!(Affine { a: f64, b: f64 }, 1, |x| x * a + b)` one with constants as fields. The expression is evaluated
+/// on [`Dual`] numbers, so that value and derivative always agree. Apply it with [`Var::map`](crate::Var::map) (one
+/// input) or [`apply_pointwise`](crate::apply_pointwise) (any number).
 ///
 /// ```
 /// use weaver_autograd::{Tape, pointwise};

@@ -1,5 +1,5 @@
-//! A memory pool: dropped buffers return to it and serve later requests of the same size class, so that a repeated training
-//! step allocates nothing.
+//! A memory pool: dropped buffers return to it and serve later requests of the same size class, so that a repeated
+//! training step allocates nothing.
 
 mod trim;
 
@@ -12,8 +12,9 @@ use weaver_kernels::{pages, parallel};
 /// Bytes of a cache line. Every buffer begins at one, so that no aligned vector straddles two.
 const LINE: usize = 64;
 
-/// Classes above its own that a request may be served from: buffers up to twice as large. Lengths that vary a lot from step to
-/// step, such as the number of Gaussians of a drawn budget, would else leave buffers of every size that they ever had.
+/// Classes above its own that a request may be served from: buffers up to twice as large. Lengths that vary a lot from
+/// step to step, such as the number of Gaussians of a drawn budget, would else leave buffers of every size that they
+/// ever had.
 const REACH: usize = 4;
 
 /// The size class of a length. There are four classes per power of two: a new buffer wastes a fifth at most, and
@@ -36,7 +37,8 @@ fn class_capacity(class: usize) -> usize {
     (1 << octave) + step * (1 << (octave - 2))
 }
 
-/// Bytes that a request counts for while it is in use: those of a buffer of its own class, whichever serves it.
+/// Bytes that a request counts for while it is in use: the size of a buffer of its own class, whichever class serves
+/// it.
 fn counted<U>(len: usize) -> usize {
     (class_capacity(class_of(len)) + margin::<U>()) * size_of::<U>()
 }
@@ -91,7 +93,7 @@ impl Pool {
         Self::default()
     }
 
-    /// Takes a buffer of `len` elements with unspecified contents: default values, or those of an earlier use.
+    /// Takes a buffer of `len` elements with unspecified contents: default values, or the contents of an earlier use.
     #[inline(never)]
     pub fn buffer<U: Copy + Default + Send + 'static>(&self, len: usize) -> Buffer<U> {
         let class = class_of(len);
@@ -164,8 +166,8 @@ impl Pool {
         self.shelves.lock().unwrap_or_else(PoisonError::into_inner).used_bytes
     }
 
-    /// The most bytes that have been in use at one time. The pool may have allocated more, since a free buffer serves only
-    /// requests of its own size to half of it, and counts as one of the size that was asked for.
+    /// The most bytes that have been in use at one time. The pool may have allocated more, since a free buffer serves
+    /// only requests of its own size to half of it, and counts as one of the requested size.
     pub fn peak_bytes(&self) -> usize {
         self.shelves.lock().unwrap_or_else(PoisonError::into_inner).peak_bytes
     }

@@ -177,7 +177,7 @@ pub struct ShapeError {
 }
 
 impl ShapeError {
-    /// Creates an error that says what was expected; the tape adds the op, the path and the shapes found.
+    /// Creates an error that states the expectation; the tape adds the op, the path and the shapes found.
     pub fn expected(what: impl Into<String>) -> Self {
         Self { op: "", path: String::new(), expected: what.into(), found: String::new() }
     }

@@ -96,8 +96,8 @@ impl<'t, T: Real> Var<'t, T> {
         self.tape.grad(self.id).map(|g| g.to_vec())
     }
 
-    /// Computes the gradients of this scalar with respect to all leaves and parameters it depends on. Another call adds to
-    /// them.
+    /// Computes the gradients of this scalar with respect to all leaves and parameters it depends on. Another call adds
+    /// to them.
     ///
     /// # Panics
     ///

@@ -291,7 +291,7 @@ fn optimizers(c: &mut Criterion) {
     let adamw = AdamW { rate: 1e-4, beta1: 0.9, beta2: 0.999, eps: 1e-8, weight_decay: 0.05, gradient_scale: 1.0 };
     group.bench_function("adamw", |b| b.iter(|| adamw.step(10, &mut p, black_box(&g), &mut m, &mut v)));
     group.bench_function("lerp", |b| b.iter(|| lerp(&mut p, black_box(&g), 0.999)));
-    // Rows of the length of harmonics of degree 1, of which a view sees a quarter, in runs or scattered.
+    // Rows of the length of harmonics of degree 1; a view sees a quarter of them, in runs or scattered.
     let (width, total) = (16, p.len() / 16);
     for (name, seen) in [("runs", (|row| row / 256 % 4 == 0) as fn(usize) -> bool), ("scattered", |row| row % 4 == 0)] {
         let rows: Vec<u32> = (0..total).filter(|row| seen(*row)).map(|row| row as u32).collect();

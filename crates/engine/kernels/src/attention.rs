@@ -113,8 +113,8 @@ impl<T: Real> AttentionInputs<'_, T> {
 
 /// out = softmax(scale q k^T) v for every batch entry and head.
 ///
-/// `out` receives as many vectors as there are queries. `lse` `[batch, heads, queries]` receives the binary logarithms of
-/// the sums of exponentials, for [`attention_backward`]. Without keys the output is 0.
+/// `out` receives as many vectors as there are queries. `lse` `[batch, heads, queries]` receives the binary logarithms
+/// of the sums of exponentials, for [`attention_backward`]. Without keys the output is 0.
 ///
 /// # Panics
 ///

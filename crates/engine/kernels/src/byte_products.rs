@@ -1,9 +1,9 @@
-//! Inner products of vectors of small whole numbers: the largest two of each row of a matrix of products, which is never stored,
-//! and those of chosen vectors.
+//! Inner products of vectors of small whole numbers: the largest two of each row of a matrix of products, which is
+//! never stored, and the products with chosen vectors.
 //!
-//! Vectors hold bytes up to 127 and have squared lengths below 2^16. Then no inner product exceeds 16 bits, by the inequality of
-//! Cauchy and Schwarz, and neither does any part of it: sums stay in 16-bit lanes, twice as many as of 32 bits. All results are
-//! exact, hence the same with every instruction set.
+//! Vectors hold bytes up to 127 and have squared lengths below 2^16. Then no inner product exceeds 16 bits, by the
+//! inequality of Cauchy and Schwarz, and neither does any part of it: sums stay in 16-bit lanes, twice as many as of 32
+//! bits. All results are exact, hence the same with every instruction set.
 
 mod tiles;
 
@@ -20,11 +20,11 @@ pub const STEP: usize = 32;
 const PANEL: usize = 16;
 /// Rows of a block: their bytes and their largest products stay in the first cache while panels pass by.
 const BLOCK: usize = 72;
-/// Columns that are told apart by the 16 bits below a product.
+/// Columns that the 16 bits below a product can number.
 const NUMBERED: usize = 1 << 16;
 
-/// The largest two products of a row, lane by lane: a product in the upper 16 bits, the column counted down in the lower ones, so
-/// that of equal products the first column's is the largest.
+/// The largest two products of a row, lane by lane: a product in the upper 16 bits, the column counted down in the
+/// lower ones, so that the first column wins among equal products.
 type Largest = [[u32; PANEL]; 2];
 
 /// The largest products of one row.
@@ -49,8 +49,9 @@ impl TopTwo {
     }
 }
 
-/// The largest two products of every vector of `a` `[N, depth]` with those of `b` `[M, depth]`, into `rows` `[N]`, and the largest
-/// of every vector of `b` with those of `a`, into `columns` `[M]`: the maxima of rows and columns of A B^T in one pass.
+/// The largest two products of every vector of `a` `[N, depth]` with the vectors of `b` `[M, depth]`, into `rows`
+/// `[N]`, and the largest of every vector of `b` with the vectors of `a`, into `columns` `[M]`: the maxima of rows and
+/// columns of A B^T in one pass.
 ///
 /// Runs on the calling thread. Allocates a copy of `b`.
 ///
@@ -102,12 +103,12 @@ pub fn top_products(depth: usize, a: &[u8], b: &[u8], rows: &mut [TopTwo], colum
     }
 }
 
-/// The products of a vector with chosen ones of `b` `[M, query.len()]`: `out[i]` is that with vector `chosen[i]`.
+/// The products of a vector with chosen vectors of `b` `[M, query.len()]`: `out[i]` belongs to vector `chosen[i]`.
 ///
 /// # Panics
 ///
-/// If the lengths of `query`, `b`, `chosen` and `out` do not fit, or a choice is beyond the end. Vectors that are too long (see the
-/// module) are not checked for; their products mean nothing.
+/// If the lengths of `query`, `b`, `chosen` and `out` do not fit, or a choice is beyond the end. Vectors that are too
+/// long (see the module) are not checked for; their products mean nothing.
 ///
 /// ```
 /// use weaver_kernels::byte_products::chosen_products;

@@ -185,8 +185,8 @@ pub fn conv2d_dx<T: Real>(shape: &Conv2dShape, w: &[T], dy: &[T], dx: Target<T>,
     product.run(n, dx.batch(c * h * width), true);
 }
 
-/// The adjoint of taking windows (col2im): `dx[n, c, y, x]` is the sum of the window elements that pixel (y, x) went into.
-/// `windows` is `[n, c kh kw, out_h out_w]`.
+/// The adjoint of taking windows (col2im): `dx[n, c, y, x]` is the sum of the window elements that pixel (y, x) went
+/// into. `windows` is `[n, c kh kw, out_h out_w]`.
 fn gather_windows<T: Real>(shape: &Conv2dShape, windows: &[T], dx: &mut [T], beta: T) {
     let Conv2dShape { h, w, kh, kw, stride, pad, .. } = *shape;
     let (out_h, out_w) = (shape.out_h(), shape.out_w());

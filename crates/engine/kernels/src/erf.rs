@@ -1,7 +1,7 @@
 //! The Gauss error function, which the standard library lacks.
 //!
-//! Below 1 it is x + x P(x^2), above 1 it is 1 - erfc(x) with a polynomial for the smooth factor of erfc. The polynomials
-//! interpolate at Chebyshev nodes.
+//! Below 1 it is x + x P(x^2), above 1 it is 1 - erfc(x) with a polynomial for the smooth factor of erfc. The
+//! polynomials interpolate at Chebyshev nodes.
 
 use crate::exp::exp_f32;
 

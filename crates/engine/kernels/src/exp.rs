@@ -1,8 +1,8 @@
 //! Exponentials, binary logarithm and hyperbolic tangent in `f32`, without branches or calls, so that loops over them
 //! vectorize inside [`simd::dispatch`](crate::simd::dispatch).
 //!
-//! e^x and tanh reduce x = n ln 2 + r with |r| <= ln 2 / 2, where ln 2 is split in two parts (Cody and Waite), and use a
-//! polynomial for e^r - 1 that interpolates at Chebyshev nodes.
+//! e^x and tanh reduce x = n ln 2 + r with |r| <= ln 2 / 2, where ln 2 is split in two parts (Cody and Waite), and use
+//! a polynomial for e^r - 1 that interpolates at Chebyshev nodes.
 
 use crate::lanes::Lanes;
 
@@ -110,7 +110,8 @@ pub fn exp2_f32(x: f32) -> f32 {
     p * power_of_two(n >> 1) * power_of_two(n - (n >> 1))
 }
 
-/// Base-2 logarithm of a positive normal number in `f32`, within 4 units in the last place or 2^-23, whichever is larger.
+/// Base-2 logarithm of a positive normal number in `f32`, within 4 units in the last place or 2^-23, whichever is
+/// larger.
 #[inline(always)]
 pub fn log2_f32(x: f32) -> f32 {
     // x = 2^n m with m in [0.75, 1.5).

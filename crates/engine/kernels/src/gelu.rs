@@ -1,5 +1,5 @@
-//! The Gaussian error linear unit, GELU(x) = x P(x) with the standard normal distribution function P (Hendrycks and Gimpel
-//! 2016, arXiv 1606.08415). This is the exact form, not the approximation by tanh.
+//! The Gaussian error linear unit, GELU(x) = x P(x) with the standard normal distribution function P (Hendrycks and
+//! Gimpel 2016, arXiv 1606.08415). This is the exact form, not the approximation by tanh.
 
 use crate::Real;
 use crate::lanes::{self, LaneKernel, Lanes};

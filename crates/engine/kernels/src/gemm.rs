@@ -2,7 +2,7 @@
 //!
 //! C is divided into blocks, each a parallel task. Within a block, B is packed into panels and A, where it helps, into
 //! tiles, so that a tile of C held in vector registers reads both sequentially. Every element of C is summed in the
-//! same order whatever the blocks are, so the bits are the same at any number of threads. Each thread keeps one packing
+//! same order at any block size, so the bits are the same at any number of threads. Each thread keeps one packing
 //! buffer, which grows to the largest product; nothing else is allocated.
 
 use crate::parallel::{Interleaved, for_ranges};
@@ -20,9 +20,9 @@ use pack::AHEAD;
 pub(crate) use pack::{Panels, pack, transpose};
 use tile::{LeftOperand, OutputRows};
 
-/// Rows of B that are summed before they are added to C. A and B arrive from the second-level cache in time, but C is read
-/// and written once more for each block of rows, so a larger block is faster. A smaller one is more accurate, since the
-/// rounding error of a sum grows with its length.
+/// Rows of B that are summed before they are added to C. A and B arrive from the second-level cache in time, but C is
+/// read and written once more for each block of rows, so a larger block is faster. A smaller one is more accurate,
+/// since the rounding error of a sum grows with its length.
 const K_BLOCK: usize = 512;
 /// Replaces [`K_BLOCK`] where there is no fused multiply-add, and products are rounded before they are added.
 const K_BLOCK_UNFUSED: usize = 256;
@@ -30,7 +30,8 @@ const K_BLOCK_UNFUSED: usize = 256;
 const M_BLOCK: usize = 288;
 /// Columns of B that stay in the third-level cache with `K_BLOCK` rows.
 const N_BLOCK: usize = 1024;
-/// Rows of A that lie a multiple of this many bytes apart share a few sets of the first-level cache and evict each other.
+/// Rows of A that lie a multiple of this many bytes apart share a few sets of the first-level cache and evict each
+/// other.
 const CLASH: usize = 4096;
 /// Number of panels of B from which packing such rows, or columns, of A pays off.
 const REUSE: usize = 4;
@@ -41,8 +42,8 @@ const TASK: usize = 1 << 18;
 
 /// C = alpha A B + beta C, in parallel.
 ///
-/// `a` is m x k, `b` k x n and `c` m x n, each with strides of its own; [`Mat::transposed`] multiplies by a transpose. With
-/// `beta` 0, C is not read.
+/// `a` is m x k, `b` k x n and `c` m x n, each with strides of its own; [`Mat::transposed`] multiplies by a transpose.
+/// With `beta` 0, C is not read.
 ///
 /// # Panics
 ///
@@ -66,8 +67,8 @@ pub fn gemm_serial<T: Real>(alpha: T, a: Mat<T>, b: Mat<T>, beta: T, c: MatMut<T
 
 /// [`gemm`] for `batch` triples of matrices, in parallel.
 ///
-/// A and B may have a [stride](Batch::stride) of 0, which shares the matrix among all products; the matrices of C must not
-/// overlap.
+/// A and B may have a [stride](Batch::stride) of 0, which shares the matrix among all products; the matrices of C must
+/// not overlap.
 ///
 /// ```
 /// use weaver_kernels::gemm::{Mat, MatMut, gemm_batched};
@@ -145,9 +146,9 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         }
     }
 
-    /// Rows and columns of the block of C that a task computes. The longer side is halved until every thread has a task, or
-    /// until blocks are small; more tasks than threads would only pack more often. Elements of C are summed in the same
-    /// order whatever the blocks are.
+    /// Rows and columns of the block of C that a task computes. The longer side is halved until every thread has a
+    /// task, or until blocks are small; more tasks than threads would only pack more often. Elements of C are summed in
+    /// the same order at any block size.
     fn block_size(&self, [batch, m, n]: [usize; 3], threads: usize) -> (usize, usize) {
         let (tile_rows, tile_cols) = T::tile(simd::level());
         let (mut rows, mut cols) = (m, n.div_ceil(n.div_ceil(N_BLOCK)).next_multiple_of(tile_cols));
@@ -184,8 +185,8 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         let Mat { data, cols: k_end, row_stride, col_stride, .. } = self.a.first;
         let a = &data[entry * self.a.stride..];
         let offset = entry * c_step;
-        // Tiles of nearly equal height use the pipeline better than full tiles followed by a thin one. The same goes for
-        // the height and depth of blocks.
+        // Tiles of nearly equal height use the pipeline better than full tiles followed by a thin one. The same goes
+        // for the height and depth of blocks.
         let tiles = rows.len().div_ceil(tile_rows);
         let (height, taller) = (rows.len() / tiles, rows.len() % tiles);
         let first_row = |t: usize| rows.start + t * height + t.min(taller);
@@ -208,8 +209,8 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
                     let first = tile(sweep(s).start).start;
                     if packed && depth > 0 {
                         let strides = [col_stride, row_stride];
-                        // Where the rows of A are adjacent in memory, all tiles pack their part of a few cache lines before
-                        // any of them moves on to the next lines, which were prefetched meanwhile.
+                        // Where the rows of A are adjacent in memory, all tiles pack their part of a few cache lines
+                        // before any of them moves on to the next lines, which were prefetched meanwhile.
                         let run = if strides[1] == 1 { AHEAD } else { depth };
                         for p in (0..depth).step_by(run) {
                             let run = run.min(depth - p);

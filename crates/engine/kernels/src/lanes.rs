@@ -2,9 +2,9 @@
 //! multiply-add, approximate reciprocals, transposes in registers.
 //!
 //! A kernel is written once, generic over [`Lanes`], as a [`LaneKernel`]; [`run`] calls it with the vector type of the
-//! instruction set in use ([`simd::level`]). For `f32` that is one AVX-512 register, two AVX2 registers, or an array; for
-//! `f64` it is always an array. Fused operations round once on processors that have them, so results may differ in the last
-//! bits between instruction sets, but not between runs with the same one.
+//! instruction set in use ([`simd::level`]). For `f32` that is one AVX-512 register, two AVX2 registers, or an array;
+//! for `f64` it is always an array. Fused operations round once on processors that have them, so results may differ in
+//! the last bits between instruction sets, but not between runs with the same one.
 //!
 //! ```
 //! use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes};
@@ -92,8 +92,8 @@ pub trait Lanes:
     fn sqrt(self) -> Self;
     /// 1 / self within two units in the last place, for finite normal numbers with normal reciprocals.
     fn recip(self) -> Self;
-    /// scale * 2^self, within 3 units in the last place for -126 <= self < 127; below that range, some number between 0 and
-    /// scale * 2^-126. Faster than [`exp2`](Self::exp2) on some processors.
+    /// scale * 2^self, within 3 units in the last place for -126 <= self < 127; below that range, some number between 0
+    /// and scale * 2^-126. Faster than [`exp2`](Self::exp2) on some processors.
     fn exp2_times(self, scale: Self) -> Self;
     /// 2^self, within 3 units in the last place where the result is a normal number. Underflows gradually, overflows to
     /// infinity, NaN for NaN.
@@ -222,7 +222,7 @@ pub fn map<V: Lanes, const K: usize>(inputs: [&[V::Scalar]; K], out: &mut [V::Sc
     }
 }
 
-/// A kernel that is generic over the vector type. Mark `run`, and what it calls in inner loops, `#[inline(always)]`.
+/// A kernel that is generic over the vector type. Mark `run` and the functions in its inner loops `#[inline(always)]`.
 pub trait LaneKernel<T: Real> {
     /// The result of the kernel.
     type Output;
@@ -234,7 +234,7 @@ pub trait LaneKernel<T: Real> {
 #[inline(always)]
 #[allow(unsafe_code)]
 pub fn run<T: Real, K: LaneKernel<T>>(kernel: K) -> K::Output {
-    // SAFETY: `level` is never above what the processor was found to support.
+    // SAFETY: `level` is never above the processor's detected support.
     unsafe { T::in_lanes(simd::level(), kernel) }
 }
 

@@ -151,11 +151,11 @@ pub fn layer_norm_scratch_len(rows: usize, cols: usize) -> usize {
     2 * rows.div_ceil(CHUNK) * cols
 }
 
-/// Gradients of [`layer_norm_forward`] with respect to the input, the weights and the biases, each if asked for, in one
+/// Gradients of [`layer_norm_forward`] with respect to the input, the weights and the biases, each on request, in one
 /// pass.
 ///
 /// `x`, `dy` and `dx` are `[rows, cols]`; `dw` and `db` are `[cols]`. `w` holds the weights, if there are any, and
-/// `stats` what the forward pass wrote. `scratch` has [`layer_norm_scratch_len`] elements with any content.
+/// `stats` the statistics of the forward pass. `scratch` has [`layer_norm_scratch_len`] elements with any content.
 ///
 /// # Panics
 ///
@@ -259,8 +259,8 @@ impl<T: Real> LaneKernel<T> for Backward<'_, T> {
 struct Slopes<V, const R: usize> {
     mean: [V; R],
     rstd: [V; R],
-    /// Sums along each row of the gradient with respect to the normalized value, plain and times that value; later their
-    /// means.
+    /// Sums along each row of the gradient with respect to the normalized value, plain and times that value; later
+    /// their means.
     along_one: [V; R],
     along_x: [V; R],
 }

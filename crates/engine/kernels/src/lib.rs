@@ -1,12 +1,12 @@
-//! Numeric kernels on plain slices of `f32` and `f64`: matrix products, convolution, attention, normalization, resizing,
-//! reductions, nearest neighbors, greedy division of cells, and counter-based random numbers.
+//! Numeric kernels on plain slices of `f32` and `f64`: matrix products, convolution, attention, normalization,
+//! resizing, reductions, nearest neighbors, greedy division of cells, and counter-based random numbers.
 //!
-//! A kernel is a function. The caller owns all memory and passes shapes as arguments; no kernel knows about automatic
-//! differentiation. Results are the same bits at any number of threads: parallel tasks write disjoint parts of the
-//! output, and no sum is split where the number of threads decides.
+//! A kernel is a function. The caller owns all memory and passes shapes as arguments; kernels are independent of
+//! automatic differentiation. Results are the same bits at any number of threads: parallel tasks write disjoint parts
+//! of the output, and no sum is split where the number of threads decides.
 //!
-//! Kernels write their result to a [`Target`]: a slice and a factor for what the slice already holds. [`simd`] explains how
-//! one source is compiled for several instruction sets.
+//! Kernels write their result to a [`Target`]: a slice and a factor for its present contents. [`simd`] explains how one
+//! source is compiled for several instruction sets.
 
 pub mod attention;
 pub mod byte_products;

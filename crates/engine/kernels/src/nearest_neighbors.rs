@@ -14,10 +14,10 @@ pub const MAX_NEIGHBORS: usize = 63;
 
 /// Finds the `k` nearest neighbors of every one of `points` `[N, 3]` among the others, by Euclidean distance.
 ///
-/// Row i of `neighbors` `[N, 1 + k]` becomes i itself followed by its neighbors, nearest first. Where fewer than k other
-/// points exist, i fills the rest of the row. The search is exact up to the rounding of squared distances; among points at
-/// the same distance, which ones are taken depends on the points alone, not on the number of threads. A point with a NaN
-/// coordinate is no other point's neighbor.
+/// Row i of `neighbors` `[N, 1 + k]` becomes i itself followed by its neighbors, nearest first. Where fewer than k
+/// other points exist, i fills the rest of the row. The search is exact up to the rounding of squared distances; among
+/// points at the same distance, which ones are taken depends on the points alone, not on the number of threads. A point
+/// with a NaN coordinate is no other point's neighbor.
 ///
 /// Builds a k-d tree in O(N log N) and searches it in parallel. The tree is the only memory allocated.
 ///
@@ -51,7 +51,8 @@ pub fn nearest_neighbors<T: Real>(points: &[T], k: usize, neighbors: &mut [u32])
     });
 }
 
-/// Writes the squared distance of each of `queries` `[M, 3]` to the nearest of `points` `[N, 3]`; infinite without points.
+/// Writes the squared distance of each of `queries` `[M, 3]` to the nearest of `points` `[N, 3]`; infinite without
+/// points.
 ///
 /// # Panics
 ///

@@ -21,7 +21,7 @@ pub struct AdamW<T> {
     pub eps: T,
     /// Decoupled weight decay; a step multiplies parameters by 1 - rate * weight_decay.
     pub weight_decay: T,
-    /// Factor of all gradients, such as that of gradient clipping.
+    /// Factor of all gradients, for instance from gradient clipping.
     pub gradient_scale: T,
 }
 
@@ -57,8 +57,8 @@ impl<T: Real> AdamW<T> {
         });
     }
 
-    /// Updates a parameter `[rows, columns]` as [`step`](Self::step) does, each column with a rate of its own: `rate` times
-    /// `columns`. There is no weight decay.
+    /// Updates a parameter `[rows, columns]` as [`step`](Self::step) does, each column with a rate of its own: `rate`
+    /// times `columns`. There is no weight decay.
     ///
     /// # Panics
     ///
@@ -100,12 +100,12 @@ impl<T: Real> AdamW<T> {
 
     /// Updates only some rows of a parameter, as [`step`](Self::step) does, and leaves the others untouched.
     ///
-    /// Before a row is updated, its moments are decayed for the steps that it was left out of: with k of them, m =
-    /// beta1^k m and v = beta2^k v, which is what k steps with a gradient of zero make of them. The bias correction is
-    /// that of `step`. A row that was left out of no step gets the same bits from `step`.
+    /// Before a row is updated, its moments are decayed for the steps that it missed: k steps with a gradient of zero
+    /// make m = beta1^k m and v = beta2^k v. The bias correction belongs to `step`. A row that was left out of no step
+    /// gets the same bits from `step`.
     ///
-    /// Panics if the lengths disagree, if the rows are not ascending or there are fewer than named, or if a row is ahead of
-    /// `step`.
+    /// Panics if the lengths disagree, if the rows are not ascending or there are fewer than named, or if a row is
+    /// ahead of `step`.
     ///
     /// ```
     /// use weaver_kernels::optim::{AdamW, SparseRows};
@@ -136,7 +136,8 @@ impl<T: Real> AdamW<T> {
 pub struct SparseRows<'a> {
     /// The rows, in ascending order.
     pub rows: &'a [u32],
-    /// For each row of the parameter the step up to which its moments have been decayed; the update sets those of its rows.
+    /// For each row of the parameter the step up to which its moments have been decayed; the update sets the entries of
+    /// its own rows.
     pub row_steps: &'a mut [u64],
 }
 

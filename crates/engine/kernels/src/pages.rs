@@ -1,6 +1,6 @@
 //! Huge pages for large buffers that are read repeatedly or in random order.
 
-/// Asks the operating system to back new memory with huge pages (2 MiB) when it is first touched.
+/// Advises the operating system to back new memory with huge pages (2 MiB) when it is first touched.
 ///
 /// Huge pages mean fewer page faults and fewer misses of the address translation cache. This is only a hint: nothing
 /// happens on systems other than Linux, for buffers smaller than a page, or where huge pages are disabled.

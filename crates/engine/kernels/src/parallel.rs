@@ -1,7 +1,7 @@
 //! Deterministic parallel loops over ranges and chunks.
 //!
-//! Chunk boundaries depend on the problem size alone, never on the number of threads, and every chunk owns its part of the
-//! output. Results are therefore the same bits at any number of threads.
+//! Chunk boundaries depend on the problem size alone, never on the number of threads, and every chunk owns its part of
+//! the output. Results are therefore the same bits at any number of threads.
 
 use rayon::prelude::*;
 use std::marker::PhantomData;
@@ -9,7 +9,7 @@ use std::ops::Range;
 
 /// Runs `body` on the ranges `[0, grain)`, `[grain, 2 grain)`, ... of `0..n`, in parallel.
 ///
-/// The ranges are fixed; which thread runs which range is not. A `body` that writes only what belongs to its range gives
+/// The ranges are fixed; which thread runs which range is not. A `body` that writes only the data of its range gives
 /// the same bits at any number of threads. Allocates nothing.
 pub fn for_ranges(n: usize, grain: usize, body: impl Fn(Range<usize>) + Sync) {
     fn split(chunks: Range<usize>, run: &(impl Fn(usize) + Sync)) {

@@ -2,7 +2,7 @@
 //!
 //! The functions start threads of their own, outside any pool, and measure from the first thread's start to the last
 //! thread's end. They take the best of several short runs, since other load can only slow a run down. Measure the peak
-//! in the same run as what is compared with it: figures from another day or machine say little.
+//! in the same run as the code compared with it: figures from another day or machine say little.
 
 use std::hint::black_box;
 use std::sync::Barrier;
@@ -18,9 +18,10 @@ const COPIED: usize = 32 << 20;
 
 /// The peak rate of `f32` arithmetic on `threads` threads together, in billions of operations per second.
 ///
-/// Counts fused multiply-adds as two operations each. They run in independent chains, enough to hide the latency, in the
-/// widest registers of the processor (AVX-512, or AVX2 with FMA), or with what the compilation target has, where a
-/// multiplication and an addition stand in for a missing FMA. No memory is accessed. Takes about 0.2 s.
+/// Counts fused multiply-adds as two operations each. They run in independent chains, enough to hide the latency, in
+/// the widest registers of the processor (AVX-512, or AVX2 with FMA), or with the compilation target's own
+/// instructions, where a multiplication and an addition stand in for a missing FMA. No memory is accessed. Takes about
+/// 0.2 s.
 pub fn fma_gflops_f32(threads: usize) -> f64 {
     let threads = threads.max(1);
     let (lanes, chains) = chains();
@@ -34,13 +35,13 @@ pub fn fma_gflops_f32(threads: usize) -> f64 {
 
 /// The memory bandwidth of a copy on `threads` threads together, in billions of bytes per second, read and written.
 ///
-/// Each thread copies its part of one large array to another with ordinary stores. As is usual, the lines that stores fetch
-/// from memory are not counted. Takes 256 MiB of memory and about 0.2 s.
+/// Each thread copies its part of one large array to another with ordinary stores. As is usual, the lines that stores
+/// fetch from memory are not counted. Takes 256 MiB of memory and about 0.2 s.
 pub fn copy_gbs(threads: usize) -> f64 {
     let threads = threads.max(1);
     let from = vec![1.0_f32; COPIED];
     let mut to = vec![0.0_f32; COPIED];
-    // A factor of one that the compiler does not know: a plain copy would become a library call with other kinds of stores.
+    // A factor of one hidden from the compiler: a plain copy would become a library call with other kinds of stores.
     let factor = black_box(1.0_f32);
     let share = COPIED.div_ceil(threads);
     let mut copy = || {

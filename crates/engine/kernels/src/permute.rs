@@ -16,7 +16,7 @@ const TILE: usize = 16;
 ///
 /// # Panics
 ///
-/// If `axes` is not a permutation of 0..N, or a length is not that of the shape.
+/// If `axes` is not a permutation of 0..N, or a length does not fit the shape.
 ///
 /// ```
 /// use weaver_kernels::permute::permute;
@@ -70,7 +70,8 @@ pub fn permute<T: Real, const N: usize>(shape: [usize; N], axes: [usize; N], x: 
     });
 }
 
-/// The axes of y, each with its stride in x. Axes that are adjacent in x as well are merged, and axes of length 1 dropped.
+/// The axes of y, each with its stride in x. Axes that are adjacent in x as well are merged, and axes of length 1
+/// dropped.
 struct Walk<const N: usize> {
     dims: [usize; N],
     strides: [usize; N],

@@ -21,8 +21,8 @@ use std::ops::Range;
 
 /// The processes of one run. Each computes some of the parts of a sum; all hold the same state.
 ///
-/// [`Alone`] is one process; an implementation for several passes numbers from one to another. A failure of the others is none that a method
-/// reports: it ends the processes.
+/// [`Alone`] is one process; an implementation for several passes numbers from one to another. A failure of the others
+/// is none that a method reports: it ends the processes.
 pub trait Ranks: Debug + Send + Sync {
     /// Number of this process, from 0.
     fn rank(&self) -> usize;
@@ -36,7 +36,7 @@ pub trait Ranks: Debug + Send + Sync {
     /// Receives numbers that another process [sends](Self::send).
     fn receive(&self, values: &mut [f32], from: usize);
 
-    /// Replaces the numbers of all processes by those of process 0.
+    /// Replaces the numbers of all processes by process 0's.
     fn broadcast(&self, values: &mut [f32]);
 
     /// A word of each process, in the order of their numbers, on all of them.
@@ -47,7 +47,7 @@ pub trait Ranks: Debug + Send + Sync {
         self.gather(word)[0]
     }
 
-    /// The first process whose word is not that of process 0, on all processes.
+    /// The first process whose word differs from process 0's, on all processes.
     fn other(&self, word: u64) -> Option<usize> {
         let words = self.gather(word);
         words.iter().position(|word| *word != words[0])
@@ -81,14 +81,14 @@ impl Ranks for Alone {
 /// The text of process 0, on all processes.
 pub fn agreed_text(ranks: &dyn Ranks, text: &str) -> String {
     let length = ranks.agreed(text.len() as u64) as usize;
-    // A byte as a number, which passes whatever the network does to numbers.
+    // A byte as a number passes unchanged, even if the network rounds or converts numbers.
     let mut bytes: Vec<f32> = text.bytes().map(f32::from).collect();
     bytes.resize(length, 0.0);
     ranks.broadcast(&mut bytes);
     String::from_utf8_lossy(&bytes.iter().map(|byte| *byte as u8).collect::<Vec<_>>()).into_owned()
 }
 
-/// The process that computes a part: consecutive ones, as evenly as can be.
+/// The process that computes a part; each has consecutive parts, as evenly as possible.
 fn owner(part: usize, parts: usize, ranks: &dyn Ranks) -> usize {
     part * ranks.size() / parts
 }
@@ -101,10 +101,12 @@ pub fn sum<E>(ranks: &dyn Ranks, parts: usize, row: impl FnMut(usize) -> Result<
     joined(ranks, parts, row, |first, second| first.iter_mut().zip(second).for_each(|(a, b)| *a += b))
 }
 
-/// Rows of equal length, one for each of `parts`, joined on all processes; there are at most as many processes as parts.
+/// Rows of equal length, one for each of `parts`, joined on all processes; there are at most as many processes as
+/// parts.
 ///
-/// It is done by a binary tree over the parts, so that the bits do not depend on how many processes there are: `join` makes a node of its first
-/// half, which it changes, and of its second half, in this order. `row` is asked for consecutive parts on each process.
+/// It is done by a binary tree over the parts, so that the bits do not depend on how many processes there are: `join`
+/// makes a node of its first half, which it changes, and of its second half, in this order. `row` is called for
+/// consecutive parts on each process.
 ///
 /// # Errors
 /// As `row`, on the process that fails alone.

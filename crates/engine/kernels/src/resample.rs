@@ -70,8 +70,8 @@ impl<T: Real> Axis<T> {
         })
     }
 
-    /// Keys' cubic kernel with a = -1/2, stretched when shrinking; weights outside are dropped and the others scaled to sum
-    /// to 1.
+    /// Keys' cubic kernel with a = -1/2, stretched when shrinking; weights outside are dropped and the others scaled to
+    /// sum to 1.
     fn bicubic_antialiased(inputs: usize, outputs: usize) -> Self {
         Self::new(inputs, outputs, |i| {
             let scale = inputs as f64 / outputs as f64;
@@ -128,8 +128,8 @@ impl<T: Real> Resample<T> {
 
     /// Bilinear resizing from one `[h, w]` to another.
     ///
-    /// With `align_corners`, the centers of the corner pixels of input and output coincide; otherwise the corners of the
-    /// images do, and border pixels are repeated.
+    /// With `align_corners`, the centers of the corner pixels of input and output coincide; otherwise the corners of
+    /// the images do, and border pixels are repeated.
     pub fn bilinear(from: [usize; 2], to: [usize; 2], align_corners: bool) -> Self {
         let axis = |i: usize| Axis::bilinear(from[i], to[i], align_corners);
         Self::new(axis(0), axis(1))
@@ -137,8 +137,8 @@ impl<T: Real> Resample<T> {
 
     /// Bicubic resizing from one `[h, w]` to another, without `align_corners` and without antialiasing.
     ///
-    /// Uses Keys' kernel with a = -3/4 over the four nearest pixels along each axis, however much the map shrinks; border
-    /// pixels are repeated.
+    /// Uses Keys' kernel with a = -3/4 over the four nearest pixels along each axis, however much the map shrinks;
+    /// border pixels are repeated.
     pub fn bicubic(from: [usize; 2], to: [usize; 2]) -> Self {
         let axis = |i: usize| Axis::bicubic(from[i], to[i]);
         Self::new(axis(0), axis(1))
@@ -153,8 +153,8 @@ impl<T: Real> Resample<T> {
         Self::new(axis(0), axis(1))
     }
 
-    /// Box filter of odd `width` at stride 1 on maps of `size` `[h, w]`: the average over the part of the window inside the
-    /// image.
+    /// Box filter of odd `width` at stride 1 on maps of `size` `[h, w]`: the average over the part of the window inside
+    /// the image.
     ///
     /// # Panics
     ///

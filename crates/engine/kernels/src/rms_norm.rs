@@ -67,10 +67,10 @@ pub fn rms_norm_scratch_len(rows: usize, cols: usize) -> usize {
     rows.div_ceil(CHUNK) * cols
 }
 
-/// Gradients of [`rms_norm_forward`] with respect to the input and the weights, each if asked for.
+/// Gradients of [`rms_norm_forward`] with respect to the input and the weights, each on request.
 ///
-/// With s = 1 / sqrt(mean(x^2) + eps): dx = s (w dy - x s^2 mean(x w dy)), dw = sum over rows of dy x s. `x`, `dy` and `dx` are
-/// `[rows, cols]`, `w` and `dw` `[cols]`. `scratch` has [`rms_norm_scratch_len`] elements with any content.
+/// With s = 1 / sqrt(mean(x^2) + eps): dx = s (w dy - x s^2 mean(x w dy)), dw = sum over rows of dy x s. `x`, `dy` and
+/// `dx` are `[rows, cols]`, `w` and `dw` `[cols]`. `scratch` has [`rms_norm_scratch_len`] elements with any content.
 ///
 /// # Panics
 ///

@@ -1,5 +1,5 @@
-//! Two-dimensional rotary position embedding (Su et al. 2021, arXiv 2104.09864), in the axial form of RoPE-ViT (Heo et al.
-//! 2024, arXiv 2403.13298).
+//! Two-dimensional rotary position embedding (Su et al. 2021, arXiv 2104.09864), in the axial form of RoPE-ViT (Heo et
+//! al. 2024, arXiv 2403.13298).
 
 use crate::parallel::for_chunks;
 use crate::target::{Target, put};
@@ -10,9 +10,9 @@ const GRAIN: usize = 1 << 13;
 
 /// The rotations of a 2-D rotary position embedding for tokens at given positions.
 ///
-/// The vector of a head, of length `dim`, has two halves: the first is rotated by the row of the token, the second by its
-/// column. Within a half of length n, elements k and k + n/2 form a plane that is rotated by the angle
-/// `position * base^(-2 k / n)`. A token at position (0, 0) is unchanged.
+/// The vector of a head, of length `dim`, has two halves: the first is rotated by the row of the token, the second by
+/// its column. Within a half of length n, elements k and k + n/2 form a plane that is rotated by the angle `position *
+/// base^(-2 k / n)`. A token at position (0, 0) is unchanged.
 ///
 /// ```
 /// use weaver_kernels::rope::Rope2d;
@@ -46,7 +46,7 @@ impl<T: Real> Rope2d<T> {
         Self { dim, angles: angles.collect() }
     }
 
-    /// The rotations the other way: what undoes these.
+    /// The inverse rotations.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let back = |[y_cos, y_sin, x_cos, x_sin]: &[T; 4]| [*y_cos, -*y_sin, *x_cos, -*x_sin];
@@ -58,7 +58,8 @@ impl<T: Real> Rope2d<T> {
         if self.dim == 0 { 0 } else { self.angles.len() / (self.dim / 4) }
     }
 
-    /// Rotates the vector of every head: `x` and `y` are `[n, tokens, heads, dim]`, with the same positions for every n.
+    /// Rotates the vector of every head: `x` and `y` are `[n, tokens, heads, dim]`, with the same positions for every
+    /// n.
     ///
     /// # Panics
     ///

@@ -80,8 +80,8 @@ pub fn scatter_add_rows<T: Real>(cols: usize, x: &[T], index: &[u32], y: Target<
 
 /// Copies or adds `rows` blocks of `cols` elements between strided layouts: y = beta y + x.
 ///
-/// Blocks begin `x_stride` elements apart in `x` and `y_stride` apart in `y`. This is what concatenating and slicing
-/// along an axis need: seen as `[outer, axis inner]`, a part of a tensor is `outer` blocks of `part inner` elements.
+/// Blocks begin `x_stride` elements apart in `x` and `y_stride` apart in `y`. Concatenating and slicing along an axis
+/// need this: seen as `[outer, axis inner]`, a part of a tensor is `outer` blocks of `part inner` elements.
 ///
 /// # Panics
 ///

@@ -24,8 +24,8 @@ pub enum Level {
     Avx512,
 }
 
-/// The instruction set in use: the best one that this processor supports, or a lesser one if the environment variable
-/// `WEAVER_SIMD` (`portable`, `avx2` or `avx512`) asks for it. The variable is read once.
+/// The instruction set in use: the best one that this processor supports, or a lesser one by the environment variable
+/// `WEAVER_SIMD` (`portable`, `avx2` or `avx512`). The variable is read once.
 ///
 /// # Panics
 ///
@@ -36,7 +36,7 @@ pub fn level() -> Level {
     *LEVEL.get_or_init(|| requested_level().unwrap_or_else(|error| panic!("{error}")).min(supported()))
 }
 
-/// The instruction set that `WEAVER_SIMD` asks for, or the best one if the variable is not set.
+/// The instruction set named by `WEAVER_SIMD`, or the best one if the variable is not set.
 ///
 /// Programs call this at the start, to report a wrong value as an error.
 pub fn requested_level() -> Result<Level, String> {

@@ -1,15 +1,16 @@
-//! Greedy division of cells: what is described worst is divided first, until there are enough.
+//! Greedy division of cells: the cell described worst is divided first, until there are enough.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Divides cells until there are `count`, or until no further division fits or is possible: always the one of the highest priority, of equal
-/// ones the earliest. Returns them all.
+/// Divides cells until there are `count`, or until no further division fits or is possible: always the cell of highest
+/// priority, and the earliest among equals. Returns them all.
 ///
-/// A cell becomes at most `most` parts, by `parts`; one without any stays as it is. The first part takes the place of the cell, the others come
-/// last.
+/// A cell becomes at most `most` parts, by `parts`; one without any stays as it is. The first part takes the place of
+/// the cell, the others come last.
 ///
-/// Where priorities are errors that no division raises, every cell that was divided had an error at least as large as any that is left.
+/// Where priorities are errors that no division raises, every cell that was divided had an error at least as large as
+/// any that is left.
 ///
 /// ```
 /// use weaver_kernels::subdivision::subdivide;

@@ -1,7 +1,7 @@
 //! Processes of an MPI as those that share the sums of a training step or of a fit (`weaver_kernels::ranks::Ranks`).
 //!
-//! The feature `mpi` needs an MPI with its headers (Open MPI, MPICH) and libclang; without the feature the crate is empty, so that a
-//! workspace is built without either.
+//! The feature `mpi` needs an MPI with its headers (Open MPI, MPICH) and libclang; without the feature the crate is
+//! empty, so that a workspace is built without either.
 #![cfg(feature = "mpi")]
 
 use mpi::Threading;
@@ -12,10 +12,10 @@ use std::fmt::{self, Debug, Formatter};
 use std::sync::Arc;
 use weaver_kernels::ranks::Ranks;
 
-/// Variables that launchers set for each process: Open MPI's, that of PMI (MPICH, Intel MPI, Slurm) and of PMIx.
+/// Variables that launchers set for each process: Open MPI's, PMI's (MPICH, Intel MPI, Slurm) and PMIx's.
 const LAUNCHED: [&str; 4] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMI_RANK", "PMIX_RANK"];
 
-/// Those of them that have the number of the process.
+/// The variables that hold the number of the process.
 const NUMBERED: [&str; 3] = ["OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK"];
 
 /// The processes of an MPI, until this value is dropped. A process that panics ends all.
@@ -31,7 +31,8 @@ impl Debug for Processes {
 }
 
 impl Processes {
-    /// Joins the processes that were launched with this one; `None` in a process that no MPI launched, and after the first call.
+    /// Joins the processes that were launched with this one; `None` in a process that no MPI launched, and after the
+    /// first call.
     pub fn launched() -> Option<Self> {
         LAUNCHED.iter().find_map(std::env::var_os)?;
         let (universe, _) = mpi::initialize_with_threading(Threading::Serialized)?;
@@ -46,7 +47,7 @@ impl Processes {
         rank.is_some_and(|rank| rank != "0")
     }
 
-    /// The processes as those of a session.
+    /// The processes as the ranks of a session.
     pub fn ranks(&self) -> Arc<dyn Ranks> {
         Arc::new(self.world)
     }

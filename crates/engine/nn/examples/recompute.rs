@@ -1,8 +1,8 @@
 //! Memory against time: `cargo run --release -p weaver-nn --example recompute`.
 //!
-//! A step of 24 transformer blocks, once remembering everything for the way back, then with `ops::checkpoint` around groups of
-//! blocks, which are run again when their gradient arrives. Prints what each holds, its peak and its time, and whether the
-//! gradients are the same to the bit.
+//! A step of 24 transformer blocks, once remembering everything for the way back, then with `ops::checkpoint` around
+//! groups of blocks, which are run again when their gradient arrives. Prints the memory held, the peak and the time of
+//! each, and whether the gradients are the same to the bit.
 
 use std::time::{Duration, Instant};
 use weaver_autograd::{Params, Tape, Var, ops};

@@ -1,7 +1,7 @@
-//! Tells three spiral arms apart: `cargo run --release -p weaver-nn --example spiral`.
+//! Classifies the points of three spiral arms: `cargo run --release -p weaver-nn --example spiral`.
 //!
-//! A perceptron with two hidden layers learns from 600 noisy points. Writes spiral.png (what it says of the whole plane, and the
-//! points) and prints how many of 3000 new points it gets right.
+//! A perceptron with two hidden layers learns from 600 noisy points. Writes spiral.png (its classes over the whole
+//! plane, and the points) and prints how many of 3000 new points it gets right.
 
 use weaver_autograd::ops::{Activation, cross_entropy};
 use weaver_autograd::{Params, Tape, Var};

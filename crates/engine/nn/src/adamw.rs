@@ -24,16 +24,17 @@ pub struct Moments<T> {
     pub first: Vec<T>,
     /// Running mean of the squared gradient.
     pub second: Vec<T>,
-    /// For each row the step up to which its moments have been decayed; empty when that is the last step for all of them.
+    /// For each row the step up to which its moments have been decayed; empty when that is the last step for all of
+    /// them.
     pub row_steps: Vec<u64>,
 }
 
-/// Adam with decoupled weight decay (Loshchilov and Hutter, arXiv 1711.05101):
-/// p = p (1 - lr decay) - lr m^ / (sqrt(v^) + eps), with m = beta1 m + (1 - beta1) g, m^ = m / (1 - beta1^t), and v of g^2 likewise.
+/// Adam with decoupled weight decay (Loshchilov and Hutter, arXiv 1711.05101): p = p (1 - lr decay) - lr m^ /
+/// (sqrt(v^) + eps), with m = beta1 m + (1 - beta1) g, m^ = m / (1 - beta1^t), and v of g^2 likewise.
 ///
-/// The moments of a parameter are allocated at its first gradient; from then on a step allocates nothing. A parameter that
-/// received no gradient in a step is left as it is, weight decay included, and does not count the step. When a parameter gets
-/// other rows, its moments must follow: [`remap_rows`](Self::remap_rows).
+/// The moments of a parameter are allocated at its first gradient; from then on a step allocates nothing. A parameter
+/// that received no gradient in a step is left as it is, weight decay included, and does not count the step. When a
+/// parameter gets other rows, its moments must follow: [`remap_rows`](Self::remap_rows).
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};
@@ -67,8 +68,8 @@ impl<T: Real> AdamW<T> {
         Self { groups, beta1, beta2, eps, state: Vec::new() }
     }
 
-    /// One step along the gradients that the tape holds. The tape lets go of the parameters' values, so that they change in
-    /// place; reset it next. Panics if a parameter has got other rows and its moments have not.
+    /// One step along the gradients that the tape holds. The tape lets go of the parameters' values, so that they
+    /// change in place; reset it next. Panics if a parameter has got other rows and its moments have not.
     pub fn step(&mut self, params: &mut Params<T>, tape: &mut Tape<T>, lr: f64) {
         self.step_scaled(params, tape, lr, 1.0);
     }
@@ -78,14 +79,14 @@ impl<T: Real> AdamW<T> {
         self.step_rows(params, tape, lr, gradient_scale, |_| None).unwrap_or_else(|error| panic!("{error}"));
     }
 
-    /// One step in which a parameter may be updated in some of its rows only: `rows` names them, or is `None` for all. A fitted
-    /// scene of which a view sees a part is such a case.
+    /// One step in which a parameter may be updated in some of its rows only: `rows` names them, or is `None` for all.
+    /// A fitted scene, seen in part by each view, is such a case.
     ///
-    /// A row that is left out keeps its values, weight decay included. Its moments are decayed when it next takes part: with
-    /// steps t and s < t in which it did, m = beta1^(t - s) m + (1 - beta1) g, and v likewise. The bias correction is that of
-    /// step t of the whole parameter. Dense AdamW with a gradient of zero brings the moments to the same values, up to rounding,
-    /// but goes on moving the row by the decaying mean, and shrinks it by weight decay, in each of the steps between. With all
-    /// rows in every step the bits are those of [`step_scaled`](Self::step_scaled).
+    /// A row that is left out keeps its values, weight decay included. Its moments are decayed when it next takes part:
+    /// with steps t and s < t in which it did, m = beta1^(t - s) m + (1 - beta1) g, and v likewise. The bias correction
+    /// uses step t of the whole parameter. Dense AdamW with a gradient of zero brings the moments to the same values,
+    /// up to rounding, but goes on moving the row by the decaying mean, and shrinks it by weight decay, in each of the
+    /// steps between. With all rows in every step the bits equal [`step_scaled`](Self::step_scaled).
     ///
     /// ```
     /// use weaver_autograd::{Params, Tape};
@@ -103,7 +104,8 @@ impl<T: Real> AdamW<T> {
     /// ```
     ///
     /// # Errors
-    /// When a parameter, its gradient, its moments and the chosen rows do not have equally many rows; nothing is then changed.
+    /// When a parameter, its gradient, its moments and the chosen rows do not have equally many rows; nothing is then
+    /// changed.
     pub fn step_rows<'r>(
         &mut self,
         params: &mut Params<T>,
@@ -204,8 +206,8 @@ impl<T: Real> AdamW<T> {
         with_state.map(|((_, param), (steps, moments))| (param.name(), *steps, moments))
     }
 
-    /// Replaces the state by one read back; parameters that are not in it begin anew. Fails with the name of a parameter that is
-    /// unknown or of another size.
+    /// Replaces the state by one read back; parameters that are not in it begin anew. Fails with the name of a
+    /// parameter that is unknown or of another size.
     pub fn set_state(
         &mut self,
         params: &Params<T>,
@@ -216,7 +218,7 @@ impl<T: Real> AdamW<T> {
     }
 }
 
-/// A stored state by parameter index. `rows` says whether the optimizer knows steps of rows.
+/// A stored state by parameter index. `rows` says whether the optimizer supports steps of rows.
 pub(crate) fn checked<T: Real>(
     params: &Params<T>,
     state: BTreeMap<String, (u64, Moments<T>)>,
@@ -255,7 +257,7 @@ pub enum StateError {
         name: String,
         /// Its size.
         expected: usize,
-        /// The size of what was stored.
+        /// The stored size.
         found: usize,
     },
     /// The parameter has another number of rows.

@@ -4,10 +4,11 @@ use crate::{Builder, Context, LayerNorm, Linear, WeightInit};
 use weaver_autograd::ops::{self, RopeTable};
 use weaver_autograd::{List, Real, Var};
 
-/// Multi-head self-attention with one matrix for queries, keys and values; parameters `qkv` (rows q, then k, then v, each
-/// heads x head width), `proj`, and with normalized queries and keys `q_norm`, `k_norm`.
+/// Multi-head self-attention with one matrix for queries, keys and values; parameters `qkv` (rows q, then k, then v,
+/// each heads x head width), `proj`, and with normalized queries and keys `q_norm`, `k_norm`.
 ///
-/// Per head softmax(q k^T / sqrt(head width)) v, then `proj` of the heads side by side (Vaswani et al., arXiv 1706.03762).
+/// Per head softmax(q k^T / sqrt(head width)) v, then `proj` of the heads side by side (Vaswani et al., arXiv
+/// 1706.03762).
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};
@@ -31,7 +32,8 @@ pub struct Attention {
 }
 
 impl Attention {
-    /// A layer for tokens of `width` numbers with `heads` heads; `qk_norm` normalizes queries and keys per head (eps 1e-5). Panics if `heads` does not divide `width`.
+    /// A layer for tokens of `width` numbers with `heads` heads; `qk_norm` normalizes queries and keys per head (eps
+    /// 1e-5). Panics if `heads` does not divide `width`.
     pub fn new<T: Real>(
         mut builder: Builder<'_, T>,
         width: usize,
@@ -48,8 +50,8 @@ impl Attention {
         Self { qkv, norms, proj: Linear::new(builder.scope("proj"), width, width, init), heads }
     }
 
-    /// Applies it to x `[B, N, D]`, which gives the same shape. With a table, queries and keys are rotated by their tokens'
-    /// positions. Differentiable in x and the parameters; the table is constant.
+    /// Applies it to x `[B, N, D]`, which gives the same shape. With a table, queries and keys are rotated by their
+    /// tokens' positions. Differentiable in x and the parameters; the table is constant.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

@@ -26,8 +26,8 @@ pub struct BlockConfig {
 
 /// A pre-norm transformer block: x += ls1 * attn(norm1(x)), then x += ls2 * mlp(norm2(x)).
 ///
-/// Parameters `norm1`, `attn`, `ls1.gamma`, `norm2`, `mlp`, `ls2.gamma`. (Xiong et al., arXiv 2002.04745; LayerScale: Touvron et
-/// al., arXiv 2103.17239.)
+/// Parameters `norm1`, `attn`, `ls1.gamma`, `norm2`, `mlp`, `ls2.gamma`. (Xiong et al., arXiv 2002.04745; LayerScale:
+/// Touvron et al., arXiv 2103.17239.)
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};
@@ -75,9 +75,9 @@ impl Block {
         }
     }
 
-    /// Applies it to x `[B, N, D]`, which gives the same shape; `rope` rotates queries and keys by their tokens' positions.
-    /// Differentiable in x and the parameters; the table is constant. With [`Context::recompute`] the block keeps x alone, and is
-    /// computed again on the way back: the same bits for less memory and more time.
+    /// Applies it to x `[B, N, D]`, which gives the same shape; `rope` rotates queries and keys by their tokens'
+    /// positions. Differentiable in x and the parameters; the table is constant. With [`Context::recompute`] the block
+    /// keeps x alone, and is computed again on the way back: the same bits for less memory and more time.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

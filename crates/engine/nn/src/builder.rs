@@ -39,7 +39,8 @@ impl Init {
 /// Initial weights and biases of a layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum WeightInit {
-    /// Weights normal with this standard deviation, truncated at two standard deviations; biases 0. Usual for transformers.
+    /// Weights normal with this standard deviation, truncated at two standard deviations; biases 0. Usual for
+    /// transformers.
     TruncatedNormal(f64),
     /// Weights and biases uniform within 1/sqrt(fan in): PyTorch's default.
     FanIn,
@@ -106,8 +107,8 @@ impl<'p, T: Real> Builder<'p, T> {
         self.params.add(name, shape, value)
     }
 
-    /// The values of a parameter, to overwrite what was drawn (the bias of an output, for instance); empty where the builder
-    /// draws none.
+    /// The values of a parameter, to overwrite the drawn ones (the bias of an output, for instance); empty where the
+    /// builder draws none.
     pub fn value_mut(&mut self, id: ParamId) -> &mut [T] {
         if self.seed.is_some() { self.params.value_mut(id) } else { &mut [] }
     }

@@ -1,4 +1,4 @@
-//! What a layer needs to run: a tape and the model's parameters.
+//! The context in which a layer runs: a tape and the model's parameters.
 
 use std::fmt::Display;
 use weaver_autograd::{Outputs, ParamId, Params, Real, Tape, Var};
@@ -41,14 +41,14 @@ impl<'t, 'p, T: Real> Context<'t, 'p, T> {
         self.tape.param(self.params, id)
     }
 
-    /// Runs a part of the model below the model path ([`Tape::part`]): of its memory only what it returns stays.
+    /// Runs a part of the model below the model path ([`Tape::part`]): only its result stays in memory.
     pub fn part<R: Outputs<T>>(&self, name: impl Display, f: impl FnOnce() -> R) -> R {
         self.tape.part(name, f)
     }
 
-    /// Runs a layer at its own path ([`Tape::part_at`]): of its memory only what it returns stays. The path comes from the name of
-    /// the layer's parameter `id`, which the layer itself knows as `name`: `encoder.block.3.attn.qkv` from `weight` of
-    /// `encoder.block.3.attn.qkv.weight`.
+    /// Runs a layer at its own path ([`Tape::part_at`]): only its result stays in memory. The path comes from the name
+    /// of the layer's parameter `id`, whose own name within the layer is `name`: `encoder.block.3.attn.qkv` from
+    /// `weight` of `encoder.block.3.attn.qkv.weight`.
     pub fn layer<R: Outputs<T>>(&self, id: ParamId, name: &str, f: impl FnOnce() -> R) -> R {
         let path = self.params.get(id).name().strip_suffix(name).unwrap_or_default();
         self.tape.part_at(path.trim_end_matches('.'), f)

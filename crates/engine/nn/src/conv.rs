@@ -64,8 +64,8 @@ impl Conv2d {
         Self { padding, ..self }
     }
 
-    /// Applies it to x `[N, in, H, W]`, which gives `[N, out, H', W']` with H' = (H + 2 padding - k) / stride + 1, rounded down.
-    /// Differentiable in x and the parameters.
+    /// Applies it to x `[N, in, H, W]`, which gives `[N, out, H', W']` with H' = (H + 2 padding - k) / stride + 1,
+    /// rounded down. Differentiable in x and the parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         cx.layer(self.weight, "weight", || {
             ops::conv2d(x, cx.param(self.weight), self.bias.map(|b| cx.param(b)), self.stride, self.padding)
@@ -104,13 +104,14 @@ impl ConvTranspose2d {
         factor: usize,
         init: WeightInit,
     ) -> Self {
-        // What PyTorch takes for the fan in here: the second dimension of the weight times the kernel.
+        // PyTorch's fan in here: the second dimension of the weight times the kernel.
         let (weights, biases) = init.of(outputs * factor * factor);
         let weight = builder.add("weight", [inputs, outputs, factor, factor], weights);
         Self { weight, bias: builder.add("bias", [outputs], biases), stride: factor }
     }
 
-    /// Applies it to x `[N, in, H, W]`, which gives `[N, out, factor H, factor W]`. Differentiable in x and the parameters.
+    /// Applies it to x `[N, in, H, W]`, which gives `[N, out, factor H, factor W]`. Differentiable in x and the
+    /// parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         cx.layer(self.weight, "weight", || {
             ops::conv_transpose2d(x, cx.param(self.weight), Some(cx.param(self.bias)), self.stride)

@@ -29,7 +29,8 @@ pub struct Ema<T: Real = f32> {
 }
 
 impl<T: Real> Ema<T> {
-    /// An average that begins at the parameters as they are. Panics if one has no values, or has them in half precision.
+    /// An average that begins at the parameters as they are. Panics if one has no values, or has them in half
+    /// precision.
     pub fn new(params: &Params<T>, decay: f64) -> Self {
         Self { decay, steps: 0, average: params.iter().map(|(_, p)| p.value().to_vec()).collect() }
     }
@@ -52,12 +53,12 @@ impl<T: Real> Ema<T> {
         }
     }
 
-    /// Gives the average of a parameter other rows, after [`RowMap::apply`] has given them to its values. A row that was kept or
-    /// copied has the average of its source; that of a new one begins at its present values.
+    /// Gives the average of a parameter other rows, after [`RowMap::apply`] has given them to its values. A row that
+    /// was kept or copied has the average of its source; the average of a new row begins at its present values.
     ///
     /// # Errors
-    /// When the average does not have the rows that the map begins with, or the parameter those that it ends with; the average is
-    /// then left as it was.
+    /// When the average does not have the rows that the map begins with, or the parameter those that it ends with; the
+    /// average is then left as it was.
     pub fn remap_rows(&mut self, params: &Params<T>, id: ParamId, map: &RowMap) -> Result<(), RowError> {
         let (rows, width) = extent(params.get(id).shape());
         let average = &mut self.average[id.index()];
@@ -82,8 +83,8 @@ impl<T: Real> Ema<T> {
         params.iter().zip(&self.average).map(|((_, p), average)| (p.name(), average.as_slice()))
     }
 
-    /// Replaces the averages and the number of steps by what was read back. Fails with the name of a parameter that is unknown or
-    /// of another size.
+    /// Replaces the averages and the number of steps by stored ones. Fails with the name of a parameter that is unknown
+    /// or of another size.
     pub fn set_state(
         &mut self,
         params: &Params<T>,

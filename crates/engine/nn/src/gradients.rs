@@ -3,8 +3,8 @@
 use weaver_autograd::{Params, Real, Tape};
 use weaver_kernels::reduce;
 
-/// The Euclidean norm of all parameters' gradients together, summed in the order of the parameters; NaN or infinite if a
-/// gradient is.
+/// The Euclidean norm of all parameters' gradients together, summed in the order of the parameters; NaN or infinite if
+/// a gradient is.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};
@@ -19,7 +19,8 @@ pub fn global_norm<T: Real>(params: &Params<T>, tape: &Tape<T>) -> f64 {
     params.iter().map(squared).sum::<f64>().sqrt()
 }
 
-/// The factor that brings gradients of this norm to at most `max_norm`: min(1, max_norm / (norm + 1e-6)), as PyTorch clips.
+/// The factor that brings gradients of this norm to at most `max_norm`: min(1, max_norm / (norm + 1e-6)), as PyTorch
+/// clips.
 ///
 /// ```
 /// assert_eq!(weaver_nn::clip_factor(0.5, 1.0), 1.0);
@@ -29,8 +30,8 @@ pub fn clip_factor(norm: f64, max_norm: f64) -> f64 {
     (max_norm / (norm + 1e-6)).min(1.0)
 }
 
-/// Scales the gradients on the tape so that their global norm is at most `max_norm`, and returns the norm that they had. If it
-/// is not finite, the gradients are left as they are, and the step should not be taken.
+/// Scales the gradients on the tape so that their global norm is at most `max_norm`, and returns the norm that they
+/// had. If it is not finite, the gradients are left as they are, and the step should not be taken.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};
@@ -52,8 +53,9 @@ pub fn clip_global_norm<T: Real>(params: &Params<T>, tape: &mut Tape<T>, max_nor
     norm
 }
 
-/// Adds `factor * p` to the gradient of every parameter p that has one: an L2 penalty of `factor / 2 |p|^2`, which Adam then scales as it does
-/// the rest of the gradient. PyTorch's `Adam(weight_decay=factor)` is [`AdamW`](crate::AdamW) without decay behind this.
+/// Adds `factor * p` to the gradient of every parameter p that has one: an L2 penalty of `factor / 2 |p|^2`, which Adam
+/// then scales as it does the rest of the gradient. PyTorch's `Adam(weight_decay=factor)` is [`AdamW`](crate::AdamW)
+/// without decay behind this.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};

@@ -3,8 +3,8 @@
 use crate::{Builder, Context, Init};
 use weaver_autograd::{ParamId, Real, Var};
 
-/// Layer normalization over the last axis, (x - mean) / sqrt(variance + eps) * weight + bias; parameters `weight` and, unless
-/// left out, `bias` `[D]`, at first 1 and 0.
+/// Layer normalization over the last axis, (x - mean) / sqrt(variance + eps) * weight + bias; parameters `weight` and,
+/// unless left out, `bias` `[D]`, at first 1 and 0.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};

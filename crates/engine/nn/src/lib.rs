@@ -1,6 +1,7 @@
 //! Layers, the optimizers AdamW and RAdam, learning-rate schedules and weight averaging on the `weaver-autograd` tape.
 //!
-//! A layer is a small struct of [`ParamId`](weaver_autograd::ParamId)s: it is built with a [`Builder`] and run with a [`Context`].
+//! A layer is a small struct of [`ParamId`](weaver_autograd::ParamId)s: it is built with a [`Builder`] and run with a
+//! [`Context`].
 
 mod adamw;
 mod attention;

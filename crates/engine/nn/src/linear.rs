@@ -41,8 +41,8 @@ impl Linear {
         self.forward_with(cx, x, Activation::None)
     }
 
-    /// Applies it to x `[.., in]`, then the activation in the same kernel, which gives `[.., out]`. Differentiable in x and the
-    /// parameters.
+    /// Applies it to x `[.., in]`, then the activation in the same kernel, which gives `[.., out]`. Differentiable in x
+    /// and the parameters.
     pub fn forward_with<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

@@ -1,4 +1,4 @@
-//! What optimizers have in common: a state that checkpoints hold.
+//! The common interface of optimizers: a state that checkpoints hold.
 
 use crate::{AdamW, Moments, RAdam, StateError};
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! Attention that knows which camera each token was seen by.
+//! Attention that depends on the camera of each token.
 
 use weaver_autograd::ops::{self, RopeTable};
 use weaver_autograd::{Real, Var};
@@ -12,15 +12,16 @@ pub struct Projections<'t, T: Real = f32> {
     pub inverses: Var<'t, T>,
 }
 
-/// Attention over the tokens of several views that sees cameras only by how they stand to one another (PRoPE, Li et al., arXiv
-/// 2507.10496).
+/// Attention over the tokens of several views that sees cameras only by how they stand to one another (PRoPE, Li et
+/// al., arXiv 2507.10496).
 ///
-/// The first half of a head is four-vectors, each multiplied by a 4 x 4 matrix of the token's camera; the second half is turned by
-/// the token's position: q' = (P^T, F) q, k' = (P^-1, F) k, v' = (P^-1, F) v, and the result is (P, F^-1) softmax(q' k' / sqrt h) v'.
-/// So two tokens meet through P_i P_j^-1: a rigid motion of the world changes nothing.
+/// The first half of a head is four-vectors, each multiplied by a 4 x 4 matrix of the token's camera; the second half
+/// is turned by the token's position: q' = (P^T, F) q, k' = (P^-1, F) k, v' = (P^-1, F) v, and the result is (P, F^-1)
+/// softmax(q' k' / sqrt h) v'. So two tokens meet through P_i P_j^-1: a rigid motion of the world changes nothing.
 ///
-/// q, k and v are `[B, V n, heads, h]`, the n tokens of a view one after the other, h divisible by 8; `turns` has the positions of V n
-/// tokens for heads of h / 2. The result has the shape of q. Differentiable in q, k, v and the matrices.
+/// q, k and v are `[B, V n, heads, h]`, the n tokens of a view one after the other, h divisible by 8; `turns` has the
+/// positions of V n tokens for heads of h / 2. The result has the shape of q. Differentiable in q, k, v and the
+/// matrices.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops::RopeTable};
@@ -53,10 +54,12 @@ pub fn projective_attention<'t, T: Real>(
     mapped(ops::attention(q, k, v, scale(q)), matrices, true, turns)
 }
 
-/// Attention over the tokens of one view, whose queries and keys are turned by their positions: softmax(F q F k / sqrt h) v.
+/// Attention over the tokens of one view, whose queries and keys are turned by their positions: softmax(F q F k / sqrt
+/// h) v.
 ///
-/// As [rotary embedding](Var::rope2d), turned the other way, which is how weights that were trained beside [`projective_attention`] have
-/// it. q, k and v are `[B, n, heads, h]`, h divisible by 4; the result has their shape. Differentiable in all three.
+/// As [rotary embedding](Var::rope2d), turned the other way, which is how weights that were trained beside
+/// [`projective_attention`] have it. q, k and v are `[B, n, heads, h]`, h divisible by 4; the result has their shape.
+/// Differentiable in all three.
 ///
 /// # Panics
 /// When shapes do not fit.

@@ -9,17 +9,18 @@ use weaver_autograd::{ParamId, Params, Real, Tape};
 /// The length of the average of squared gradients above which its variance is small enough to divide by it.
 const LONG_ENOUGH: f64 = 5.0;
 
-/// Rectified Adam (Liu et al., ICLR 2020, arXiv 1908.03265), which needs no warm-up: while fewer than about five gradients have been seen, it
-/// steps along their mean alone; from then on it divides as Adam does, by less than Adam where the squares are still uncertain.
+/// Rectified Adam (Liu et al., ICLR 2020, arXiv 1908.03265), which needs no warm-up: while fewer than about five
+/// gradients have been seen, it steps along their mean alone; from then on it divides as Adam does, by less than Adam
+/// where the squares are still uncertain.
 ///
-/// With m = beta1 m + (1 - beta1) g, v = beta2 v + (1 - beta2) g^2, rho = 2 / (1 - beta2) - 1 and rho_t = rho - 2 t beta2^t / (1 - beta2^t):
-/// p = p - rate m / (1 - beta1^t) where rho_t <= 5, else
-/// p = p - rate m / (1 - beta1^t) r sqrt(1 - beta2^t) / (sqrt(v) + eps),
-/// r^2 = (rho_t - 4)(rho_t - 2) rho / ((rho - 4)(rho - 2) rho_t). The numbers are those of PyTorch's `RAdam` without weight decay; eps is added
-/// before the bias of v is corrected.
+/// With m = beta1 m + (1 - beta1) g, v = beta2 v + (1 - beta2) g^2, rho = 2 / (1 - beta2) - 1 and rho_t = rho - 2 t
+/// beta2^t / (1 - beta2^t): p = p - rate m / (1 - beta1^t) where rho_t <= 5, else p = p - rate m / (1 - beta1^t) r
+/// sqrt(1 - beta2^t) / (sqrt(v) + eps), r^2 = (rho_t - 4)(rho_t - 2) rho / ((rho - 4)(rho - 2) rho_t). The numbers
+/// equal PyTorch's `RAdam` without weight decay; eps is added before the bias of v is corrected.
 ///
-/// The moments of a parameter are allocated at its first gradient. A parameter that received no gradient in a step is left as it is and does
-/// not count the step. When a parameter gets other rows, its moments must follow: [`remap_rows`](Self::remap_rows).
+/// The moments of a parameter are allocated at its first gradient. A parameter that received no gradient in a step is
+/// left as it is and does not count the step. When a parameter gets other rows, its moments must follow:
+/// [`remap_rows`](Self::remap_rows).
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};
@@ -53,8 +54,8 @@ impl<T: Real> RAdam<T> {
         Self { params, beta1, beta2, eps, state: Vec::new() }
     }
 
-    /// One step along the gradients that the tape holds, each parameter at the rate that `rate` says. The tape lets go of the parameters'
-    /// values, so that they change in place; reset it next.
+    /// One step along the gradients that the tape holds, each parameter at the rate that `rate` says. The tape lets go
+    /// of the parameters' values, so that they change in place; reset it next.
     ///
     /// # Panics
     /// If a parameter has got other rows and its moments have not.
@@ -109,7 +110,8 @@ impl<T: Real> RAdam<T> {
     /// Replaces the state by one read back; parameters that are not in it begin anew.
     ///
     /// # Errors
-    /// The name of a parameter that is unknown, of another size, or whose rows have steps of their own, which this optimizer does not know.
+    /// The name of a parameter that is unknown, of another size, or whose rows have steps of their own, which this
+    /// optimizer does not support.
     pub fn set_state(
         &mut self,
         params: &Params<T>,
@@ -131,7 +133,7 @@ struct Factors {
 }
 
 impl Factors {
-    /// Those of step t, counted from 1.
+    /// The factors of step t, counted from 1.
     fn new(beta1: f64, beta2: f64, t: u64, rate: f64) -> Self {
         let power = |beta: f64| beta.powf(t as f64);
         let plain = rate / (1.0 - power(beta1));

@@ -3,7 +3,8 @@
 use crate::{Builder, Context, Init};
 use weaver_autograd::{ParamId, Real, Var};
 
-/// Root-mean-square normalization over the last axis, x / sqrt(mean(x^2) + eps) * weight; parameter `weight` `[D]`, at first 1.
+/// Root-mean-square normalization over the last axis, x / sqrt(mean(x^2) + eps) * weight; parameter `weight` `[D]`, at
+/// first 1.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};

@@ -1,4 +1,4 @@
-//! Rows of parameters: which ones a step updates, and what becomes of them when a parameter grows or shrinks.
+//! Rows of parameters: the rows that a step updates, and the rows of a parameter that grows or shrinks.
 
 use weaver_autograd::{ParamId, Params, Real, ReplaceError, Shape, Tape};
 
@@ -35,7 +35,8 @@ impl RowSet {
         Self { rows, total: mask.len() }
     }
 
-    /// The rows of a parameter whose gradient on the tape is not zero throughout: none of them where no gradient reached it.
+    /// The rows of a parameter whose gradient on the tape is not zero throughout: none of them where no gradient
+    /// reached it.
     pub fn with_gradient<T: Real>(params: &Params<T>, tape: &Tape<T>, id: ParamId) -> Self {
         let (total, width) = extent(params.get(id).shape());
         let Some(gradient) = tape.param_grad(id).filter(|_| width > 0) else { return Self { rows: Vec::new(), total } };
@@ -55,10 +56,10 @@ impl RowSet {
     }
 }
 
-/// Where a row of a grown or shrunk parameter comes from.
+/// Source of a row of a grown or shrunk parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowSource {
-    /// An old row, with all that the optimizer knows of it. Named by two rows, it is duplicated with its moments.
+    /// An old row, with its state in the optimizer. Named by two rows, it is duplicated with its moments.
     Keep(u32),
     /// The values of an old row, with moments of zero.
     Copy(u32),
@@ -69,8 +70,8 @@ pub enum RowSource {
 /// Mapping of the rows of a parameter that grows or shrinks: for each new row, where it comes from.
 ///
 /// Three things change together, in this order: the parameter ([`apply`](Self::apply)), the optimizer's moments
-/// ([`AdamW::remap_rows`](crate::AdamW::remap_rows)) and its average ([`Ema::remap_rows`](crate::Ema::remap_rows)). The values of
-/// new rows are set after the first.
+/// ([`AdamW::remap_rows`](crate::AdamW::remap_rows)) and its average ([`Ema::remap_rows`](crate::Ema::remap_rows)). The
+/// values of new rows are set after the first.
 ///
 /// ```
 /// use weaver_autograd::Params;
@@ -120,8 +121,8 @@ impl RowMap {
         self.old_rows
     }
 
-    /// Gives a parameter its new rows. Panics unless its rows [vary](Params::set_rows_vary), or if it has no values or has
-    /// them in half precision.
+    /// Gives a parameter its new rows. Panics unless its rows [vary](Params::set_rows_vary), or if it has no values or
+    /// has them in half precision.
     ///
     /// # Errors
     /// When the parameter does not have the rows that the map begins with.
@@ -151,7 +152,7 @@ pub(crate) fn extent(shape: Shape) -> (usize, usize) {
     if shape.rank() == 0 { (1, 1) } else { (shape[0], shape.dims()[1..].iter().product()) }
 }
 
-/// Fails unless something has as many rows as it must.
+/// Fails unless `what` has the expected number of rows.
 pub(crate) fn check<T: Real>(
     params: &Params<T>,
     id: ParamId,

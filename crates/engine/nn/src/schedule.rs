@@ -32,8 +32,8 @@ impl WarmupCosine {
     }
 }
 
-/// The published schedule: a linear warm-up from a thousandth of the base rate, then half a cosine over `period` steps down to an
-/// absolute rate, the same for all groups.
+/// The published schedule: a linear warm-up from a thousandth of the base rate, then half a cosine over `period` steps
+/// down to an absolute rate, the same for all groups.
 ///
 /// A group whose base rate is the final rate therefore keeps it after the warm-up.
 ///

@@ -1,8 +1,9 @@
-//! From how far cameras come back: `cargo run --release -p weaver-align --example planted [DRAWS [SCENE.ply TRANSFORMS.json]]`.
+//! From how far cameras come back: `cargo run --release -p weaver-align --example planted [DRAWS [SCENE.ply
+//! TRANSFORMS.json]]`.
 //!
-//! The photo is a render of the scene itself, 300 random Gaussians or those of a file; the guess is off by r degrees about a random axis,
-//! and by r/60 of the mean depth. For each method: the share of draws that ends within 0.3 degrees and 0.005 of the depth / within 0.05
-//! degrees and 0.001, and the median angle that is left.
+//! The photo is a render of the scene itself, 300 random Gaussians or a file's; the guess is off by r degrees about a
+//! random axis, and by r/60 of the mean depth. For each method: the share of draws that ends within 0.3 degrees and
+//! 0.005 of the depth / within 0.05 degrees and 0.001, and the median angle that is left.
 
 use weaver_align::{Method, Options, Photo, Scene, align, mean_square};
 use weaver_geometry::glam::{DMat3, DVec3};
@@ -59,7 +60,7 @@ impl Cloud {
     }
 }
 
-/// A render, and the mean depth of what it shows.
+/// A render, and the mean depth of its pixels.
 fn draw(scene: &Scene<'_, f64>, camera: &Camera) -> Result<(Vec<f64>, f64), Box<dyn std::error::Error>> {
     let pixels = camera.width * camera.height;
     let (mut image, mut alpha, mut depth) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; pixels]);

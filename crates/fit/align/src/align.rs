@@ -11,7 +11,7 @@ use weaver_splat::Rasterizer;
 /// Options of the descent of cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Which numbers, at what rate.
+    /// The numbers that descend, and their rate.
     pub method: Method,
     /// Steps at most.
     pub steps: usize,
@@ -32,7 +32,7 @@ impl Options {
 /// Outcome of a photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// Its camera was found, as far as the loss tells.
+    /// Its camera was found, as far as the loss shows.
     Found,
     /// The photo has one color, or the scene under it: nothing says where to go. The guess stands.
     Flat,
@@ -63,12 +63,13 @@ pub struct Aligned<T> {
 const COVERED: f64 = 0.5;
 /// Part of the pixels that must be covered.
 const LEAST_COVERED: f64 = 0.05;
-/// Our method: pixels of 64 that the first half is blurred by, least side that is halved, what is left of the rate.
+/// Our method: blur of the first half in pixels of 64, the least side that is halved, and the factor on the rate at the
+/// end.
 const BLUR: f64 = 2.0 / 64.0;
 const LEAST_SIDE: usize = 16;
 const RATE_END: f64 = 0.02;
-/// Our method slows down when this many steps gain less than this part of the loss, and ends when it has by so much; a loss this many
-/// times the last undoes a step.
+/// Our method slows down when this many steps gain less than this part of the loss, and ends when it has by so much; a
+/// loss this many times the last undoes a step.
 const PATIENCE: usize = 20;
 const LEAST_GAIN: f64 = 1e-3;
 const SLOWEST: f64 = 1.0 / 32.0;
@@ -76,18 +77,19 @@ const WORSE: f64 = 1.5;
 /// Growth of a rate that was halved with each step that does not have to be undone.
 const EASE: f64 = 1.2;
 
-/// Finds the camera of each photo by descending from its guess, with Adam, on a loss between what it sees and the photo:
-/// [`mean_square`](crate::mean_square) or one's own, values in the scale of colors. Of one's own, four parts of mean absolute differences to
-/// one of structure (1 - SSIM) find nearly every camera that is 4 degrees off, where squares miss one in four. Photos know nothing of one
-/// another.
+/// Finds the camera of each photo by descending from its guess, with Adam, on a loss between its render and the photo:
+/// [`mean_square`](crate::mean_square) or one's own, values in the scale of colors. Of one's own, four parts of mean
+/// absolute differences to one of structure (1 - SSIM) find nearly every camera that is 4 degrees off, where squares
+/// miss one in four. Photos are independent of one another.
 ///
-/// [`Method::Own`] goes down a cosine to 2 % of the rate, the first half at half the size, blurred, and returns the best camera
-/// that it has seen at full size; the published methods are as published: NoPoSplat's ends with its last step, 2Xplat's with what it drew
-/// before that. A failure is an [`Outcome`], and then the guess stands. Same bits at any number of threads.
+/// [`Method::Own`] goes down a cosine to 2 % of the rate, the first half at half the size, blurred, and returns the
+/// best camera that it has seen at full size; the published methods are as published: NoPoSplat's ends with its last
+/// step, 2Xplat's with the camera of its last drawing before that. A failure is an [`Outcome`], and then the guess
+/// stands. Same bits at any number of threads.
 ///
 /// # Errors
 ///
-/// Photos whose numbers do not fit, are not finite, or are masked altogether; what the rasterizer refuses.
+/// Photos whose numbers do not fit, are not finite, or are masked altogether; errors of the rasterizer.
 pub fn align<T: Real>(
     rasterizer: &dyn Rasterizer<T>,
     scene: &Scene<'_, T>,
@@ -197,13 +199,13 @@ impl<T: Real> Path<'_, '_, T> {
                 continue;
             }
             if hardly_gains(&self.losses[first..]) {
-                // At this rate it goes around what it looks for.
+                // At this rate it circles around the minimum.
                 (first, pace) = (self.losses.len(), 0.5 * pace);
                 if level.shrink > 1.0 || pace < SLOWEST {
                     break;
                 }
             }
-            // Near its end a descent often overshoots: what was too much for one step is not for all.
+            // Near its end a descent often overshoots: a rate that was too large for one step may suit the next.
             brake = (EASE * brake).min(1.0);
             let slopes = self.drawing.gradient(self.descent.camera(), level)?;
             last = Some((value, self.descent.clone(), slopes));
@@ -212,9 +214,9 @@ impl<T: Real> Path<'_, '_, T> {
         Ok(())
     }
 
-    /// As published: so many steps at one rate, the last camera whatever its loss.
+    /// As published: so many steps at one rate, and the last camera at any loss.
     fn published(&mut self, level: &Level<T>) -> Result<(), AlignError> {
-        // 2Xplat returns what it drew last, to which one step less has led.
+        // 2Xplat returns the camera of its last drawing, one step earlier.
         let last = if self.options.method == Method::TwoXplat { 1 } else { 0 };
         for _ in last..self.options.steps {
             self.see(level)?;

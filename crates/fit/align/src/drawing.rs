@@ -15,8 +15,8 @@ pub struct Scene<'a, T> {
     pub background: [T; 3],
     /// Settings of drawing them.
     pub settings: RasterSettings,
-    /// The length that [`Method::TwoXplat`](crate::Method::TwoXplat) measures centers in, world units: there the largest coordinate of a
-    /// scene is 1.
+    /// The length that [`Method::TwoXplat`](crate::Method::TwoXplat) measures centers in, world units: there the
+    /// largest coordinate of a scene is 1.
     pub unit: f64,
 }
 
@@ -25,7 +25,7 @@ pub struct Scene<'a, T> {
 pub struct Photo<'a, T> {
     /// sRGB, `[height, width, 3]`.
     pub pixels: &'a [T],
-    /// Which pixels count, `[height, width]`; `None` if all do.
+    /// Mask of the pixels that count, `[height, width]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
     /// The first guess, and the photo's size.
     pub camera: Camera,
@@ -64,7 +64,7 @@ pub fn mean_square<T: Real>(image: &[T], photo: &[T], _size: [usize; 2], gradien
     gradient.iter_mut().zip(image).zip(photo).map(square).sum::<f64>() / image.len() as f64
 }
 
-/// A photo at its own size or at half of it, with what of it counts.
+/// A photo at its own size or at half of it, with the pixels that count.
 pub(crate) struct Level<T> {
     pub pixels: Vec<T>,
     pub counts: Vec<bool>,
@@ -75,7 +75,7 @@ pub(crate) struct Level<T> {
 }
 
 impl<T: Real> Level<T> {
-    /// Means of 2 x 2 pixels; an odd last row or column is left out. What one of the four leaves out is left out.
+    /// Means of 2 x 2 pixels; an odd last row or column is left out. A pixel counts if all four do.
     pub fn halved(&self, [height, width]: [usize; 2]) -> Self {
         let places = || (0..height / 2).flat_map(|y| (0..width / 2).map(move |x| 2 * (y * width + x)));
         let four = |at: usize| [at, at + 1, at + width, at + width + 1];
@@ -114,9 +114,9 @@ impl<'a, T: Real> Drawing<'a, T> {
         Self { scene, session, settings, viewmat, intrinsics, image, alpha, depth, slopes }
     }
 
-    /// Image, alpha and depth of a view that is so many times smaller than its photo. What makes Gaussians as wide as pixels there is what
-    /// it is in the photo, with the spread of the means of its pixels: small renders and small photos would not meet at the right camera
-    /// otherwise.
+    /// Image, alpha and depth of a view that is so many times smaller than its photo. The low-pass filter is the
+    /// photo's, scaled to these pixels, with the variance of the mean over a pixel: small renders and small photos
+    /// would not meet at the right camera otherwise.
     pub fn draw(&mut self, camera: &Camera, shrink: f64) -> Result<(), RasterError> {
         let eps2d = (self.scene.settings.eps2d + (shrink * shrink - 1.0) / 12.0) / (shrink * shrink);
         self.settings = RasterSettings { eps2d, ..self.scene.settings };
@@ -135,7 +135,7 @@ impl<'a, T: Real> Drawing<'a, T> {
         Ok(())
     }
 
-    /// The loss of a camera. What does not count of the photo is taken to be as drawn.
+    /// The loss of a camera. Masked pixels of the photo are taken to be as drawn.
     pub fn loss(&mut self, camera: &Camera, level: &Level<T>, loss: &mut Loss<'_, T>) -> Result<f64, RasterError> {
         let camera = level.camera(camera);
         let size = [camera.height, camera.width];

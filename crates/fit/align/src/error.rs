@@ -1,14 +1,14 @@
-//! What can be wrong with a call.
+//! Errors of a call.
 
 use weaver_splat::RasterError;
 
 /// Photos that cannot be aligned as they are given. `photo` counts from 0.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AlignError {
-    /// The numbers of a photo or of its mask are not those of its camera's size.
+    /// The numbers of a photo or of its mask do not fit its camera's size.
     #[error("photo {photo}: expected {expected} numbers in its {what} of {width}x{height}, found {found}")]
     Size {
-        /// Which photo.
+        /// Number of the photo.
         photo: usize,
         /// Photo or mask.
         what: &'static str,
@@ -24,7 +24,7 @@ pub enum AlignError {
     /// A pixel is infinite or not a number.
     #[error("photo {photo}: expected finite colors, found {value} at row {row}, column {column}")]
     NotFinite {
-        /// Which photo.
+        /// Number of the photo.
         photo: usize,
         /// From the top.
         row: usize,
@@ -36,7 +36,7 @@ pub enum AlignError {
     /// Nothing of a photo counts.
     #[error("photo {photo}: expected a mask that leaves something, found none")]
     Masked {
-        /// Which photo.
+        /// Number of the photo.
         photo: usize,
     },
     /// A length by which steps are measured is not one.

@@ -1,13 +1,16 @@
-//! Where a photo of a finished scene of Gaussians was taken: its camera descends through the rasterizer, the scene stays.
+//! Cameras of further photos of a finished scene of Gaussians: the camera descends through the rasterizer, the scene
+//! stays.
 //!
-//! - [`align`] finds the cameras of photos from first guesses, on slices, with any [`Rasterizer`](weaver_splat::Rasterizer).
-//! - [`Descent`], of weaver-pose, is the bare descent of one camera under gradients of anybody's loss; [`Method`] its published variants
-//!   and ours.
+//! - [`align`] finds the cameras of photos from first guesses, on slices, with any
+//!   [`Rasterizer`](weaver_splat::Rasterizer).
+//! - [`Descent`], of weaver-pose, is the bare descent of one camera under gradients of anybody's loss; [`Method`] its
+//!   published variants and ours.
 //!
-//! A photo that was aligned has been looked at: what its render gains belongs beside the figures without, never in their place.
+//! An aligned photo has been looked at: its gain in PSNR belongs beside the figures without alignment, never in their
+//! place.
 //!
-//! Sources: NoPoSplat (Ye et al., arXiv 2410.24207), 2Xplat (Jeong et al., arXiv 2603.21064), both of which align poses before they
-//! judge held-out views.
+//! Sources: NoPoSplat (Ye et al., arXiv 2410.24207), 2Xplat (Jeong et al., arXiv 2603.21064); both align poses before
+//! they judge held-out views.
 
 mod align;
 mod drawing;

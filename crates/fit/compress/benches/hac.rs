@@ -1,4 +1,4 @@
-//! What a step of HAC-lite does beside drawing: the hash grid, the bits of numbers, signs.
+//! Parts of a step of HAC-lite beside drawing: the hash grid, the bits of numbers, signs.
 
 use criterion::Criterion;
 use std::sync::Arc;

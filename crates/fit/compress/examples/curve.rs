@@ -1,4 +1,5 @@
-//! Bits by decibels of a scene: `curve FILE [DECIBELS ...]`, on six pictures of an orbit, 256 pixels square, over white.
+//! Bits by decibels of a scene: `curve FILE [DECIBELS ...]`, on six pictures of an orbit, 256 pixels square, over
+//! white.
 
 use std::error::Error;
 use weaver_compress::{Judge, Pictures, compress};

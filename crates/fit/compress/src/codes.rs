@@ -10,7 +10,7 @@ const ROUNDS: usize = 10;
 /// Rows that a code stands for on average, at least: codes take bytes, too.
 const ROWS: usize = 8;
 
-/// Rows that are drawn as codes, and which one each is.
+/// Rows that are drawn as codes, and the code of each.
 #[derive(Clone, Debug)]
 pub(crate) struct Codes {
     /// The code of each row, `[N]`.

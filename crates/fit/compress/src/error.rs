@@ -20,7 +20,7 @@ pub enum CompressError {
     /// The surface of the scene cannot be made.
     #[error(transparent)]
     Mesh(#[from] weaver_mesh::MeshError),
-    /// Bytes that are not those of a method.
+    /// Bytes that do not follow a method's format.
     #[error("{place}: expected {expected}, found {found}")]
     Stream {
         /// The part.

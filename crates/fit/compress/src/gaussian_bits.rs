@@ -39,7 +39,7 @@ impl<T: Real> Op<T> for GaussianBits {
                 *slopes = [by_x, by_deviation, by_step].map(|slope| T::from_f64(slope) * douts[0][i]);
             }
         });
-        // That of the mean is the negative of that of the number.
+        // The slope by the mean is the negative of the slope by the number.
         for (din, (slope, sign)) in dins.iter_mut().zip([(0, T::ONE), (0, -T::ONE), (1, T::ONE), (2, T::ONE)]) {
             if let Some(din) = din {
                 din.add_each(|i| sign * slopes[i][slope]);
@@ -48,7 +48,8 @@ impl<T: Real> Op<T> for GaussianBits {
     }
 }
 
-/// Bits of numbers that are rounded with steps `Q`, under normal distributions: [`gaussian_rate`](weaver_codec::gaussian_rate) of each.
+/// Bits of numbers that are rounded with steps `Q`, under normal distributions:
+/// [`gaussian_rate`](weaver_codec::gaussian_rate) of each.
 ///
 /// All of one shape. Differentiable in all four; below the least probability the slope is that at it.
 ///
@@ -72,7 +73,8 @@ pub fn gaussian_bits<'t, T: Real>(
     bits
 }
 
-/// 1 from zero on and -1 below, with gradient 1 on `|x| < 1`: the straight-through estimator of [`binary`](weaver_codec::binary).
+/// 1 from zero on and -1 below, with gradient 1 on `|x| < 1`: the straight-through estimator of
+/// [`binary`](weaver_codec::binary).
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -7,8 +7,8 @@ use weaver_mesh::{DistanceField, DrawnScene, FAR, Mesh, compare};
 use weaver_scene::Gaussians;
 use weaver_splat::RasterSettings;
 
-/// The least distance of a camera from the point that all look at, in units of which surfaces are compared: with it, distances beyond a twentieth
-/// of it count as such.
+/// The least distance of a camera from the common focus, in units in which surfaces are compared: distances beyond a
+/// twentieth of it count as a twentieth.
 const DISTANCE: f64 = 10.0;
 /// Cells between a camera and that point, and cells of the truncation.
 const CELLS: f64 = 96.0;
@@ -18,7 +18,8 @@ const BACKGROUND: f64 = 2.0;
 /// Points on a cell's area of a surface to which distances are.
 const PER_CELL: f64 = 32.0;
 
-/// The surface of a scene: depth as its cameras see it, averaged as truncated signed distances, and its zero level by surface nets.
+/// The surface of a scene: depth as its cameras see it, averaged as truncated signed distances, and its zero level by
+/// surface nets.
 #[derive(Debug)]
 pub struct Surface {
     cameras: Vec<Camera>,
@@ -29,8 +30,7 @@ pub struct Surface {
     points: Points,
 }
 
-/// A surface as points: one in each cell, from which distances are, and many, to which they are. Surfaces that hardly differ are thus
-/// hardly apart.
+/// A surface as points: one in each cell, to measure distances from, and many, to measure distances to.
 #[derive(Debug, Default)]
 struct Points {
     vertices: Vec<[f32; 3]>,
@@ -59,15 +59,15 @@ impl Surface {
         Ok(surface)
     }
 
-    /// Chamfer distance of a scene's surface, the mean of both mean distances, each distance at most a twentieth of the cameras' or left out, in
-    /// thousandths of the least distance of a camera from the point that all look at.
+    /// Chamfer distance of a scene's surface, the mean of both mean distances, each distance at most a twentieth of the
+    /// cameras' or left out, in thousandths of the least distance of a camera from the point that all look at.
     ///
     /// # Errors
-    /// Where the scene cannot be drawn.
+    /// If the scene cannot be drawn.
     pub fn chamfer(&self, gaussians: &Gaussians) -> Result<f64, CompressError> {
         let (own, others) = (self.points(gaussians)?, &self.points);
         let near = DISTANCE / CELLS;
-        // A surface of which nothing is there, or near, is as far off as can be.
+        // A surface without any points, or without near ones, is as far off as can be.
         let there = compare(&own.vertices, &others.samples, near).and_then(|errors| errors.accuracy).unwrap_or(FAR);
         let back = compare(&own.samples, &others.vertices, near).map_or(FAR, |errors| errors.completeness);
         Ok(1000.0 / DISTANCE * (there + back) / 2.0)

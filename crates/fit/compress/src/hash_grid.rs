@@ -18,17 +18,18 @@ pub struct HashLevel {
 }
 
 impl HashLevel {
-    /// The row of a lattice point, `[x, y, z]` of which only its axes count: the exclusive or of coordinates times primes, modulo the rows.
+    /// The row of a lattice point, only the axes of `[x, y, z]` that count: the exclusive or of coordinates times
+    /// primes, modulo the rows.
     pub fn row(&self, point: [u32; 3]) -> usize {
         let hash = self.axes.iter().fold(0, |hash, &axis| hash ^ point[axis].wrapping_mul(PRIMES[axis]));
         hash as usize & (self.rows - 1)
     }
 }
 
-/// Levels whose tables lie one after the other, and what positions see of them.
+/// Levels with their tables one after the other, and the corners of positions in them.
 ///
-/// The features of a position at a level are those of the corners of its cell, interpolated linearly: `Σ_c w_c table[row_c]`. Positions
-/// are constant, so that corners are found once.
+/// The features of a position at a level are interpolated linearly between the corners of its cell: `Σ_c w_c
+/// table[row_c]`. Positions are constant, so that corners are found once.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -81,7 +82,8 @@ impl HashGrid {
         self.rows
     }
 
-    /// Features of all positions, `[N, levels C]`, of tables `[rows, C]`: plain sums in a fixed order, the same bits on every machine.
+    /// Features of all positions, `[N, levels C]`, of tables `[rows, C]`: plain sums in a fixed order, the same bits on
+    /// every machine.
     pub fn features<T: Real>(&self, table: &[T], out: &mut [T]) {
         let width = table.len() / self.rows.max(1);
         for (out, corners) in out.chunks_exact_mut(width.max(1)).zip(self.corners.chunks_exact(CORNERS)) {

@@ -48,7 +48,7 @@ impl Judge {
     /// Mean square difference of the pictures of a scene.
     ///
     /// # Errors
-    /// Where it cannot be drawn.
+    /// If it cannot be drawn.
     pub fn mean_square(&mut self, gaussians: &Gaussians) -> Result<f64, CompressError> {
         let squares = self.squares(gaussians)?;
         Ok(squares.iter().sum::<f64>() / squares.len() as f64)
@@ -57,16 +57,17 @@ impl Judge {
     /// Mean over the pictures of `20 log10(1 / √MSE)`, dB; at most 100 for each.
     ///
     /// # Errors
-    /// Where the scene cannot be drawn.
+    /// If the scene cannot be drawn.
     pub fn psnr(&mut self, gaussians: &Gaussians) -> Result<f64, CompressError> {
         let squares = self.squares(gaussians)?;
         Ok(squares.iter().map(|square| -10.0 * square.max(LEAST).log10()).sum::<f64>() / squares.len() as f64)
     }
 
-    /// Mean of the decibels of a scene's pictures beside photos of its cameras; with NaN where a photo is masked altogether.
+    /// Mean of the decibels of a scene's pictures beside photos of its cameras; with NaN where a photo is masked
+    /// altogether.
     ///
     /// # Errors
-    /// Where the scene cannot be drawn.
+    /// If the scene cannot be drawn.
     pub fn psnr_of_photos(&mut self, gaussians: &Gaussians, photos: &[Photo]) -> Result<f64, CompressError> {
         let (activated, judge, mut sum) = (gaussians.to_activated(), weaver_fit::Judge::default(), 0.0);
         for photo in photos {
@@ -86,7 +87,7 @@ impl Judge {
         Ok(drawn.iter().zip(&self.expected).map(of).collect())
     }
 
-    /// One picture after the other, so that sizes may differ.
+    /// One picture after the other, since sizes may differ.
     fn draw(&mut self, gaussians: &ActivatedGaussians) -> Result<Vec<Vec<f32>>, CompressError> {
         let mut pictures = Vec::with_capacity(self.cameras.len());
         for camera in &self.cameras {

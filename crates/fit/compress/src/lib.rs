@@ -1,10 +1,13 @@
-//! Compression of scenes of Gaussians: to a wanted quality of their pictures, and by the methods of others; nothing is read from or written to disk.
+//! Compression of scenes of Gaussians: to a wanted quality of their pictures, and by the methods of others; nothing is
+//! read from or written to disk.
 //!
-//! - [`Judge`] draws a scene and compares what is left of it. [`compress`] chooses the steps of [`lite`](weaver_codec::lite).
+//! - [`Judge`] draws a scene and compares the decoded one with it. [`compress`] chooses the steps of
+//!   [`lite`](weaver_codec::lite).
 //! - [`Surface`] compares surfaces: meshes of the drawn depth.
-//! - [`Method`] is a way to compress: real bytes of a scene, and a scene of these bytes alone. [`METHODS`] is the table of them, [`formats()`] the
-//!   formats of files as methods.
-//! - A method encodes in the steps of a [`Training`], which can be stopped and gone on with; what changes the scene is due on a [`Schedule`].
+//! - [`Method`] is a way to compress: real bytes of a scene, and a scene of these bytes alone. [`METHODS`] is the table
+//!   of them, [`formats()`] the formats of files as methods.
+//! - A method encodes in the steps of a [`Training`], which can be stopped and gone on with; changes of the scene are
+//!   due on a [`Schedule`].
 
 mod codes;
 mod error;

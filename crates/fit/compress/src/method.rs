@@ -4,7 +4,7 @@ use crate::{CompressError, Pictures, Training};
 use std::fmt::Debug;
 use weaver_scene::{Gaussians, Photo};
 
-/// A scene to compress, and what a method may learn from.
+/// A scene to compress, and the data that a method may learn from.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
     /// The scene.
@@ -13,7 +13,8 @@ pub struct Task<'a> {
     pub pictures: Pictures<'a>,
     /// Photos to train with; without any, pictures of the scene itself.
     pub photos: &'a [Photo],
-    /// Training steps in place of 5000 in a method's paper; other numbers of steps in proportion. Nothing is trained at 0.
+    /// Training steps in place of 5000 in a method's paper; other numbers of steps in proportion. Nothing is trained at
+    /// 0.
     pub steps: usize,
     /// Seed of everything that is drawn at random.
     pub seed: u64,
@@ -77,7 +78,7 @@ pub trait Method: Debug {
 /// A method with certain constants: a point of its curve of quality by bytes.
 #[derive(Debug)]
 pub struct Point {
-    /// The constants, in short; empty where there is but one choice.
+    /// The constants in short; empty if there is only one choice.
     pub setting: String,
     /// The method.
     pub method: Box<dyn Method>,

@@ -66,7 +66,7 @@ pub(crate) fn check(gaussians: &Gaussians) -> Result<(), CompressError> {
     }
 }
 
-/// An error of a stream, or of what is to become one.
+/// An error of a stream, or of the data of a new one.
 pub(crate) fn broken(
     place: impl std::fmt::Display,
     expected: impl std::fmt::Display,
@@ -182,7 +182,7 @@ impl<'a> Reader<'a> {
         Ok(stream)
     }
 
-    /// Symbols of the next stream, a bound of what its rows can be: at most `most`.
+    /// Rows of the next stream by its number of symbols, an upper bound: at most `most`.
     pub(crate) fn rows(&self, width: usize, most: usize) -> Result<usize, CompressError> {
         let symbols = self.container.streams.get(self.next).map_or(0, |stream| stream.symbols);
         let rows = symbols / width.max(1) as u64;

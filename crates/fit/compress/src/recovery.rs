@@ -1,4 +1,4 @@
-//! Training that brings back what a change of the scene took away.
+//! Training that restores the quality lost by a change of the scene.
 
 use crate::payload::{broken, check};
 use crate::{CompressError, Schedule, Task, Training};
@@ -62,7 +62,7 @@ impl<'a> Recovery<'a> {
         Self { task, gaussians, schedule, make_rounding: None, write: Box::new(write), steps: [0, steps], part: None }
     }
 
-    /// Trains what is drawn rounded; a rounding is made for each part.
+    /// Trains rounded Gaussians; a rounding is made for each part.
     pub(crate) fn rounded(self, make: impl Fn() -> Box<dyn Rounding> + 'a) -> Self {
         Self { make_rounding: Some(Box::new(make)), ..self }
     }

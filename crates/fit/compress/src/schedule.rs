@@ -2,8 +2,8 @@
 
 /// Tasks by step and priority.
 ///
-/// Tasks of one step are done by ascending priority, of equal priority in the order in which they were given. A run that
-/// [goes on](Self::go_on) at a later step leaves out those before it.
+/// Tasks of one step are done by ascending priority, of equal priority in the order in which they were given. A run
+/// that [goes on](Self::go_on) at a later step leaves out those before it.
 ///
 /// ```
 /// use weaver_compress::Schedule;

@@ -9,7 +9,8 @@ const THINNEST: f64 = 1e-8;
 /// Sweeps of Jacobi rotations, which converge quadratically.
 const SWEEPS: usize = 12;
 
-/// Half the logarithm of the trace of a Gaussian's covariance, and the covariance over the trace: xx, xy, xz, yy, yz, zz.
+/// Half the logarithm of the trace of a Gaussian's covariance, and the covariance over the trace: xx, xy, xz, yy, yz,
+/// zz.
 pub(crate) fn normalized(gaussians: &Gaussians, i: usize) -> (f32, [f32; 6]) {
     let logs = gaussians.log_scales[i].map(f64::from);
     let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);

@@ -1,20 +1,21 @@
-//! The choice of steps: each kind of number rounded so that a bit more or less would change the pictures' error as much as in any other.
+//! The choice of steps: each kind of number rounded so that a bit more or less would change the pictures' error as much
+//! as in any other.
 //!
-//! Of each kind g the error of pictures is measured at a step and at half of it, everything else being fine, and `D_g(q) = c q^p` is laid
-//! through both; so is the number of bits, `R_g(q) = r - s log2 q`. With errors that add up, the least rate for an error has the
-//! same `-dD/dR = λ` in all kinds, at `q = (λ s / (p c ln 2))^(1/p)`. λ is then searched for the wanted quality, which is measured with
-//! everything rounded.
+//! Of each kind g the error of pictures is measured at a step and at half of it, everything else being fine, and
+//! `D_g(q) = c q^p` is laid through both; so is the number of bits, `R_g(q) = r - s log2 q`. With errors that add up,
+//! the least rate for an error has the same `-dD/dR = λ` in all kinds, at `q = (λ s / (p c ln 2))^(1/p)`. λ is then
+//! searched for the wanted quality, which is measured with everything rounded.
 
 use crate::{CompressError, Judge};
 use weaver_codec::lite::{Quality, decode, encode, order_zero_bits, rounded};
 use weaver_scene::Gaussians;
 
-/// The largest quality that can be asked for, dB: beyond, rounding of 8-bit pictures is larger.
+/// The largest quality that can be requested, dB: beyond, rounding of 8-bit pictures is larger.
 pub const MOST_DECIBELS: f64 = 65.0;
 
 /// Kinds of numbers, in the order of [`order_zero_bits`].
 const KINDS: usize = 6;
-/// Steps so small that they cause no error beside that of the kind which is measured.
+/// Steps so small that they cause no error beside the measured kind's.
 const FINE: Quality = Quality {
     position: 0.0005,
     scale_step: 0.0005,
@@ -26,8 +27,8 @@ const FINE: Quality = Quality {
     adaptation: 0.0,
     rotation_adaptation: 0.0,
 };
-/// Steps are made four times finer so often at most before they are measured: where all numbers are rounded to nothing, errors do not follow
-/// the step.
+/// Steps are made four times finer so often at most before they are measured: where all numbers are rounded to nothing,
+/// errors do not follow the step.
 const FINER: usize = 4;
 /// The most that a step grows or shrinks from the one that was measured.
 const REACH: f64 = 16.0;
@@ -63,17 +64,17 @@ pub struct Compressed {
 }
 
 impl Compressed {
-    /// Quality of its pictures beside those of the scene, dB, as another judge sees it: what is said of it should come from pictures that had no
-    /// part in the choice of steps.
+    /// Quality of its pictures beside the scene's, dB, by another judge: a reported quality should come from pictures
+    /// that had no part in the choice of steps.
     ///
     /// # Errors
-    /// Where it cannot be drawn.
+    /// If it cannot be drawn.
     pub fn judged_by(&self, judge: &mut Judge) -> Result<f64, CompressError> {
         judge.psnr(&decode(&self.bytes)?)
     }
 }
 
-/// Compresses a scene so that its pictures have at least so many decibels beside those of the scene.
+/// Compresses a scene so that its pictures have at least so many decibels beside the scene's.
 ///
 /// # Errors
 /// Where the scene cannot be encoded or drawn, the quality is out of range, or no setting reaches it.

@@ -6,8 +6,9 @@ use weaver_io::safetensors::Tensors;
 
 /// A scene on its way to bytes, in steps that can be stopped and gone on with.
 ///
-/// A step has five stages: tasks that are due before it, such as pruning; drawing a view; the loss and its gradients; tasks that see these; the
-/// optimizer. A training at its beginning that is given the [state](Self::state) of another after `n` steps goes on to the same bytes as that one.
+/// A step has five stages: tasks that are due before it, such as pruning; drawing a view; the loss and its gradients;
+/// tasks that see these; the optimizer. A training at its beginning that is given the [state](Self::state) of another
+/// after `n` steps goes on to the same bytes as that one.
 pub trait Training: Debug {
     /// Steps done, and steps of the whole.
     fn steps(&self) -> [usize; 2];
@@ -27,7 +28,7 @@ pub trait Training: Debug {
     /// When the state is of another training.
     fn restore(&mut self, state: &Tensors) -> Result<(), CompressError>;
 
-    /// The bytes of what was trained.
+    /// The bytes of the trained scene.
     ///
     /// # Errors
     /// When it cannot be encoded.

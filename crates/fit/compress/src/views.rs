@@ -1,4 +1,4 @@
-//! What Gaussians do to pictures: weights, squared gradients, sensitivities.
+//! The influence of Gaussians on pictures: weights, squared gradients, sensitivities.
 
 use crate::{CompressError, Pictures};
 use weaver_geometry::Camera;
@@ -18,10 +18,11 @@ pub(crate) fn contributions(gaussians: &Gaussians, pictures: &Pictures<'_>) -> R
     Ok(sums.into_iter().map(|sum| sum as f32).collect())
 }
 
-/// Sum over all pixels of the squared derivative of the pixel's color with respect to the value of each Gaussian there, `[N]`.
+/// Sum over all pixels of the squared derivative of the pixel's color with respect to the value of each Gaussian there,
+/// `[N]`.
 ///
-/// A pixel shows `C = Σ c_i o_i g_i T_i` over the background, so that `dC / dg_i = o_i T_i (c_i - C_i)`, with `C_i` the color of everything behind
-/// Gaussian i. The derivative of the sum of the three channels is squared.
+/// A pixel shows `C = Σ c_i o_i g_i T_i` over the background, so that `dC / dg_i = o_i T_i (c_i - C_i)`, with `C_i` the
+/// color of everything behind Gaussian i. The derivative of the sum of the three channels is squared.
 pub(crate) fn squared_gradients(gaussians: &Gaussians, pictures: &Pictures<'_>) -> Result<Vec<f32>, CompressError> {
     let mut sums = vec![0.0_f64; gaussians.len()];
     let background: f64 = pictures.background.iter().map(|x| f64::from(*x)).sum();
@@ -35,7 +36,7 @@ pub(crate) fn squared_gradients(gaussians: &Gaussians, pictures: &Pictures<'_>) 
                 hits.push((gaussian, f64::from(weight), transmittance));
                 transmittance -= f64::from(weight);
             }
-            // From the back: what is behind, as it would arrive without what is before.
+            // From the back: the light from behind, as it would arrive without the Gaussians before it.
             let mut behind = background;
             for &(gaussian, weight, transmittance) in hits.iter().rev() {
                 let own = brightness[gaussian];
@@ -49,8 +50,9 @@ pub(crate) fn squared_gradients(gaussians: &Gaussians, pictures: &Pictures<'_>) 
     Ok(sums.into_iter().map(|sum| sum as f32).collect())
 }
 
-/// Sensitivities of a Gaussian's pictures to its colors and its shape: over all pictures, the sums of magnitudes of the derivatives of the sum of
-/// a picture's channels, a pixel's share; the largest over a color's coefficients, and over scales and rotation, `[N]` each.
+/// Sensitivities of a Gaussian's pictures to its colors and its shape: over all pictures, the sums of magnitudes of the
+/// derivatives of the sum of a picture's channels, a pixel's share; the largest over a color's coefficients, and over
+/// scales and rotation, `[N]` each.
 pub(crate) fn sensitivities(gaussians: &Gaussians, pictures: &Pictures<'_>) -> Result<[Vec<f64>; 2], CompressError> {
     let (activated, n) = (gaussians.to_activated(), gaussians.len());
     let mut session = CpuRasterizer.session();
@@ -88,7 +90,7 @@ pub(crate) fn sensitivities(gaussians: &Gaussians, pictures: &Pictures<'_>) -> R
     Ok([largest(&colors, 3 * gaussians.coefficients()), of_shapes.collect()])
 }
 
-/// Draws all pictures, and hands over what each pixel is made of.
+/// Draws all pictures, and hands over the blended Gaussians of each pixel.
 fn each_view(
     gaussians: &Gaussians,
     pictures: &Pictures<'_>,

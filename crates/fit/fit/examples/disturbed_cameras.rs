@@ -2,13 +2,14 @@
 //! `disturbed_cameras FOLDER [degrees=1] [percent=1] [focal=0] [steps=1500] [gaussians=30000] [seed=0] [points=moved]
 //! [fits=true,true-refined,fixed,refined] [settings={}]`.
 //!
-//! Refinement is that of `splatweaver fit --poses refine`: cameras are matched, then go toward the scene while it is fitted;
-//! `matched` leaves out the latter, `cameras` the whole fit.
+//! Refinement works as in `splatweaver fit --poses refine`: cameras are matched, then go toward the scene while it is
+//! fitted; `matched` leaves out the latter, `cameras` the whole fit.
 //!
-//! Every camera, held-out ones too, is turned by `degrees` about a random axis and moved by `percent` of its distance to the
-//! scene (median depth of the points that it sees) in a random direction; focal lengths are wrong by `focal` percent. Points
-//! are as wrong as the cameras: each goes where a random camera that sees it would put it, at its true depth; with
-//! `points=given` they stay where they are, which tells cameras where to go; with `points=none` Gaussians begin at random.
+//! Every camera, held-out ones too, is turned by `degrees` about a random axis and moved by `percent` of its distance
+//! to the scene (median depth of the points that it sees) in a random direction; focal lengths are wrong by `focal`
+//! percent. Points are as wrong as the cameras: each goes where a random camera that sees it would put it, at its true
+//! depth; with `points=given` they stay where they are, which shows cameras where to go; with `points=none` Gaussians
+//! begin at random.
 //!
 //! Errors of poses are medians over training photos after the similarity that best lays their centers on the true ones.
 

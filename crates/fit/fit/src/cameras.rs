@@ -5,15 +5,15 @@ use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose, se3};
 use weaver_kernels::parallel;
 
-/// Numbers of a camera: those of a twist, translation, then rotation.
+/// Numbers of a camera: a twist's, translation, then rotation.
 pub(crate) const TWIST: usize = 6;
 /// Rows of pixels of a task.
 const GRAIN: usize = 8;
 /// Difference of colors below which a pixel counts by the square, above by the absolute value.
 const SMALL: f64 = 0.05;
-/// Slope of the colors, per pixel, that every pixel is taken to have at least: where nothing is seen, cameras stay.
+/// Slope of the colors, per pixel, that damps every pixel: without visible slopes, cameras stay.
 const LEAST_SLOPE: f64 = 2e-3;
-/// Pixels that a step moves the picture by at most, root mean square.
+/// Pixels that a step moves the picture by at most, root mean square: linearized colors hold no farther.
 const LONGEST: f64 = 2.0;
 
 type Matrix = [[f64; TWIST]; TWIST];
@@ -29,16 +29,16 @@ pub struct Views<'a> {
     pub depth: &'a [f32],
     /// The photo `[H, W, 3]`.
     pub photo: &'a [f32],
-    /// Which pixels of the photo count, `[H, W]`; `None` if all do.
+    /// Mask of the pixels of the photo that count, `[H, W]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
 }
 
 /// The equations of a Gauss-Newton step of a camera toward its photo, the scene as it is.
 ///
-/// A pixel u at depth z moves by `J x` under the camera's numbers x, and the color drawn there changes by `-c' J x`, with c'
-/// the mean of the slopes of image and photo (which makes the step one of second order). Of
-/// `sum w |image - photo - c' J x|^2` with w = 1 / max(|image - photo|, 0.05), which counts what does not fit by its absolute value,
-/// these are the matrix `sum w J^T c'^T c' J` and the right side `sum w J^T c'^T (image - photo)`.
+/// A pixel u at depth z moves by `J x` under the camera's numbers x, and the color drawn there changes by `-c' J x`,
+/// with c' the mean of the slopes of image and photo (which makes the step one of second order). The matrix `sum w J^T
+/// c'^T c' J` and the right side `sum w J^T c'^T (image - photo)` belong to the cost `sum w |image - photo - c' J x|^2`
+/// with w = 1 / max(|image - photo|, 0.05), which counts misfits by their absolute value.
 ///
 /// Sources: Lucas and Kanade, 1981; Benhimane and Malis, Real-time image-based tracking of planes using efficient
 /// second-order minimization, 2004, for the mean of the slopes.
@@ -46,13 +46,13 @@ pub struct Views<'a> {
 pub struct Alignment {
     matrix: Matrix,
     right: [f64; TWIST],
-    /// `sum J^T J`: how far the numbers move pixels.
+    /// `sum J^T J`: the movement of pixels by the numbers.
     motion: Matrix,
     pixels: f64,
 }
 
 impl Alignment {
-    /// Of a camera and what it sees.
+    /// The equations of a camera and its view.
     pub fn new(camera: &Camera, views: &Views<'_>) -> Self {
         let (width, height) = (camera.width, camera.height);
         let mut rows = vec![Self::default(); height.saturating_sub(2)];
@@ -62,7 +62,7 @@ impl Alignment {
                 (1..width - 1).for_each(|x| row.add_pixel(camera, views, x, y));
             }
         });
-        // Row by row: the sum does not depend on who did which.
+        // Row by row: the sum does not depend on threads.
         rows.iter().fold(Self::default(), |mut sum, row| {
             sum.add(row);
             sum
@@ -72,6 +72,7 @@ impl Alignment {
     fn add_pixel(&mut self, camera: &Camera, views: &Views<'_>, x: usize, y: usize) {
         let at = y * camera.width + x;
         let alpha = f64::from(views.alpha[at]);
+        // A pixel that is mostly background has no depth to move by.
         if alpha < 0.5 || views.mask.is_some_and(|mask| !mask[at]) {
             return;
         }

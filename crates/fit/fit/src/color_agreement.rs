@@ -1,14 +1,15 @@
-//! Whether photos agree about the colors of points that they share.
+//! Agreement of photos on the colors of points that they share.
 
 use weaver_geometry::glam::DVec3;
 use weaver_scene::Photo;
 use weaver_scene::PointCloud;
 
-/// Agreement of photos about the colors of the points that they share: the gain of each photo, and how well it explains them.
+/// Agreement of photos about the colors of the points that they share: the gain of each photo, and how well it explains
+/// them.
 ///
-/// The logarithm of the color that photo i shows of point p is `l_ip = g_i + c_p`, a channel at a time; `g` and `c` minimize the
-/// sum of `|l_ip - g_i - c_p|`, by medians in turns, so that highlights and hidden points do not count. Gains are those of the photos'
-/// own exposure and white balance; their mean is 1.
+/// The logarithm of the color that photo i shows of point p is `l_ip = g_i + c_p`, a channel at a time; `g` and `c`
+/// minimize the sum of `|l_ip - g_i - c_p|`, by medians in turns, so that highlights and hidden points do not count.
+/// Gains stand for the photos' own exposure and white balance; their mean is 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorAgreement {
     /// Gain of each photo, red, green and blue; 1 where too few points are shared.
@@ -23,13 +24,13 @@ pub struct ColorAgreement {
 
 /// Turns of the medians.
 const TURNS: usize = 20;
-/// Values darker or brighter than these say nothing about gains.
+/// Mean values darker or brighter than these are clipped in part, and say nothing about gains.
 const RANGE: [f32; 2] = [8.0, 247.0];
-/// Fewer points say nothing.
+/// Fewer shared points say nothing.
 const LEAST_POINTS: usize = 50;
-/// Gains are those of photos if colors of other points agree so much better with them ...
+/// Photos differ in exposure if gains bring points that they were not fitted to together by this factor ...
 const BETTER: f64 = 0.9;
-/// ... and if half of the photos differ by as much from the mean.
+/// ... and if half of the gains differ from their mean by this part.
 const DIFFERENT: f64 = 0.02;
 
 /// A color that a photo shows of a point.
@@ -41,7 +42,7 @@ struct Sample {
 }
 
 impl ColorAgreement {
-    /// The agreement of photos, of which each sees the points of these indices.
+    /// The agreement of photos; each sees the points of these indices.
     ///
     /// Panics unless there are as many lists as photos.
     pub fn of(photos: &[Photo], points: &PointCloud, visible: &[Vec<u32>]) -> Self {
@@ -59,7 +60,7 @@ impl ColorAgreement {
         let half = |odd: usize| shared.iter().skip(odd).step_by(2).copied().collect::<Vec<_>>();
         let none = vec![[0.0; 3]; photos.len()];
         let fitted = gains(&half(0), photos.len());
-        // A few points are as likely to be wrong.
+        // Gains by a few points would be as likely wrong as right.
         let all = if shared.len() < LEAST_POINTS { none.clone() } else { gains(&shared, photos.len()) };
         Self {
             gains: all.iter().map(|gain| gain.map(|g| g.exp() as f32)).collect(),
@@ -69,14 +70,14 @@ impl ColorAgreement {
         }
     }
 
-    /// Median over photos of how far gains are from 1, the largest of the three channels.
+    /// Median over photos of the gains' distance from 1, for the largest of the three channels.
     pub fn spread(&self) -> f64 {
         let far = |gain: &[f32; 3]| gain.iter().map(|g| f64::from(g.ln().abs())).fold(0.0, f64::max);
         median(&mut self.gains.iter().map(far).collect::<Vec<_>>())
     }
 
-    /// True if photos differ in exposure or white balance: gains, fitted to half of the points, bring the colors of the others
-    /// together.
+    /// True if photos differ in exposure or white balance: gains, fitted to half of the points, bring the colors of the
+    /// others together.
     pub fn differ(&self) -> bool {
         self.points >= LEAST_POINTS && self.with < BETTER * self.without && self.spread() > DIFFERENT
     }
@@ -122,7 +123,7 @@ fn gains(points: &[&[Sample]], photos: usize) -> Vec<[f64; 3]> {
     gains
 }
 
-/// The median difference of a photo's color of a point, without its gain, from what the photos say in the median.
+/// The median difference of a photo's color of a point, without its gain, from the median over photos.
 fn disagreement(points: &[&[Sample]], gains: &[[f64; 3]]) -> f64 {
     let mut all = Vec::new();
     for samples in points {

@@ -8,7 +8,7 @@ use weaver_kernels::{parallel, simd};
 pub(crate) struct Compared<'a> {
     /// Colors `[H, W, 3]`.
     pub rgb: &'a [u8],
-    /// Which pixels count, if not all do.
+    /// Mask of the pixels that count, if not all do.
     pub mask: Option<&'a [bool]>,
     /// Height and width.
     pub size: [usize; 2],
@@ -35,8 +35,8 @@ impl Buffers {
         depth.resize(pixels, 0.0);
     }
 
-    /// The loss, the mean squared difference, and the gradient of the loss with respect to the correction; that with respect to the image
-    /// is then in the buffers.
+    /// The loss, the mean squared difference, and the gradient of the loss with respect to the correction; that with
+    /// respect to the image is then in the buffers.
     pub fn compare(
         &mut self,
         photo: &Compared<'_>,
@@ -56,7 +56,8 @@ impl Buffers {
             None => &mut self.image,
         };
         if let Some(mask) = photo.mask {
-            // What is masked is taken to be as drawn: no difference, and windows of SSIM see nothing of the photo there.
+            // Masked pixels are taken to be as drawn: no difference, and windows of SSIM see nothing of the photo
+            // there.
             let pixels = corrected.chunks_exact_mut(3).zip(self.target.chunks_exact_mut(3));
             let masked = pixels.zip(mask).filter(|(_, m)| !**m);
             for ((drawn, target), _) in masked {

@@ -7,7 +7,8 @@ use weaver_splat::{CpuRasterizer, GaussianStatistics, RasterError, RasterSetting
 
 /// A rasterizer that a [`Fit`](crate::Fit) draws by.
 ///
-/// `Arc<dyn FitRasterizer>` coerces to [`AnyRasterizer<f32>`](weaver_splat::AnyRasterizer) where only drawing is needed.
+/// `Arc<dyn FitRasterizer>` coerces to [`AnyRasterizer<f32>`](weaver_splat::AnyRasterizer) where only drawing is
+/// needed.
 pub trait FitRasterizer: Rasterizer<f32> {
     /// Starts a fit on the rasterizer's device; `None` where the host's memory is also the rasterizer's.
     fn device_fit(&self) -> Option<Box<dyn DeviceFit>> {
@@ -17,11 +18,12 @@ pub trait FitRasterizer: Rasterizer<f32> {
 
 impl FitRasterizer for CpuRasterizer {}
 
-/// A fit of Gaussians to photos in the memory of a device, such as a graphics card: a step copies a photo to it, and only the loss
-/// back.
+/// A fit of Gaussians to photos in the memory of a device, such as a graphics card: a step copies a photo to it, and
+/// only the loss back.
 ///
-/// The loss is `(1 - w) mean |image - photo| + w (1 - SSIM)` and regularizers that are linear in opacities and scales, the step one of
-/// Adam with beta 0.9 and 0.999 and an eps of 1e-15 (Kerbl et al., 3D Gaussian splatting, 2023, section 5).
+/// The loss is `(1 - w) mean |image - photo| + w (1 - SSIM)` and regularizers that are linear in opacities and scales,
+/// the step one of Adam with beta 0.9 and 0.999 and an eps of 1e-15 (Kerbl et al., 3D Gaussian splatting, 2023, section
+/// 5).
 pub trait DeviceFit: Debug + Send {
     /// Takes Gaussians over, in place of those before; statistics begin anew.
     ///
@@ -37,12 +39,12 @@ pub trait DeviceFit: Debug + Send {
     /// Arguments that do not fit together, more than can be drawn, or a device that fails.
     fn step(&mut self, step: &PhotoStep<'_>) -> Result<PhotoLoss, RasterError>;
 
-    /// Time of each pass since this was last asked, by the device's clock; nothing where that is not measured.
+    /// Time of each pass since the last call, by the device's clock; nothing where that is not measured.
     fn pass_times(&mut self) -> Vec<(&'static str, Duration)> {
         Vec::new()
     }
 
-    /// Brings the Gaussians back, as many as were loaded. Adds what was found since statistics were brought back last.
+    /// Brings the Gaussians back, as many as were loaded. Adds the statistics since they were brought back last.
     ///
     /// # Errors
     ///
@@ -80,7 +82,7 @@ pub struct PhotoStep<'a> {
     pub settings: &'a RasterSettings,
     /// sRGB, `[H, W, 3]`.
     pub rgb: &'a [u8],
-    /// Which pixels count, `[H, W]`; `None` if all do.
+    /// Mask of the pixels that count, `[H, W]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
     /// The weight w of 1 - SSIM.
     pub ssim_weight: f64,

@@ -14,9 +14,9 @@ use weaver_scene::{CameraSlices, Model, intrinsics_row, viewmat};
 impl Fit {
     /// Copies the Gaussians and their statistics from the device that keeps them.
     ///
-    /// A device keeps them from step to step; before [`population`](Self::population),
-    /// [`gaussians`](Self::gaussians) and [`state`](Self::state) are asked for, they have to be fetched. With the rasterizer for CPUs
-    /// there is nothing to fetch.
+    /// A device keeps them from step to step; before [`population`](Self::population), [`gaussians`](Self::gaussians)
+    /// and [`state`](Self::state) are called, they have to be fetched. With the rasterizer for CPUs there is nothing to
+    /// fetch.
     ///
     /// # Errors
     /// When the device fails.
@@ -41,7 +41,8 @@ impl Fit {
         self.resident.as_ref().is_none_or(|resident| resident.newer != Newer::Device)
     }
 
-    /// True if steps are taken on the device: it has no color corrections, refines no cameras, drops no Gaussians and looks at one photo.
+    /// True if steps are taken on the device: it has no color corrections, refines no cameras, drops no Gaussians and
+    /// looks at one photo.
     pub(crate) fn is_resident(&self) -> bool {
         self.resident.is_some()
             && self.exposures.is_empty()
@@ -50,7 +51,7 @@ impl Fit {
             && self.settings.views_per_step == 1
     }
 
-    /// Time of each pass on the device since this was last asked; nothing where that is not measured.
+    /// Time of each pass on the device since the last call; nothing where that is not measured.
     pub fn pass_times(&mut self) -> Vec<(&'static str, Duration)> {
         self.resident.as_mut().map(|resident| resident.device.pass_times()).unwrap_or_default()
     }

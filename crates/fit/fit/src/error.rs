@@ -1,4 +1,4 @@
-//! What can be wrong with what is to be fitted.
+//! Errors of photos, scenes and settings of a fit.
 
 /// Why a scene cannot be fitted.
 #[derive(Debug, thiserror::Error)]
@@ -14,7 +14,7 @@ pub enum FitError {
         /// The value found.
         found: String,
     },
-    /// A setting, or what a setting needs, is out of range.
+    /// A setting, or a requirement of a setting, is out of range.
     #[error("{key}: expected {expected}, found {found}")]
     Setting {
         /// The setting.
@@ -39,7 +39,7 @@ pub enum FitError {
     Rounding {
         /// The step.
         step: usize,
-        /// The Gaussian, what was expected and what was found.
+        /// The Gaussian, the expected and the found value.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A process that shares the steps holds another fit.

@@ -1,9 +1,9 @@
-//! How well images match photos.
+//! Agreement of images with photos.
 
 use serde::{Deserialize, Serialize};
 use weaver_losses::{Lpips, metrics};
 
-/// Smallest side of an image that SSIM is computed for.
+/// Smallest side of an image that SSIM is computed for: the side of its window.
 const LEAST_SIDE: usize = 11;
 
 /// Quality of an image beside a photo, or the mean of images beside photos.
@@ -11,8 +11,8 @@ const LEAST_SIDE: usize = 11;
 pub struct Quality {
     /// Peak signal-to-noise ratio, dB, of values clamped to [0, 1] and not rounded.
     pub psnr: f64,
-    /// The same after the affine map of colors that brings the image nearest to the photo, so that the photo's exposure and white
-    /// balance are not held against the scene; `None` in figures of versions before this one.
+    /// The same after the affine map of colors that brings the image nearest to the photo, so that the photo's exposure
+    /// and white balance are not held against the scene; `None` in figures of versions before this one.
     #[serde(default)]
     pub psnr_aligned: Option<f64>,
     /// Structural similarity; `None` for images smaller than its window.
@@ -53,7 +53,8 @@ impl Judge {
         self.compare_inside(image, photo, size, None)
     }
 
-    /// Judges an image as [`compare`](Self::compare) does, by the pixels that count by a mask `[H, W]`; NaN where none does.
+    /// Judges an image as [`compare`](Self::compare) does, by the pixels that count by a mask `[H, W]`; NaN where none
+    /// does.
     pub fn compare_inside(&self, image: &[f32], photo: &[u8], size: [usize; 2], mask: Option<&[bool]>) -> Quality {
         let [height, width] = size;
         let target: Vec<f32> = photo.iter().map(|b| f32::from(*b) / 255.0).collect();

@@ -5,7 +5,8 @@ use weaver_geometry::glam::{DMat3, DVec3};
 
 /// An affine map of colors: `rgb' = A rgb + b`, `[3, 4]` row by row, with Adam's moments.
 ///
-/// It stands for what a camera did to one photo (exposure, white balance); the scene keeps the colors of the average photo.
+/// It stands for the camera's processing of one photo (exposure, white balance); the scene keeps the colors of the
+/// average photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exposure {
     /// `[A | b]`, row by row.
@@ -87,7 +88,8 @@ impl Exposure {
         }
     }
 
-    /// Takes the gradient with respect to the corrected image back to the image, and returns that with respect to the correction.
+    /// Takes the gradient with respect to the corrected image back to the image, and returns that with respect to the
+    /// correction.
     pub(crate) fn pull_back(&self, image: &[f32], gradient: &mut [f32]) -> [f32; NUMBERS] {
         let mut sums = [0.0_f64; NUMBERS];
         let e = self.matrix;
@@ -104,7 +106,7 @@ impl Exposure {
         std::array::from_fn(|i| sums[i] as f32 + toward(i))
     }
 
-    /// One step of the correction down a gradient; `rates` are those of the gains and of the rest.
+    /// One step of the correction down a gradient; `rates` are for the gains and for the rest.
     pub(crate) fn descend(&mut self, gradient: &[f32; NUMBERS], rates: [f32; 2]) {
         self.steps += 1;
         let (steps, Self { matrix, first, second, .. }) = (self.steps, self);
@@ -134,7 +136,7 @@ mod tests {
         mapped
     }
 
-    /// Scene and maps change, and what photos are compared with does not.
+    /// Scene and maps change, and the images that photos are compared with do not.
     #[test]
     fn what_maps_have_in_common_moves_to_the_colors() {
         let mut maps = MAPS.map(Exposure::of);

@@ -33,7 +33,8 @@ pub struct StepReport {
     pub photo: usize,
     /// The loss, the mean over several photos.
     pub loss: f64,
-    /// Peak signal-to-noise ratio of the photo, dB, at the size it was seen at; of several, that of their mean squared difference.
+    /// Peak signal-to-noise ratio of the photo, dB, at the size it was seen at; for several, of their mean squared
+    /// difference.
     pub psnr: f64,
     /// Gaussians after the step.
     pub gaussians: usize,
@@ -54,12 +55,12 @@ pub struct StepTimings {
     pub optimizer: Duration,
     /// Density control.
     pub density: Duration,
-    /// The search for what photos alone show.
+    /// The search for transients.
     pub search: Duration,
 }
 
 impl StepTimings {
-    /// Time of what only some steps do, as many of a short run as of a long one.
+    /// Time of periodic work, which happens as often in a short run as in a long one.
     pub(crate) fn rounds(&self) -> Duration {
         self.density + self.search
     }
@@ -67,9 +68,9 @@ impl StepTimings {
 
 /// A scene that is being fitted to photos.
 ///
-/// Each step draws one photo's view, compares it with the photo by an [`Objective`], and moves Gaussians (and, if asked,
-/// camera and color correction) down the gradient by Adam. Photos come in an order drawn anew for every round. Sources: Kerbl et al., 3D Gaussian
-/// Splatting, 2023, section 5; schedules are with [`FitSettings`].
+/// Each step draws one photo's view, compares it with the photo by an [`Objective`], and moves Gaussians (and, on
+/// request, camera and color correction) down the gradient by Adam. Photos come in an order drawn anew for every round.
+/// Sources: Kerbl et al., 3D Gaussian Splatting, 2023, section 5; schedules are with [`FitSettings`].
 #[derive(Debug)]
 pub struct Fit {
     pub(crate) settings: FitSettings,
@@ -114,8 +115,8 @@ impl Fit {
     /// A fit with this rasterizer and this way to control density.
     ///
     /// # Errors
-    /// When a setting is out of range, there are no photos, photos do not fit their cameras or are masked altogether, or
-    /// `initial` holds no Gaussians or more than the budget.
+    /// When a setting is out of range, there are no photos, photos do not fit their cameras or are masked altogether,
+    /// or `initial` holds no Gaussians or more than the budget.
     pub fn with(
         rasterizer: Arc<dyn FitRasterizer>,
         strategy: Box<dyn Strategy>,
@@ -147,7 +148,7 @@ impl Fit {
         };
         Ok(Self {
             session: rasterizer.session(),
-            // Adam on a device knows running means alone.
+            // Adam on a device has running means alone.
             resident: rasterizer.device_fit().filter(|_| settings.rates.last == 0.0).map(Resident::new),
             poses: photos.iter().map(|photo| photo.camera.pose).collect(),
             exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },
@@ -177,12 +178,13 @@ impl Fit {
         &self.settings
     }
 
-    /// Changes the number of steps; all schedules follow. For a run that has not begun, such as after [`steps_in`](crate::steps_in).
+    /// Changes the number of steps; all schedules follow. For a run that has not begun, such as after
+    /// [`steps_in`](crate::steps_in).
     pub fn set_steps(&mut self, steps: usize) {
         self.settings.steps = steps;
     }
 
-    /// Leaves out steps of the rest of the run, of which `kept` are taken ([`FitSettings::thinned`]). At least one is.
+    /// Leaves out steps of the rest of the run, so that `kept` are taken ([`FitSettings::thinned`]). At least one is.
     pub fn leave_out(&mut self, kept: usize) {
         self.settings.thinned.retain(|thinning| thinning.at < self.step);
         self.settings.thinned.push(Thinning { at: self.step, kept: kept.max(1) });
@@ -196,7 +198,7 @@ impl Fit {
     /// The Gaussians as they are, with the optimizer's memory.
     ///
     /// # Panics
-    /// Where a device has newer ones, which [`fetch`](Self::fetch) brings here.
+    /// If a device has newer ones, which [`fetch`](Self::fetch) brings here.
     pub fn population(&self) -> &Population {
         assert!(self.is_fetched(), "the Gaussians are on the device and were not fetched");
         &self.population
@@ -230,8 +232,8 @@ impl Fit {
         self.exposures.get(photo)
     }
 
-    /// Begins the color corrections of photos with these gains, as [`ColorAgreement`](crate::ColorAgreement) finds them. Nothing
-    /// happens where colors are not corrected.
+    /// Begins the color corrections of photos with these gains, as [`ColorAgreement`](crate::ColorAgreement) finds
+    /// them. Nothing happens where colors are not corrected.
     ///
     /// # Panics
     /// Unless there are as many as photos.
@@ -257,15 +259,15 @@ impl Fit {
 
     /// Compares views with photos by another loss than [`L1Ssim`] with [`FitSettings::ssim_weight`].
     pub fn set_objective(&mut self, objective: Box<dyn Objective>) {
-        // What a device compares by is its own.
+        // A device has its own loss, not this objective.
         self.resident = None;
         self.objective = objective;
     }
 
-    /// Draws rounded Gaussians in place of those that are optimized, from this part of the run on. Those that are not [worth](Rounding::worth)
-    /// their bits are removed in the first half of that.
+    /// Draws rounded Gaussians in place of those that are optimized, from this part of the run on. Those that are not
+    /// [worth](Rounding::worth) their bits are removed in the first half of that.
     pub fn set_rounding(&mut self, from: f64, rounding: Box<dyn Rounding>) {
-        // A device draws what it optimizes.
+        // A device draws the optimized Gaussians, not rounded ones.
         self.resident = None;
         self.rounding = Some((from, rounding));
     }
@@ -351,8 +353,8 @@ impl Fit {
         Ok(StepReport { step: self.step, photo, loss, psnr, gaussians, pairs })
     }
 
-    /// Moves what the corrections of all photos have in common to the colors of the scene, which are then those of the mean photo. What
-    /// photos are compared with stays as it is, but for colors that are drawn as black.
+    /// Moves the common part of all photos' corrections to the colors of the scene, which are then the mean photo's.
+    /// The corrected images stay as they are, but for colors that are drawn as black.
     fn center_exposures(&mut self) {
         if let Some((mean, inverse)) = (!self.exposures.is_empty()).then(|| Exposure::common(&self.exposures)).flatten()
         {
@@ -392,7 +394,7 @@ impl Fit {
 }
 
 /// Largest distance of the cameras from their middle, times 1.1 as in 3DGS; where they stand together, a tenth of the
-/// distance to what they look at.
+/// distance to their focus.
 fn extent(photos: &[Photo]) -> f64 {
     let centers: Vec<DVec3> = photos.iter().map(|photo| photo.camera.pose.center()).collect();
     let middle = centers.iter().sum::<DVec3>() / centers.len() as f64;

@@ -59,8 +59,8 @@ impl Activated {
         self.dropped.clear();
     }
 
-    /// Drops a part of the Gaussians, drawn at random, until the next [`update`](Self::update): their opacity is 0, and that of the others
-    /// larger by the inverse of what is left, so that pictures stay as bright in the mean.
+    /// Drops a part of the Gaussians, drawn at random, until the next [`update`](Self::update): their opacity is 0, and
+    /// the others' is larger by the inverse of the remaining part, so that pictures stay as bright in the mean.
     pub fn drop_part(&mut self, part: f64, stream: Stream) {
         let (part, kept) = (part as f32, 1.0 / (1.0 - part as f32));
         let factor = |n: usize| if stream.uniform::<f32>(n as u64) < part { 0.0 } else { kept };
@@ -93,7 +93,7 @@ fn each(to: &mut [f32], from: &[f32], f: impl Fn(f32) -> f32 + Sync) {
 }
 
 impl Gradients {
-    /// Makes room for a population. What is in it has no meaning.
+    /// Makes room for a population. The contents have no meaning.
     pub(crate) fn resize(&mut self, population: &Population) {
         let arrays = [&mut self.means, &mut self.scales, &mut self.quats, &mut self.opacities, &mut self.sh];
         for (array, (_, field)) in arrays.into_iter().zip(population.fields()) {
@@ -145,11 +145,12 @@ impl Gradients {
     }
 }
 
-/// The last gradient over the root of the running mean square, at most: of a Gaussian that is new or seldom seen it can be ten and more, and
-/// would throw it away.
+/// Bound on the last gradient over the root of the running mean square: of a Gaussian that is new or seldom seen the
+/// ratio can be ten and more, and would throw it away.
 const LARGEST: f32 = 1.5;
 
-/// Goes on from a step of Adam by the last gradient alone: `weight rate clamp(g / sqrt(v))`, each column with a rate of its own.
+/// Goes on from a step of Adam by the last gradient alone: `weight rate clamp(g / sqrt(v))`, each column with a rate of
+/// its own.
 fn follow_last(step: u64, field: &mut Field, gradient: &[f32], columns: &[f32], weight: f32) {
     if weight == 0.0 {
         return;
@@ -177,7 +178,8 @@ mod tests {
     use super::*;
     use weaver_scene::Gaussians;
 
-    /// promise: the last gradient counts with its weight beside Adam's mean, in every column with its own rate; at 0 steps are Adam's.
+    /// promise: the last gradient counts with its weight beside Adam's mean, in every column with its own rate; at 0
+    /// steps are Adam's.
     ///
     /// Promise of `rates_fall_at_the_end`.
     #[test]
@@ -208,7 +210,8 @@ mod tests {
         }
     }
 
-    /// promise: as many Gaussians are dropped as said, the mean opacity stays, and gradients of logits are those of what is drawn.
+    /// promise: as many Gaussians are dropped as said, the mean opacity stays, and gradients of logits belong to the
+    /// drawn opacities.
     #[test]
     fn dropped_gaussians() {
         const COUNT: usize = 20_000;
@@ -238,7 +241,7 @@ mod tests {
                 assert!((gradients.opacities[n] - slope).abs() < 1e-3, "{n}: {} {slope}", gradients.opacities[n]);
             }
         }
-        // Where nothing is cut off, what is left makes up for what is dropped.
+        // Where nothing is cut off, the rest makes up for the dropped ones.
         let clear = |of: &[f32]| of[..COUNT / 2].iter().map(|o| f64::from(*o)).sum::<f64>();
         assert!((clear(&activated.dropped) / clear(&activated.opacities) - 1.0).abs() < 0.02);
         activated.update(&population);

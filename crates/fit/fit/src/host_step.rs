@@ -50,7 +50,8 @@ impl Fit {
         Ok((look.loss, look.mse, look.pairs))
     }
 
-    /// Computes what is drawn at this step: the activated form of the Gaussians, or of rounded ones, which are then returned.
+    /// Computes the Gaussians to draw at this step: the activated form of the Gaussians, or of rounded ones, which are
+    /// then returned.
     pub(crate) fn activate(&mut self, moment: &Moment) -> Result<Option<Population>, FitError> {
         let start = Instant::now();
         let rounded = match &mut self.rounding {
@@ -70,8 +71,8 @@ impl Fit {
         Ok(rounded)
     }
 
-    /// Draws a photo's view at a level, writes gradients with respect to the activated Gaussians and adds to the statistics, if any are
-    /// wanted. Nothing of the fit moves.
+    /// Draws a photo's view at a level, writes gradients with respect to the activated Gaussians and adds to the
+    /// statistics, if any are wanted. Nothing of the fit moves.
     pub(crate) fn look(
         &mut self,
         (index, level): (usize, usize),

@@ -39,14 +39,14 @@ pub fn from_points(points: &PointCloud, settings: &FitSettings) -> Result<Gaussi
     Ok(isotropic(means, &colors, settings))
 }
 
-/// Range of random depths, over the distance to what the cameras look at.
+/// Range of random depths, over the distance to the cameras' focus.
 const NEAREST: f64 = 0.5;
 const FARTHEST: f64 = 5.0;
 /// Draws of something that has to meet a condition before it may be without.
 const TRIES: u64 = 64;
 
-/// Gaussians at random places that photos see, in the colors of the pixels that see them: a random pixel of a random photo,
-/// at a depth whose inverse is uniform between 0.5 and 5 times the distance to what the cameras look at, and no nearer
+/// Gaussians at random places that photos see, in the colors of the pixels that see them: a random pixel of a random
+/// photo, at a depth whose inverse is uniform between 0.5 and 5 times the distance to the cameras' focus, and no nearer
 /// before the other cameras if such a place is found. Masked pixels are left out.
 ///
 /// # Errors
@@ -147,8 +147,8 @@ fn rows(gaussians: &Gaussians, chosen: &[usize], degree: usize) -> Gaussians {
     }
 }
 
-/// Gaussians split at random, each once before any of them is split again, until there are `count`: a scene of that many
-/// which are spread as evenly as those given.
+/// Gaussians split at random, each once before any of them is split again, until there are `count`: a scene of that
+/// many which are spread as evenly as those given.
 pub fn divided(gaussians: &Gaussians, count: usize, seed: u64) -> Gaussians {
     let mut population = Population::new(gaussians);
     for round in 0.. {
@@ -179,7 +179,7 @@ fn isotropic(means: Vec<[f32; 3]>, colors: &[[f32; 3]], settings: &FitSettings) 
     let scales: Vec<f32> = (neighbors.chunks_exact(4).enumerate())
         .map(|(n, near)| near[1..].iter().map(|m| distance(means[n], means[*m as usize])).sum::<f32>() / 3.0)
         .collect();
-    // Where a point stands alone.
+    // For a point that stands alone.
     let mut sorted: Vec<f32> = scales.iter().copied().filter(|s| *s > 0.0).collect();
     sorted.sort_unstable_by(f32::total_cmp);
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
@@ -205,8 +205,8 @@ fn depth_in(camera: &Camera, point: DVec3) -> Option<f64> {
     (inside && at.x < camera.width as f64 && at.y < camera.height as f64).then_some(p.z)
 }
 
-/// The depth in front of which a hundredth of all that photos see of these points lies; where they see nothing, the
-/// distance to what the cameras look at.
+/// The 1 % quantile of the depths at which photos see these points; where they see nothing, the distance to the
+/// cameras' focus.
 pub(crate) fn first_depth(photos: &[Photo], points: &[[f32; 3]]) -> f64 {
     let mut depths: Vec<f64> = Vec::new();
     for Photo { camera, .. } in photos {
@@ -221,8 +221,8 @@ pub(crate) fn first_depth(photos: &[Photo], points: &[[f32; 3]]) -> f64 {
     *depths.select_nth_unstable_by(hundredth, f64::total_cmp).1
 }
 
-/// The point nearest to all optical axes, in the sense of least squares; where they are (nearly) parallel, a point before
-/// the cameras, as far as they are apart.
+/// The point nearest to all optical axes, in the sense of least squares; where they are (nearly) parallel, a point
+/// before the cameras, as far as they are apart.
 pub(crate) fn looked_at(photos: &[&Photo]) -> DVec3 {
     let (mut matrix, mut sum) = (DMat3::ZERO, DVec3::ZERO);
     let (mut center, mut forward) = (DVec3::ZERO, DVec3::ZERO);

@@ -2,16 +2,18 @@
 //!
 //! - [`Fit`] is an optimization under way: photos, [`Population`], optimizer, one [`step`](Fit::step) after the other.
 //! - [`FitSettings`] says how; all times in it are fractions of the run.
-//! - [`Strategy`] is density control: [`Split`](strategy::Split), [`Mcmc`](strategy::Mcmc), [`Keep`](strategy::Keep), or one's own.
-//! - [`Objective`] is what views are compared with photos by: [`L1Ssim`], or a loss of one's own.
+//! - [`Strategy`] is density control: [`Split`](strategy::Split), [`Mcmc`](strategy::Mcmc), [`Keep`](strategy::Keep),
+//!   or one's own.
+//! - [`Objective`] is the loss between views and photos: [`L1Ssim`], or one of one's own.
 //! - [`Rounding`] trains with quantization: rounded Gaussians are drawn in place of those that are optimized.
-//! - [`FitRasterizer`] is what draws; one on a device may keep the Gaussians there ([`DeviceFit`]).
-//! - Cameras go toward where their photos fit the scene, if asked: [`Poses`].
-//! - [`Transients`] are what one photo alone shows; they are found and left out, if asked.
+//! - [`FitRasterizer`] draws; one on a device may keep the Gaussians there ([`DeviceFit`]).
+//! - Cameras go toward where their photos fit the scene, on request: [`Poses`].
+//! - [`Transients`] are the things that one photo alone shows; they are found and left out on request.
 //! - Several processes share the photos of a step, if it looks at more than one: [`Fit::share`].
 //! - [`init`] makes the Gaussians to start from.
 //!
-//! Everything is on slices, without a tape and without files. The same seed gives the same bits at any number of threads.
+//! Everything is on slices, without a tape and without files. The same seed gives the same bits at any number of
+//! threads.
 
 mod cameras;
 mod color_agreement;

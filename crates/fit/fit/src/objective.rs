@@ -1,4 +1,4 @@
-//! What a drawn view is compared with its photo by.
+//! The loss between a drawn view and its photo.
 
 use std::fmt::Debug;
 use weaver_losses::Photometric;
@@ -26,8 +26,8 @@ use weaver_losses::Photometric;
 ///
 /// [`Fit::set_objective`](crate::Fit::set_objective) takes it.
 pub trait Objective: Debug + Send {
-    /// The loss, and its gradient with respect to `image`, which is written over `gradient`; all are `[height, width, 3]`,
-    /// `photo` in [0, 1], `image` as drawn.
+    /// The loss, and its gradient with respect to `image`, which is written over `gradient`; all are `[height, width,
+    /// 3]`, `photo` in [0, 1], `image` as drawn.
     fn compare(&mut self, image: &[f32], photo: &[f32], size: [usize; 2], gradient: &mut [f32]) -> f64;
 }
 

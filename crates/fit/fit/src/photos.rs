@@ -24,7 +24,7 @@ pub(crate) fn check(photo: &Photo) -> Result<(), FitError> {
 
 /// The mean color of photos, where they count; white where nothing does.
 ///
-/// It is the color of a background that costs least where a scene has holes, as seen from where no photo was taken.
+/// As a background, it costs least where a scene has holes in views without a photo.
 pub fn mean_color<'p>(photos: impl IntoIterator<Item = &'p Photo>) -> [f32; 3] {
     let (mut sum, mut count) = ([0u64; 3], 0u64);
     for photo in photos {
@@ -38,8 +38,8 @@ pub fn mean_color<'p>(photos: impl IntoIterator<Item = &'p Photo>) -> [f32; 3] {
     if count == 0 { [1.0; 3] } else { sum.map(|sum| (sum as f64 / (255.0 * count as f64)) as f32) }
 }
 
-/// The photo at half its size: means of 2 x 2 pixels; an odd last row or column is left out. What any of the four
-/// masks is masked.
+/// The photo at half its size: means of 2 x 2 pixels; an odd last row or column is left out. A pixel is masked if any
+/// of the four is.
 fn halved_photo(photo: &Photo) -> Photo {
     let Camera { width, height, .. } = photo.camera;
     let (w, h) = (width / 2, height / 2);

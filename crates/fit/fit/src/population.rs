@@ -96,10 +96,10 @@ impl Field {
     }
 }
 
-/// `N` Gaussians in stored form (log scales, opacity logits), as what an optimizer changes.
+/// `N` Gaussians in stored form (log scales, opacity logits), as an optimizer changes them.
 ///
-/// All changes of their number keep the fields in step. The harmonics hold only the degrees that are in use: those above
-/// would be zero, and so would their gradients.
+/// All changes of their number keep the fields in step. The harmonics hold only the degrees that are in use: those
+/// above would be zero, and so would their gradients.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Population {
     /// Centers in world units, `[N, 3]`.

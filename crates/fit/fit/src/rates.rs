@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 
 /// Learning rates of Adam in a run of 6000 steps (3DGS's, doubled).
 ///
-/// Gaussians have to come as far in a short run as in a long one: all rates but that of color corrections are multiplied by
-/// (6000 / steps)^power, at most by 2.5. A longer run has the rates of 6000 steps: with lower ones it
-/// stays in the first optimum that it meets, and is overfitted there.
+/// Gaussians have to come as far in a short run as in a long one: all rates except color corrections' are multiplied by
+/// (6000 / steps)^power, at most by 2.5. A longer run has the rates of 6000 steps: with lower ones it stays in the
+/// first optimum that it meets, and is overfitted there.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rates {
@@ -23,21 +23,22 @@ pub struct Rates {
     pub opacities: f64,
     /// Rate of the harmonics of degree 0.
     pub sh: f64,
-    /// Rate of the harmonics of higher degrees, over that of degree 0.
+    /// Rate of the harmonics of higher degrees, over the rate of degree 0.
     pub sh_rest: f64,
     /// Rate of the gains of photos, where their colors are corrected.
     pub exposure: f64,
-    /// Rate of what a correction has beside gains, mixing of channels and an offset; at 0 gains alone are corrected.
+    /// Rate of the rest of a correction, mixing of channels and an offset; at 0 gains alone are corrected.
     #[serde(default = "exposure_rest")]
     pub exposure_rest: f64,
     /// Dependence of the rates of shorter runs on their length; 0 for the same rates in all.
     pub power: f64,
-    /// Factor on the rates of shapes, opacities and colors at the end; over the last fifth of the run their logarithm is linear.
+    /// Factor on the rates of shapes, opacities and colors at the end; over the last fifth of the run their logarithm
+    /// is linear.
     #[serde(default = "constant")]
     pub end: f64,
-    /// Weight of the last gradient beside Adam's running mean of the gradients, 0 to 1 (quasi-hyperbolic momentum, Ma and Yarats, 2019): steps are
-    /// `rate (m / sqrt(v) + last g / sqrt(v))`, the latter quotient at most 1.5. It pays in short runs on few photos; in long ones on many it
-    /// costs.
+    /// Weight of the last gradient beside Adam's running mean of the gradients, 0 to 1 (quasi-hyperbolic momentum, Ma
+    /// and Yarats, 2019): steps are `rate (m / sqrt(v) + last g / sqrt(v))`, the latter quotient at most 1.5. It pays
+    /// in short runs on few photos; in long ones on many it costs.
     #[serde(default)]
     pub last: f64,
 }
@@ -71,7 +72,8 @@ impl Default for Rates {
     }
 }
 
-/// The run that rates are meant for, and their largest factor in shorter ones: that of 1000 steps, the shortest it was measured in.
+/// The run that rates are meant for, and their largest factor in shorter ones: the factor at 1000 steps, the shortest
+/// measured run.
 const STEPS: f64 = 6000.0;
 const FASTEST: f64 = 2.5;
 /// Longest side of the photos that rates of means were chosen by, pixels.
@@ -93,8 +95,9 @@ impl Rates {
         }
     }
 
-    /// Rate of the [means](Self::means) that pays for photos of this longest side, pixels, where Gaussians begin on surfaces: these are near
-    /// their places, and are moved by pixels and not by parts of the scene. Up to 384 pixels it is the usual one.
+    /// Rate of the [means](Self::means) that pays for photos of this longest side, pixels, where Gaussians begin on
+    /// surfaces: these are near their places, and are moved by pixels and not by parts of the scene. Up to 384 pixels
+    /// it is the usual one.
     ///
     /// ```
     /// use weaver_fit::Rates;
@@ -122,7 +125,8 @@ impl Rates {
 mod tests {
     use super::*;
 
-    /// promise: rates of shapes, opacities and colors stay for four fifths of a run and end at their part; those of means have a fall of their own.
+    /// promise: rates of shapes, opacities and colors stay for four fifths of a run and end at their part; means' rates
+    /// have a fall of their own.
     ///
     /// Promise (kept): rates of a fit fall over its last fifth; the last gradient counts with its weight beside
     /// Adam's mean, bounded.

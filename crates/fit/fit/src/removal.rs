@@ -11,8 +11,8 @@ use weaver_splat::{BlendWeights, Images, RasterError, Workspace, rasterize};
 const LONG_SIDE: usize = 400;
 /// Pictures at most.
 const PICTURES: usize = 64;
-/// Rounds of removal, and the part of the Gaussians that each takes at most: where some hide others that look like them, the cost of each alone says
-/// nothing of that of all.
+/// Rounds of removal, and the part of the Gaussians that each takes at most: where some hide others that look like
+/// them, the cost of each alone says nothing of the cost of all.
 const ROUNDS: usize = 5;
 const MOST: f64 = 0.1;
 
@@ -40,10 +40,11 @@ impl Drawing<'_> {
 }
 
 impl Fit {
-    /// Cost of removing each Gaussian alone, `[N]`: the sum over pixels and channels of squared changes of the pictures of up to 64 photos, whose longest
-    /// side is at most 400 pixels.
+    /// Cost of removing each Gaussian alone, `[N]`: the sum over pixels and channels of squared changes of the pictures
+    /// of up to 64 photos, whose longest side is at most 400 pixels.
     ///
-    /// A pixel shows `C = Σ w_i c_i` over the background. Without Gaussian i it changes by `w_i (c_i - B_i)`, with `B_i` the color of everything behind.
+    /// A pixel shows `C = Σ w_i c_i` over the background. Without Gaussian i it changes by `w_i (c_i - B_i)`, with
+    /// `B_i` the color of everything behind.
     ///
     /// # Errors
     /// When the rasterizer refuses.
@@ -63,7 +64,7 @@ impl Fit {
                     hits.push((gaussian, weight, transmittance));
                     transmittance -= weight;
                 }
-                // From the back: what is behind, as it would arrive without what is before.
+                // From the back: the light from behind, as it would arrive without the Gaussians before it.
                 let mut behind = self.settings.background;
                 for &(gaussian, weight, transmittance) in hits.iter().rev() {
                     let alpha = if transmittance > 0.0 { weight / transmittance } else { 0.0 };

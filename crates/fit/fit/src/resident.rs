@@ -4,7 +4,7 @@ use crate::device_fit::{DeviceFit, Fitted};
 use crate::population::Population;
 use weaver_splat::RasterError;
 
-/// Gaussians that are fitted on a device, and which of the two copies is newer.
+/// Gaussians that are fitted on a device, and a mark of the newer copy.
 #[derive(Debug)]
 pub(crate) struct Resident {
     pub device: Box<dyn DeviceFit>,

@@ -1,4 +1,4 @@
-//! Training with quantization: what is drawn is rounded, what is optimized is not.
+//! Training with quantization: rounded Gaussians are drawn, unrounded ones optimized.
 
 use std::error::Error;
 use std::fmt::Debug;
@@ -6,8 +6,9 @@ use weaver_scene::Gaussians;
 
 /// A map from the Gaussians that are optimized to those that are drawn in their place.
 ///
-/// Gradients with respect to what is drawn are taken for those with respect to what is optimized (the straight-through estimator; Bengio et
-/// al., 2013), so that the optimizer finds Gaussians whose rounded forms look right. [`Fit::set_rounding`](crate::Fit::set_rounding) takes one.
+/// Gradients with respect to the rounded Gaussians are applied to the unrounded ones (the straight-through estimator;
+/// Bengio et al., 2013), so that the optimizer finds Gaussians whose rounded forms look right.
+/// [`Fit::set_rounding`](crate::Fit::set_rounding) takes one.
 pub trait Rounding: Debug + Send {
     /// As many Gaussians of the same degree in the same order.
     ///
@@ -15,8 +16,9 @@ pub trait Rounding: Debug + Send {
     /// Gaussians that cannot be rounded.
     fn rounded(&mut self, gaussians: &Gaussians) -> Result<Gaussians, Box<dyn Error + Send + Sync>>;
 
-    /// Least cost of removing a Gaussian that stays, over the mean error that rounding gives one, both as [squared changes of
-    /// pictures](crate::Fit::removal_costs): where less is lost, bits are better spent on the others. At 0, the default, all stay.
+    /// Least cost of removing a Gaussian that stays, over the mean error that rounding gives one, both as [squared
+    /// changes of pictures](crate::Fit::removal_costs): where less is lost, bits are better spent on the others. At 0,
+    /// the default, all stay.
     fn worth(&self) -> f64 {
         0.0
     }

@@ -1,4 +1,4 @@
-//! How a scene is fitted.
+//! Settings of a fit.
 
 use crate::{FitError, Rates, Thinning};
 use schemars::JsonSchema;
@@ -10,8 +10,9 @@ use serde::{Deserialize, Serialize};
 pub struct FitSettings {
     /// Optimizer steps; each looks at one photo, or at [`views_per_step`](Self::views_per_step).
     pub steps: usize,
-    /// Photos that a step looks at, whose gradients are averaged. It changes what is computed: more photos make a step as many times as long, and
-    /// steadier. Several processes can share them ([`Fit::share`](crate::Fit::share)). Steps toward several are not taken on a device.
+    /// Photos that a step looks at, whose gradients are averaged. It changes the result: more photos make a step as
+    /// many times as long, and steadier. Several processes can share them ([`Fit::share`](crate::Fit::share)). Steps
+    /// toward several are not taken on a device.
     #[serde(default = "one")]
     pub views_per_step: usize,
     /// The most Gaussians there may be at any time.
@@ -26,8 +27,8 @@ pub struct FitSettings {
     pub antialiased: bool,
     /// The color behind everything, three numbers from 0 to 1.
     pub background: [f32; 3],
-    /// Gaussians nearer to a camera than this are not drawn, as a part of the depth in front of which a hundredth of what
-    /// photos see of the initial Gaussians lies. Blobs right before a camera are how photos that are few get overfitted.
+    /// Gaussians nearer to a camera than this are not drawn, as a part of the depth in front of which a hundredth of
+    /// the initial Gaussians lies in photos. Blobs right before a camera are how photos that are few get overfitted.
     pub near: f64,
     /// Weight of 1 - SSIM in the loss; the rest is L1.
     pub ssim_weight: f64,
@@ -47,15 +48,17 @@ pub struct FitSettings {
     pub poses: Poses,
     /// True if the colors of each photo are corrected: by gains, or by an affine map ([`Rates::exposure_rest`]).
     pub exposure: bool,
-    /// Part of the Gaussians that each step leaves out, drawn at random, at the end of the run; it grows from nothing in proportion to the
-    /// steps done. What is left is as much more opaque, so that pictures stay as bright in the mean. Steps are then not taken on a device.
-    /// Source: Park et al., DropGaussian, 2025.
+    /// Part of the Gaussians that each step leaves out, drawn at random, at the end of the run; it grows from nothing
+    /// in proportion to the steps done. The rest is as much more opaque, so that pictures stay as bright in the mean.
+    /// Steps are then not taken on a device. Source: Park et al., DropGaussian, 2025.
     #[serde(default)]
     pub dropout: f64,
-    /// True if photos are searched for what none of the others shows, which is then left out of them ([`Transients`](crate::Transients)).
+    /// True if photos are searched for transients, things that no other photo shows, which are then left out of them
+    /// ([`Transients`](crate::Transients)).
     #[serde(default)]
     pub transients: bool,
-    /// Steps that are left out, as where a run would not have ended in its time: each entry holds from its step on, in place of those before it.
+    /// Steps that are left out, as where a run would not have ended in its time: each entry holds from its step on, in
+    /// place of those before it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub thinned: Vec<Thinning>,
 }
@@ -122,7 +125,7 @@ pub struct Density {
     pub growth: f64,
     /// Noise on the means over their learning rate, by covariances in units of the scene's size (`mcmc`).
     pub noise: f64,
-    /// Weight of the mean opacity in the loss, so that what is not needed fades.
+    /// Weight of the mean opacity in the loss, so that superfluous Gaussians fade.
     pub opacity_weight: f32,
     /// Weight of the mean scale over the scene's size in the loss.
     pub scale_weight: f32,
@@ -150,7 +153,8 @@ impl Default for Density {
 #[derive(Clone, Copy, Debug, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StrategyKind {
-    /// Splits what pulls hardest on the screen along its longest axis; opacities decay, what fades is removed.
+    /// Splits the Gaussians with the largest screen gradients along their longest axis; opacities decay, faded ones are
+    /// removed.
     Split,
     /// 3DGS-MCMC: dead Gaussians move to live ones, noise explores.
     Mcmc,
@@ -160,8 +164,8 @@ pub enum StrategyKind {
 
 /// Refinement of cameras: whenever a photo is looked at, its camera goes toward where the photo fits the scene.
 ///
-/// That is for the last tenths of a degree: the scene lies where cameras are in the mean, and an error that neighbors share
-/// hardly shrinks. `weaver_sfm::refine` finds such errors beforehand.
+/// That is for the last tenths of a degree: the scene lies where cameras are in the mean, and an error that neighbors
+/// share hardly shrinks. `weaver_sfm::refine` finds such errors beforehand.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Poses {
@@ -184,13 +188,13 @@ impl Default for Poses {
 }
 
 impl FitSettings {
-    /// [`dropout`](Self::dropout) that pays for so many photos: the fewer there are, the more Gaussians fit each photo from its own side
-    /// alone. From 12 photos on it is nothing.
+    /// [`dropout`](Self::dropout) that pays for so many photos: the fewer there are, the more Gaussians fit each photo
+    /// from its own side alone. From 12 photos on it is nothing.
     pub fn dropout_for(photos: usize) -> f64 {
         if photos < 12 { (1.2 / photos.max(1) as f64).min(0.2) } else { 0.0 }
     }
 
-    /// Number of the step after that of number `step`.
+    /// Number of the step after number `step`.
     pub(crate) fn after(&self, step: usize) -> usize {
         let thinning = self.thinned.iter().rfind(|thinning| thinning.at <= step);
         thinning.map_or(step + 1, |thinning| thinning.next(step, self.steps))

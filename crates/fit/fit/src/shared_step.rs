@@ -12,19 +12,20 @@ use weaver_kernels::random::fnv1a;
 use weaver_kernels::ranks::{Ranks, joined};
 use weaver_splat::GaussianStatistics;
 
-/// Numbers of a row that tell how the step went: the loss, the mean squared difference, the pairs.
+/// Numbers of a row for the report of the step: the loss, the mean squared difference, the pairs.
 const NUMBERS: usize = 3;
-/// Numbers of a row for each photo: its gradient with respect to the color correction, its camera's twist, and 1 if there is a twist.
+/// Numbers of a row for each photo: its gradient with respect to the color correction, its camera's twist, and 1 if
+/// there is a twist.
 const OWN: usize = exposure::NUMBERS + TWIST + 1;
-/// Statistics of a Gaussian that are added, and those of which the largest counts.
+/// Statistics of a Gaussian that are added, and statistics that take the largest.
 const STATISTICS: [usize; 2] = [4, 2];
 /// Times that processes compare their Gaussians in a run.
 const COMPARISONS: usize = 30;
 
 impl Fit {
-    /// Shares the photos of each step ([`FitSettings::views_per_step`](crate::FitSettings::views_per_step)) with other processes, which hold the same fit
-    /// and take the same steps: each draws some photos, and a binary tree over the photos sums the gradients, so that the bits do not depend on the
-    /// number of processes.
+    /// Shares the photos of each step ([`FitSettings::views_per_step`](crate::FitSettings::views_per_step)) with other
+    /// processes, which hold the same fit and take the same steps: each draws some photos, and a binary tree over the
+    /// photos sums the gradients, so that the bits do not depend on the number of processes.
     ///
     /// # Errors
     /// When there are more processes than photos in a step, and when they do not hold the same fit, on all of them.
@@ -80,7 +81,8 @@ impl Fit {
         self.ranks.agreed(number as u64) as usize
     }
 
-    /// Checks now and then that processes hold the same Gaussians: processors of different kinds may not come to the same bits.
+    /// Checks now and then that processes hold the same Gaussians: processors of different kinds may not come to the
+    /// same bits.
     pub(crate) fn check_agreement(&self) -> Result<(), FitError> {
         let interval = self.settings.steps.div_ceil(COMPARISONS);
         let due = self.moment().multiple_of(interval).is_some() || self.step == self.settings.steps;
@@ -96,8 +98,8 @@ impl Fit {
         fnv1a(numbers.flat_map(|x| x.to_le_bytes()))
     }
 
-    /// Draws the views of a step that are this process's, and finds the mean gradients over all of the step; cameras and corrections take their
-    /// steps. Returns the mean loss, the mean squared difference and the pairs.
+    /// Draws the views of a step that are this process's, and finds the mean gradients over all of the step; cameras
+    /// and corrections take their steps. Returns the mean loss, the mean squared difference and the pairs.
     pub(crate) fn mean_gradients(&mut self, level: usize, moment: &Moment) -> Result<(f64, f64, u64), FitError> {
         let views = self.settings.views_per_step;
         let photos: Vec<usize> = (0..views).map(|view| self.photo_of(self.step * views + view)).collect();

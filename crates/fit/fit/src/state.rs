@@ -1,4 +1,4 @@
-//! What a fit has to remember to go on where it was.
+//! The state of a fit from which it goes on.
 
 use crate::exposure::Exposure;
 use crate::fit::Fit;
@@ -22,8 +22,8 @@ const WORD: usize = 64;
 const EXPOSURE: usize = 3 * 12 + 1;
 
 impl Fit {
-    /// All that changes in a fit: with the same photos and settings, a fit that [`restore`](Self::restore)s it goes on to the
-    /// same bits as one that was never interrupted.
+    /// The whole state of a fit: with the same photos and settings, a fit that [`restore`](Self::restore)s it goes on
+    /// to the same bits as an uninterrupted one.
     ///
     /// # Panics
     /// As [`population`](Self::population).

@@ -1,4 +1,4 @@
-//! Density control: which Gaussians are added, removed and moved, and when.
+//! Density control: adding, removing and moving Gaussians.
 
 mod keep;
 mod mcmc;
@@ -16,7 +16,7 @@ use std::fmt::Debug;
 use weaver_kernels::random::Stream;
 use weaver_splat::GaussianStatistics;
 
-/// Where in a run a strategy is asked.
+/// The moment of a run at which a strategy acts.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
     /// Steps done.
@@ -68,8 +68,8 @@ impl Regularizer {
 
 /// A way to control density.
 ///
-/// A strategy never makes more Gaussians than [`Moment::budget`]. It is a function of what it is given: a run that is resumed
-/// goes on with a new strategy of the same settings.
+/// A strategy never makes more Gaussians than [`Moment::budget`]. It is a function of its arguments: a run that is
+/// resumed goes on with a new strategy of the same settings.
 pub trait Strategy: Debug + Send {
     /// Regularizer added to the loss of a step with so many Gaussians.
     fn regularizer(&self, _moment: &Moment, _gaussians: usize) -> Regularizer {
@@ -79,8 +79,8 @@ pub trait Strategy: Debug + Send {
     /// True if the statistics of backward passes are wanted at this moment; they cost a little.
     fn wants_statistics(&self, moment: &Moment) -> bool;
 
-    /// True if [`adapt`](Self::adapt) may change anything at this moment; where it says no, it is not called, and a device keeps the
-    /// Gaussians.
+    /// True if [`adapt`](Self::adapt) may change anything at this moment; where it says no, it is not called, and a
+    /// device keeps the Gaussians.
     fn is_due(&self, _moment: &Moment) -> bool {
         true
     }

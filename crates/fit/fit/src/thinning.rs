@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 /// Steps that are left out of the rest of a run: of those from number `at` on, `kept` are taken, evenly spread.
 ///
-/// Steps keep their numbers. What depends on the part of the run that is done, rates and density control among it, goes on as if all steps
-/// were taken.
+/// Steps keep their numbers. Schedules that follow the elapsed part of the run, rates and density control among them,
+/// go on as if all steps were taken.
 #[derive(Clone, Copy, Debug, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thinning {

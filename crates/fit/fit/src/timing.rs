@@ -1,4 +1,4 @@
-//! How many steps fit into a time.
+//! Number of steps that fit into a time.
 
 use crate::FitError;
 use crate::fit::Fit;
@@ -7,17 +7,18 @@ use std::time::Instant;
 /// Steps of the run that is timed, at least and at most, and the part of the time that it may take in between.
 const STEPS: (usize, usize) = (30, 3000);
 const PART: f64 = 0.05;
-/// A run of no more than this times the least is not worth a second one.
+/// A rehearsal of no more than this times the least steps is not worth a second run.
 const ENOUGH: usize = 2;
-/// Part of the time that is left over, for no machine is equally fast all the time.
+/// Part of the time that is held back, for no machine is equally fast all the time.
 const RESERVE: f64 = 0.04;
 /// Parts of a run whose times are kept apart.
 const PARTS: usize = 10;
 
 /// Time that a run takes, by a short one that leaves no trace.
 ///
-/// The short run has the schedules of a long one: photos are as small, and Gaussians as many, in the same parts of it. What a run does as
-/// often however long it is, density control and the search for transients, is kept apart: in a run of 30 steps it is most of the time.
+/// The short run has the schedules of a long one: photos are as small, and Gaussians as many, in the same parts of it.
+/// Periodic work, density control and the search for transients, happens as often in a run of any length and is kept
+/// apart: in a run of 30 steps it is most of the time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rehearsal {
     /// Mean seconds of a step without density control and searches.
@@ -40,7 +41,8 @@ impl Rehearsal {
     /// As [`Fit::step`].
     pub fn of(fit: &mut Fit, seconds: f64) -> Result<Self, FitError> {
         fit.fetch()?;
-        // The first steps of a run are much shorter than those after them: only a whole run, if a short one, tells how many take the time.
+        // The first steps of a run are much shorter than the later ones: only a whole run, if a short one, shows how
+        // many take the time.
         let short = Self::of_steps(fit, STEPS.0)?;
         let steps = fit.agreed(short.steps_in(seconds)).min(STEPS.1);
         if steps > ENOUGH * STEPS.0 { Self::of_steps(fit, steps) } else { Ok(short) }
@@ -112,7 +114,8 @@ impl Rehearsal {
     }
 }
 
-/// Number of steps that a fit can do in so many seconds, the [rehearsal](Rehearsal) included, which takes 5 % of them. At least 1.
+/// Number of steps that a fit can do in so many seconds, the [rehearsal](Rehearsal) included, which takes 5 % of them.
+/// At least 1.
 ///
 /// # Errors
 /// As [`Fit::step`].
@@ -120,7 +123,7 @@ pub fn steps_in(fit: &mut Fit, seconds: f64) -> Result<usize, FitError> {
     Ok(in_time(fit, seconds)?.0)
 }
 
-/// [`steps_in`], and the rehearsal that told.
+/// [`steps_in`], and the rehearsal behind it.
 ///
 /// # Errors
 /// As [`Fit::step`].

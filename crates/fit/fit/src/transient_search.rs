@@ -1,4 +1,4 @@
-//! The search for what photos alone show, while a scene is fitted.
+//! The search for transients while a scene is fitted.
 
 use crate::FitError;
 use crate::fit::Fit;
@@ -9,12 +9,12 @@ use weaver_kernels::parallel;
 use weaver_scene::Photo;
 
 impl Fit {
-    /// The pixels of a photo that were found to show what no other photo does; `None` where nothing was found.
+    /// The transients of a photo; `None` where nothing was found.
     pub fn transients(&self, photo: usize) -> Option<&Transients> {
         self.transients.get(photo).and_then(Option::as_ref)
     }
 
-    /// Which pixels of a photo count: those that its own mask takes, but for [transients](Self::transients); `None` if all do.
+    /// Mask of the pixels of a photo that count: its own mask without [transients](Self::transients); `None` if all do.
     pub fn counted(&self, photo: usize) -> Option<Cow<'_, [bool]>> {
         counted(self.photo(photo), self.transients(photo))
     }

@@ -1,20 +1,22 @@
 //! Things that one photo alone shows: passers-by, a finger, foliage right before the lens.
 //!
-//! While a scene is still young, it shows what most photos agree about. A place that a photo shows far worse than the other photos that see
-//! it is therefore hidden in this photo by something else, and is left out of it; a place that all photos show badly is only fine or
-//! shiny, and stays. Sources of the idea that residuals tell transients: RobustNeRF (Sabour et al., 2023), SpotLessSplats (2024); the
-//! comparison with the other photos' residuals at the same place is our own, and needs no trained features.
+//! While a scene is still young, it shows the majority of the photos. A place that a photo shows far worse than the
+//! other photos that see it is therefore hidden in this photo by something else, and is left out of it; a place that
+//! all photos show badly is only fine or shiny, and stays. Sources of the idea that residuals show transients:
+//! RobustNeRF (Sabour et al., 2023), SpotLessSplats (2024); the comparison with the other photos' residuals at the same
+//! place is our own, and needs no trained features.
 //!
-//! Residuals of a place that is seen are taken to be distributed exponentially, with the mean that the photos have there, and those of a
-//! thing before it with a mean of their own. The logarithm of the ratio of both is the evidence of a pixel. One pixel says little, since
-//! things resemble what they hide in places: regions are found in the mean of the evidence around each pixel.
+//! Residuals at a visible place are taken to be distributed exponentially, with the photos' mean there, and residuals
+//! of a thing before it with a mean of their own. The logarithm of the ratio of both is the evidence of a pixel. One
+//! pixel says little, since a thing resembles its background in places: regions are found in the mean of the evidence
+//! around each pixel.
 
 use std::borrow::Cow;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec2;
 use weaver_scene::Photo;
 
-/// Parts of a run after which photos are searched.
+/// Parts of a run after which photos are searched. A first search after 8 % of a run lost 0.17 dB.
 pub(crate) const MOMENTS: [f64; 6] = [0.15, 0.25, 0.35, 0.45, 0.55, 0.65];
 /// Photos that a photo is compared with: the nearest.
 const NEIGHBORS: usize = 12;
@@ -22,15 +24,17 @@ const NEIGHBORS: usize = 12;
 pub(crate) const LEAST_OTHERS: usize = 3;
 /// Largest difference of depths, relative, at which two photos are taken to show the same place.
 const SAME_DEPTH: f64 = 0.1;
-/// Bounds of the mean residual of a thing and what it hides.
+/// Bounds of the mean residual between a thing and its background; where colors are alike all over, it is far below the
+/// upper one.
 const THING: [f32; 2] = [0.1, 0.3];
-/// Mean residuals of a place below this count as this: what is met better than noise says nothing.
+/// Mean residuals of a place below this count as this: a fit better than noise says nothing.
 const NOISE: f32 = 0.03;
 /// Bounds of the evidence of a pixel, so that none speaks for its whole surroundings.
 const BOUNDS: [f32; 2] = [-3.0, 4.0];
-/// Radius of the window that evidence is averaged over, as a part of the longest side.
+/// Radius of the window that evidence is averaged over, as a part of the longest side; a single pixel says little.
 const RADIUS: f64 = 0.05;
-/// Pixels against a thing that each window is given beside its own, as a part of it: where little is known, nothing is hidden.
+/// Pixels against a thing that each window is given beside its own, as a part of it: where little is known, nothing is
+/// hidden.
 const PRIOR: f32 = 0.2;
 /// Mean evidence above which a hidden region begins ...
 const STRONG: f32 = 0.5;
@@ -38,10 +42,10 @@ const STRONG: f32 = 0.5;
 const WEAK: f32 = 0.0;
 /// Part of a photo below which a region is no thing.
 const LEAST_PART: f64 = 0.004;
-/// Part of a photo above which it is the whole photo that does not fit: that is not for a mask to say.
+/// Part of a photo above which the whole photo misfits, which a mask cannot mend.
 const MOST_PART: f64 = 0.5;
 
-/// Pixels of a photo, in cells, that show what no other photo does.
+/// Pixels of a photo, in cells, whose content no other photo shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transients {
     /// Number of columns and rows.
@@ -64,7 +68,7 @@ impl Transients {
     }
 }
 
-/// Which pixels of a photo count: those that its own mask takes, but for transients; `None` if all do.
+/// Mask of the pixels of a photo that count: its own mask without transients; `None` if all do.
 pub(crate) fn counted<'p>(photo: &'p Photo, transients: Option<&Transients>) -> Option<Cow<'p, [bool]>> {
     let own = photo.mask.as_deref();
     let Some(transients) = transients else { return own.map(Cow::Borrowed) };
@@ -103,8 +107,8 @@ pub(crate) fn residuals(image: &[f32], photo: &Photo) -> Vec<f32> {
     (0..height).flat_map(|y| (0..width).map(move |x| (y, x))).map(mean).collect()
 }
 
-/// Mean residual of a thing and what it hides: the difference of colors that have nothing to do with each other, which are those of another
-/// photo that is turned upside down.
+/// Mean residual between a thing and its background: the difference of unrelated colors, taken from another photo
+/// upside down.
 pub(crate) fn thing_residual(photos: &[Photo]) -> f32 {
     let differences = |i: usize| {
         let (own, other) = (&photos[i], &photos[(i + photos.len() / 2) % photos.len()]);
@@ -123,7 +127,7 @@ pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64, thing: f32) -> Op
     let own = &seen[photo];
     let (width, height) = (own.camera.width, own.camera.height);
     let others = nearest(photo, seen, extent);
-    // The mean residual of the photos that see a place; of what nobody else sees, nothing can be said.
+    // The mean residual of the photos that see a place; a place that no other photo sees has none.
     let expected = |(at, residual, depth): (usize, f32, f64)| {
         let pixel = DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
         let point = own.camera.pose.inverse().apply(own.camera.intrinsics.unproject(pixel, depth));
@@ -136,7 +140,7 @@ pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64, thing: f32) -> Op
     let worse = median(expected.iter().map(|(_, residual, mean)| residual / mean).collect(), 1.0).max(1.0);
     let mut evidence = vec![None; width * height];
     for (at, residual, mean) in expected {
-        // Where photos are met as badly as that, nothing tells a thing.
+        // Where photos are met as badly as that, a thing cannot be recognized.
         let mean = (mean * worse).min(thing);
         let ratio = (mean / thing).ln() + residual * (1.0 / mean - 1.0 / thing);
         evidence[at] = Some(ratio.clamp(BOUNDS[0], BOUNDS[1]));

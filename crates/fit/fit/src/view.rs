@@ -1,4 +1,4 @@
-//! The scene as it is: drawn from a camera, and where a photo of it was taken.
+//! The scene as it is: drawn from a camera, and cameras of further photos of it.
 
 use crate::cameras::{Alignment, Views, moved};
 use crate::fit::Fit;
@@ -9,18 +9,18 @@ use weaver_scene::CameraRows;
 use weaver_scene::Photo;
 use weaver_splat::Images;
 
-/// Halvings of the photo at the beginning.
+/// Halvings of the photo at the beginning: coarse pictures reach cameras that are farther off.
 const HALVINGS: usize = 2;
 
 /// Longest side of a photo for a first look, pixels.
 const SMALL: usize = 160;
 
-/// Photos whose corrections make that of a camera.
+/// Photos whose corrections are averaged for a camera.
 const NEIGHBORS: usize = 2;
 
 impl Fit {
-    /// The camera near `start` from which the scene looks most like the photo, after this many Gauss-Newton steps; they begin
-    /// at a quarter of the photo's size and end at its own. Nothing in the fit changes.
+    /// The camera near `start` from which the scene looks most like the photo, after this many Gauss-Newton steps; they
+    /// begin at a quarter of the photo's size and end at its own. Nothing in the fit changes.
     ///
     /// # Errors
     /// When the rasterizer refuses.
@@ -40,10 +40,12 @@ impl Fit {
         Ok(camera)
     }
 
-    /// The color correction of a photo that is taken from this camera, if photos have them: that of the two nearest photos, in
-    /// inverse proportion to their distance. A camera meters what it sees, so that neighbors have similar exposures.
+    /// The color correction of a photo that is taken from this camera, if photos have them: the mean of the two nearest
+    /// photos', in inverse proportion to their distance. A camera meters its view, so that neighbors have similar
+    /// exposures.
     ///
-    /// The distance is that of the centers over the size of the scene and the angle between the cameras, in radians, together.
+    /// The distance is the sum of the centers' distance over the size of the scene and the angle between the cameras,
+    /// in radians.
     pub fn exposure_at(&self, camera: &Camera) -> Option<Exposure> {
         let distance = |photo: usize| {
             let other = self.camera(photo).pose;

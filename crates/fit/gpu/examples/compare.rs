@@ -1,8 +1,8 @@
 //! A device beside the CPU: `cargo run --release -p weaver-gpu --example compare [ADAPTER [SCENE]]`.
 //!
-//! ADAPTER is as for `Choice`, `gpu:0` if it is left out. SCENE is `N,W,H`, so many Gaussians in a view of W x H pixels, or a file of
-//! `splatweaver bench raster --workload`. Draws and differentiates it on both, and prints how far images and gradients are
-//! apart, wall-clock and processor time, and what each pass took by the device's clock.
+//! ADAPTER is as for `Choice`, `gpu:0` if it is left out. SCENE is `N,W,H`, so many Gaussians in a view of W x H
+//! pixels, or a file of `splatweaver bench raster --workload`. Draws and differentiates it on both, and prints the
+//! distance of images and gradients, wall-clock and processor time, and the time of each pass by the device's clock.
 
 use safetensors::SafeTensors;
 use std::time::Instant;
@@ -104,7 +104,7 @@ impl Scene {
         })
     }
 
-    /// A view full of Gaussians: depths from 1.5 to 8, log-normal scales, spherical harmonics of degree 3, like those of
+    /// A view full of Gaussians: depths from 1.5 to 8, log-normal scales, spherical harmonics of degree 3, as in
     /// `splatweaver bench raster --synthetic`.
     fn synthetic(sizes: &str) -> Result<Self> {
         let sizes = sizes.split(',').map(str::parse).collect::<std::result::Result<Vec<usize>, _>>()?;
@@ -191,7 +191,8 @@ fn apart(a: &[f32], b: &[f32]) -> f64 {
     difference / norm(&mut b.iter().map(|b| f64::from(*b)))
 }
 
-/// Processor time of this program so far, a software device's included; 0 where the system does not say it in the way of Linux.
+/// Processor time of this program so far, a software device's included; 0 where the system does not say it in the way
+/// of Linux.
 fn processor_seconds() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace();

@@ -57,7 +57,7 @@ impl fmt::Display for Adapter {
     }
 }
 
-/// Which adapter to use.
+/// Choice of an adapter.
 ///
 /// ```
 /// use weaver_gpu::Choice;
@@ -71,7 +71,7 @@ pub enum Choice {
     Fastest,
     /// The one with this number.
     Number(usize),
-    /// The first whose name contains this, in whatever case.
+    /// The first whose name contains this, in upper or lower case.
     Name(String),
 }
 

@@ -46,8 +46,8 @@ impl<'a> Backward<'a> {
         self.gaussians(&mut gradients)
     }
 
-    /// Differentiates the one view that is drawn, by cotangents that are on the device, and leaves the gradients there. Statistics
-    /// are added to earlier ones, if these are kept.
+    /// Differentiates the one view that is drawn, by cotangents that are on the device, and leaves the gradients there.
+    /// Statistics are added to earlier ones, if these are kept.
     pub fn resident(mut self, statistics: bool, kept: bool) -> Result<(), GpuError> {
         (self.stays, self.kept_statistics) = (true, kept);
         self.rooms(statistics)?;
@@ -86,7 +86,7 @@ impl<'a> Backward<'a> {
         staging.write(self.context, &gradients.cotangents, host);
     }
 
-    /// Adds the gradients of a drawing on the device; returns those of the camera.
+    /// Adds the gradients of a drawing on the device; returns the camera's.
     fn differentiate(&mut self, i: usize, statistics: bool) -> Result<[f32; CAMERA_SUMS], GpuError> {
         let (gaussians, cameras, settings, extent) = self.call;
         let (context, n) = (self.context, extent.gaussians);

@@ -18,7 +18,7 @@ pub struct Context {
 /// The text that is compiled of a shader.
 type Source = dyn Fn(&Shader) -> String;
 
-/// The driver's report since it was last asked.
+/// The driver's report since the last check.
 type Fault = Arc<Mutex<Option<String>>>;
 
 fn report(fault: &Fault, message: String) {
@@ -43,7 +43,7 @@ impl Context {
         Self::opened(adapter, &handle, limits, &Shader::source)
     }
 
-    /// The same with these limits, such as [`wgpu::Limits::default`], what WebGPU promises everywhere.
+    /// The same with these limits, such as [`wgpu::Limits::default`], which WebGPU promises everywhere.
     ///
     /// # Errors
     ///
@@ -52,8 +52,7 @@ impl Context {
         Self::open_edited(choice, limits, &Shader::source)
     }
 
-    /// On a device that is open already, such as that of a program which shows what is drawn: its limits hold, and what goes wrong on
-    /// it goes to its own handler of errors.
+    /// On a device that is open already, such as a viewer's: its limits hold, and its errors go to its own handler.
     ///
     /// # Errors
     ///
@@ -64,7 +63,7 @@ impl Context {
         Ok(Self { device, queue, adapter, pipelines, fault: Fault::default() })
     }
 
-    /// The same with other texts in place of the shaders': what a test does to show that a wrong shader is noticed.
+    /// The same with other texts in place of the shaders': tests show with it that a wrong shader is noticed.
     ///
     /// # Errors
     ///
@@ -147,7 +146,7 @@ impl Context {
         Err(GpuError::Limit { adapter: self.adapter.to_string(), limit, found, needed, what: what() })
     }
 
-    /// The driver's report since it was last asked, as an error.
+    /// The driver's report since the last call, as an error.
     pub(crate) fn check(&self) -> Result<(), GpuError> {
         match self.fault.lock().unwrap_or_else(PoisonError::into_inner).take() {
             None => Ok(()),
@@ -176,7 +175,7 @@ fn compile(
             layout: None,
             module: &module,
             entry_point: Some(shader.entry),
-            // Shaders set what they read of it.
+            // Shaders set the memory that they read.
             compilation_options: wgpu::PipelineCompilationOptions {
                 zero_initialize_workgroup_memory: false,
                 ..wgpu::PipelineCompilationOptions::default()
@@ -198,7 +197,7 @@ fn compile(
 ///
 /// # Errors
 ///
-/// When there is none; the error lists what there is.
+/// When there is none; the error lists the adapters.
 fn find(choice: &Choice) -> Result<(Adapter, wgpu::Adapter), GpuError> {
     let all = all();
     let found: Vec<Adapter> = all.iter().enumerate().map(|(number, adapter)| described(number, adapter)).collect();

@@ -21,24 +21,26 @@ pub struct DeviceGaussians<'a> {
     pub degree: Option<usize>,
 }
 
-/// Where a recorded drawing will be.
+/// Buffers of a recorded drawing.
 #[derive(Clone, Copy, Debug)]
 pub struct Recorded<'a> {
     /// `[h, w, 5]`, `f32`: red, green, blue and depth without background, and the transmittance.
     pub pixels: &'a wgpu::Buffer,
-    /// `[3]`, `u32`: splats, entries of tiles, rejected Gaussians. More entries than the capacity are an overflow: what is farthest was
-    /// left out; draw again with more.
+    /// `[3]`, `u32`: splats, entries of tiles, rejected Gaussians. More entries than the capacity are an overflow: the
+    /// farthest ones were left out; draw again with more.
     pub totals: &'a wgpu::Buffer,
 }
 
 impl GpuRasterizer {
-    /// Records the drawing of one view into an embedder's commands, of buffers that stay on the device; nothing is read back and nothing waited
-    /// for. There is room for `capacity` entries, splats over tiles: about three for each Gaussian is usual. All of it is sorted, used or not.
+    /// Records the drawing of one view into an embedder's commands, of buffers that stay on the device; nothing is read
+    /// back and nothing waited for. There is room for `capacity` entries, splats over tiles: about three for each
+    /// Gaussian is usual. All of it is sorted, used or not.
     ///
-    /// The workspace keeps what is drawn until its next use. Backward needs a [`forward`](GpuRasterizer::forward).
+    /// The workspace keeps the drawing until its next use. Backward needs a [`forward`](GpuRasterizer::forward).
     ///
     /// # Errors
-    /// Other than one camera, settings out of range, buffers that are too small, more than a binding of the device holds.
+    /// Other than one camera, settings out of range, buffers that are too small, more than a binding of the device
+    /// holds.
     ///
     /// ```no_run
     /// use weaver_gpu::{Context, DeviceGaussians, GpuRasterizer, GpuWorkspace, wgpu};

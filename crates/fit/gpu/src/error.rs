@@ -1,4 +1,4 @@
-//! What can go wrong with a device.
+//! Errors of a device.
 
 use crate::adapter::Adapter;
 use thiserror::Error;
@@ -8,10 +8,10 @@ use weaver_splat::RasterError;
 #[derive(Clone, Debug, Error)]
 #[non_exhaustive]
 pub enum GpuError {
-    /// The machine has no adapter that was asked for.
+    /// The machine has no adapter of the requested kind.
     #[error("device {asked}: {}", offered(.found))]
     NoAdapter {
-        /// The device asked for.
+        /// The requested device.
         asked: String,
         /// All that there are.
         found: Vec<Adapter>,

@@ -33,20 +33,20 @@ pub(crate) struct Forward<'a> {
     end: End<'a>,
 }
 
-/// Where the image ends.
+/// Destination of the image.
 enum End<'a> {
     /// On the host.
     Host,
     /// On the device.
     Device,
-    /// On the device, once an embedder submits what is recorded.
+    /// On the device, once an embedder submits the recorded passes.
     Later(&'a mut wgpu::CommandEncoder),
 }
 
 /// The Gaussians of a view, at most so many that their parameters and colors fit into a binding each.
 pub(crate) fn shares(context: &Context, extent: &Extent) -> Vec<Share> {
     let each = PARAMS.max(4 * extent.color_len as u64);
-    // A multiple of the groups that sum the camera's parts, and of what offsets must be multiples of.
+    // A multiple of the groups that sum the camera's parts, and of the alignment of offsets.
     let most = ((context.binding_bytes() / each) as usize / GROUP * GROUP).max(GROUP);
     let starts = (0..extent.gaussians).step_by(most);
     starts.map(|first| Share { first, count: most.min(extent.gaussians - first), ..Share::default() }).collect()
@@ -98,7 +98,8 @@ impl<'a> Forward<'a> {
         Ok(self.stats)
     }
 
-    /// Records the drawing of the one view of Gaussians that are on the device, as far as `capacity` entries go, and waits for nothing.
+    /// Records the drawing of the one view of Gaussians that are on the device, as far as `capacity` entries go, and
+    /// waits for nothing.
     pub fn record(mut self, encoder: &'a mut wgpu::CommandEncoder, capacity: usize) -> Result<(), GpuError> {
         let (region, found) = (self.call.3.region, self.context.binding_bytes());
         let what = || format!("a capacity of {capacity} entries");
@@ -165,7 +166,8 @@ impl<'a> Forward<'a> {
         self.draw(v, Region { y: middle, height: bottom - middle, ..region })
     }
 
-    /// Projects and sorts by depth: splats that some tile sees, entries, rejected Gaussians; zeros where nothing is waited for.
+    /// Projects and sorts by depth: splats that some tile sees, entries, rejected Gaussians; zeros where nothing is
+    /// waited for.
     fn project(&mut self, v: usize, region: Region) -> Result<[u32; 3], GpuError> {
         let (gaussians, cameras, settings, extent) = self.call;
         let (context, n) = (self.context, extent.gaussians);
@@ -223,7 +225,7 @@ impl<'a> Forward<'a> {
         Ok([0, 1, 2].map(|i| u32::from_le_bytes(words[i])))
     }
 
-    /// Lists the entries by tile and blends them; `entries` is how many there are, or what there is room for.
+    /// Lists the entries by tile and blends them; `entries` is their number, or the room for them.
     fn composite(&mut self, entries: usize) -> Result<(), GpuError> {
         let (gaussians, cameras, settings, extent) = self.call;
         let context = self.context;
@@ -262,7 +264,7 @@ impl<'a> Forward<'a> {
             (5, from.values.all()),
             (6, drawing.owners.all()),
         ];
-        // What room is left over belongs to no tile, and is filled even where there are no Gaussians.
+        // The rest of the room belongs to no tile, and is filled even where there are no Gaussians.
         passes.run(Kernel::Emit, extent.gaussians.div_ceil(GROUP).max(entries.min(1)), &bindings);
         sort.encode(context, &mut passes, (entries, bits), from, to)?;
         let lists = uniform(context, &[entries as u32, tiles as u32, 0, 0]);

@@ -1,13 +1,14 @@
 //! The rasterizer of `weaver-splat`, forward and backward, on any GPU: WGSL compute shaders run through wgpu.
 //!
-//! - [`adapters`] lists what there is to run on; [`Context`] opens one and compiles the shaders.
-//! - [`GpuRasterizer`] implements [`weaver_splat::Rasterizer`]: slices in, slices out, the rules and formulas of the CPU's.
+//! - [`adapters`] lists the adapters to run on; [`Context`] opens one and compiles the shaders.
+//! - [`GpuRasterizer`] implements [`weaver_splat::Rasterizer`]: slices in, slices out, the rules and formulas of the
+//!   CPU's.
 //! - [`GpuRasterizer::encode`] records a drawing into commands of one's own, of buffers that are on the device already.
 //! - [`SHADERS`] are the passes, as text that other programs may run too.
 //! - [`sort_pairs`] is the sort by itself.
 //!
-//! Results are within 1e-4 of the CPU's and the same bits from run to run on one adapter: no number is added by whoever comes
-//! first. docs/explain/gpu.md of the repository describes the passes and what they cost.
+//! Results are within 1e-4 of the CPU's and the same bits from run to run on one adapter: no number is added by whoever
+//! comes first. docs/explain/gpu.md of the repository describes the passes and their costs.
 
 mod adapter;
 mod backward;

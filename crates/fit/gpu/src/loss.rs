@@ -42,7 +42,7 @@ impl PhotoLosses {
     ) -> Result<(), GpuError> {
         let (width, height) = (step.camera.width, step.camera.height);
         let (pixels, border) = (width * height, WINDOW - 1);
-        // Without windows the loss is the absolute error, whatever the weight.
+        // Without windows the loss is the absolute error at any weight.
         let windowed = width >= WINDOW && height >= WINDOW && step.ssim_weight > 0.0;
         let across = if windowed { width - border } else { 0 };
         self.windows = if windowed { across * (height - border) } else { 0 };

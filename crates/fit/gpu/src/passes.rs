@@ -70,7 +70,7 @@ impl<'a> Passes<'a> {
         pass.dispatch_workgroups(groups.min(ACROSS), groups.div_ceil(ACROSS), 1);
     }
 
-    /// Runs what was recorded; an embedder's waits for him.
+    /// Runs the recorded passes; an embedder's own wait for its submission.
     pub fn submit(mut self) -> Result<(), GpuError> {
         if let Some(profile) = &mut self.profile {
             profile.resolve(self.encoder.get());
@@ -84,7 +84,7 @@ impl<'a> Passes<'a> {
         }
     }
 
-    /// Runs what was recorded, and reads the first bytes of some buffers, one behind the other.
+    /// Runs the recorded passes, and reads the first bytes of some buffers, one behind the other.
     pub fn read(mut self, staging: &mut Staging, parts: &[(&wgpu::Buffer, u64)]) -> Result<Vec<u8>, GpuError> {
         let bytes = parts.iter().map(|(_, bytes)| bytes).sum();
         staging.room.read(self.context, bytes)?;

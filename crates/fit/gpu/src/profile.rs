@@ -57,7 +57,7 @@ impl Profile {
         })
     }
 
-    /// Where the next pass writes its times; nowhere when there are too many.
+    /// Destination of the next pass's times; none when there are too many.
     pub fn next(&mut self, name: &'static str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         let at = 2 * self.names.len() as u32;
         if at >= 2 * MOST {

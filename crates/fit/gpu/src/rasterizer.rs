@@ -14,10 +14,10 @@ use weaver_splat::{
 
 /// Draws and differentiates on an open device by the rules of [`weaver_splat::rasterize`]. Cloning shares the device.
 ///
-/// Image, alpha and depth are within 1e-4 of the CPU's, gradients within 1e-4 of their norm, but for pixels where rounding
-/// decides whether an alpha reaches 1/255 or a transmittance 1e-4. All inputs have gradients, and there are statistics for density
-/// control. The same call has the same bits every time on one adapter. Features are drawn on the CPU only, and
-/// [`RasterStats`] has no counts of pairs.
+/// Image, alpha and depth are within 1e-4 of the CPU's, gradients within 1e-4 of their norm, but for pixels where
+/// rounding decides whether an alpha reaches 1/255 or a transmittance 1e-4. All inputs have gradients, and there are
+/// statistics for density control. The same call has the same bits every time on one adapter. Features are drawn on the
+/// CPU only, and [`RasterStats`] has no counts of pairs.
 ///
 /// ```no_run
 /// use weaver_gpu::{Choice, Context, GpuRasterizer};
@@ -90,7 +90,8 @@ impl GpuRasterizer {
     ///
     /// # Errors
     ///
-    /// Arguments that do not fit together, a workspace whose last forward had other sizes or settings, or a device that fails.
+    /// Arguments that do not fit together, a workspace whose last forward had other sizes or settings, or a device that
+    /// fails.
     pub fn backward(
         &self,
         gaussians: &GaussianSlices<'_, f32>,

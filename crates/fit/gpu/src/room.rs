@@ -3,7 +3,7 @@
 use crate::context::Context;
 use crate::error::GpuError;
 
-/// A buffer that grows to what is asked for and stays: calls of sizes seen before allocate nothing.
+/// A buffer that grows to the requested size and stays: calls of sizes seen before allocate nothing.
 #[derive(Debug, Default)]
 pub(crate) struct Room {
     buffer: Option<wgpu::Buffer>,
@@ -22,7 +22,7 @@ impl Room {
         Self { buffer: Some(buffer.clone()), bytes: bytes.max(16) }
     }
 
-    /// Room for `count` elements of `each` bytes that shaders see; `what` they are is for the error.
+    /// Room for `count` elements of `each` bytes that shaders see; `what` names them in the error.
     ///
     /// # Errors
     ///
@@ -59,12 +59,12 @@ impl Room {
         self.buffer.as_ref().expect("room is made before it is used")
     }
 
-    /// Bytes that were asked for last.
+    /// Bytes of the last request.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// The numbers last asked for, as a shader sees them.
+    /// The numbers of the last request, as a shader sees them.
     pub fn all(&self) -> wgpu::BindingResource<'_> {
         self.part(0, self.bytes)
     }

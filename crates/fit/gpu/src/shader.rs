@@ -1,7 +1,7 @@
 //! The shaders: which files make up each, and where it is entered.
 //!
-//! The files are in `shaders/`, one for each pass and some that passes share. WGSL has no
-//! imports: what a pass needs is put in front of it.
+//! The files are in `shaders/`, one for each pass and some that passes share. WGSL has no imports: the shared files of
+//! a pass are put in front of it.
 
 /// A file of WGSL.
 #[derive(Clone, Copy, Debug)]
@@ -60,7 +60,7 @@ pub enum Kernel {
     Project,
     /// Digits of keys counted.
     Count,
-    /// Where the keys of each digit go.
+    /// Places of the keys of each digit.
     ScanCounts,
     /// Keys and values to their places.
     Scatter,
@@ -68,11 +68,11 @@ pub enum Kernel {
     SumGroups,
     /// The groups' sums made running ones.
     ScanGroups,
-    /// Where the entries of each Gaussian begin.
+    /// Start of the entries of each Gaussian.
     Place,
     /// The entries.
     Emit,
-    /// Where the list of each tile starts.
+    /// Start of the list of each tile.
     Start,
     /// Lists to pixels.
     Composite,

@@ -1,4 +1,4 @@
-//! What is copied between the host and the device.
+//! Copies between the host and the device.
 
 use crate::context::Context;
 use crate::room::Room;
@@ -20,7 +20,7 @@ pub(crate) struct Staging {
 }
 
 impl Staging {
-    /// Brings numbers to the beginning of a room on the device, before whatever is submitted next.
+    /// Brings numbers to the beginning of a room on the device, before the next submission.
     pub fn write<T: bytemuck::NoUninit>(&mut self, context: &Context, to: &Room, numbers: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(numbers);
         context.queue().write_buffer(to.buffer(), 0, bytes);

@@ -1,4 +1,4 @@
-//! What shaders know of a view: the `View` of `shaders/view.wgsl`, word by word.
+//! The shaders' data of a view: the `View` of `shaders/view.wgsl`, word by word.
 
 use weaver_scene::{CameraSlices, Color};
 use weaver_splat::{Extent, RasterSettings, Region, View};
@@ -27,17 +27,17 @@ impl Grid {
     }
 }
 
-/// The Gaussians that a pass sees, and what it does with their gradients.
+/// The Gaussians that a pass sees, and the use of their gradients.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Share {
     pub first: usize,
     pub count: usize,
-    /// True if gradients are added to those of the views before.
+    /// True if gradients are added to the earlier views'.
     pub add: bool,
     pub statistics: Option<Band>,
 }
 
-/// Where a drawing is among the bands of its view.
+/// Place of a drawing among the bands of its view.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Band {
     pub first: bool,

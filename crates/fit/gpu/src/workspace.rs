@@ -85,8 +85,8 @@ pub(crate) struct GradientRooms {
     pub statistics: Room,
 }
 
-/// Splats, Gaussians by depth with their keys, and the lists of the tiles: entries `entry[starts[t]..starts[t + 1]]`, whose Gaussians
-/// are in `owners`.
+/// Splats, Gaussians by depth with their keys, and the lists of the tiles: entries `entry[starts[t]..starts[t + 1]]`,
+/// whose Gaussians are in `owners`.
 #[doc(hidden)]
 #[derive(Clone, Debug)]
 #[allow(missing_docs, reason = "named as in docs/explain/gpu.md; for tests")]
@@ -100,13 +100,13 @@ pub struct Lists {
 }
 
 impl GpuWorkspace {
-    /// Time of each pass since this was last asked, by the device's clock; nothing where it has none, or where the
-    /// rasterizer does not [measure](crate::GpuRasterizer::measured).
+    /// Time of each pass since the last call, by the device's clock; nothing where it has none, or where the rasterizer
+    /// does not [measure](crate::GpuRasterizer::measured).
     pub fn pass_times(&mut self) -> Vec<PassTime> {
         self.profile.as_mut().map(Profile::take).unwrap_or_default()
     }
 
-    /// Copies since this was last asked, but for the few numbers of a view.
+    /// Copies since the last call, but for the few numbers of a view.
     pub fn transfers(&mut self) -> Transfers {
         std::mem::take(&mut self.staging.transfers)
     }
@@ -128,7 +128,7 @@ impl GpuWorkspace {
         Ok(Lists { splats, keys: read(&keys[0])?, ids: read(&ids[0])?, owners, entry, starts })
     }
 
-    /// Fills all memory on the device with ones: what a test does to show that nothing is read before it is written.
+    /// Fills all memory on the device with ones: tests show with it that nothing is read before it is written.
     #[doc(hidden)]
     pub fn spoil(&self, context: &Context) {
         let Scratch { keys, ids, tiles, sums, totals, tile_of, entry, sort } = &self.scratch;

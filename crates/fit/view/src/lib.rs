@@ -1,6 +1,7 @@
 //! Scenes of Gaussians to look at in a browser.
 //!
-//! [`html`] makes one file that holds scene, cameras, photos and viewer. It draws by WebGL2 as the rasterizer of weaver-splat does.
+//! [`html`] makes one file that holds scene, cameras, photos and viewer. It draws by WebGL2 as the rasterizer of
+//! weaver-splat does.
 
 mod error;
 mod home;

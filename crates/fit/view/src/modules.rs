@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-/// Modules of the page, each behind those that it imports.
+/// Modules of the page, each after its imports.
 const PAGE: &[(&str, &str)] = &[
     ("status", include_str!("../web/status.js")),
     ("vectors", include_str!("../web/vectors.js")),

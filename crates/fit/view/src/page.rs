@@ -19,15 +19,15 @@ pub(crate) const STYLE: &str = include_str!("../web/style.css");
 /// Choices of a page in one file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HtmlOptions {
-    /// The scene keeps every bit of positions, scales, rotations and opacities, a multiple of the size. Else it is rounded as SPZ does, unless
-    /// positions would be too coarse for its Gaussians, or have no place in it.
+    /// The scene keeps every bit of positions, scales, rotations and opacities, a multiple of the size. Else it is
+    /// rounded as SPZ does, unless positions would be too coarse for its Gaussians, or have no place in it.
     pub lossless: bool,
 }
 
 /// One HTML file with scene, cameras, photos and viewer, which needs no network and no other file.
 ///
-/// It draws as the rasterizer does by WebGL2; where a browser has none, it shows a picture from the first camera and says so. Text of any
-/// kind in names is shown as text. The same arguments give the same bytes.
+/// It draws as the rasterizer does by WebGL2; where a browser has none, it shows a picture from the first camera and
+/// says so. Text of any kind in names is shown as text. The same arguments give the same bytes.
 ///
 /// # Errors
 /// When the fields of the scene disagree, a value is not finite where it is rounded, or the picture cannot be drawn.
@@ -53,8 +53,8 @@ pub fn html(subject: &Subject<'_>, shots: &[Shot], options: HtmlOptions) -> Resu
     film_html(subject, &[], shots, options)
 }
 
-/// One HTML file as [`html`], of a scene that moves: with a slider that goes through `moments`, which are evenly spread over its time from
-/// beginning to end; the page begins with the subject's Gaussians.
+/// One HTML file as [`html`], of a scene that moves: with a slider that goes through `moments`, which are evenly spread
+/// over its time from beginning to end; the page begins with the subject's Gaussians.
 ///
 /// # Errors
 /// As [`html`].
@@ -83,10 +83,10 @@ pub fn film_html(
     Parts { subject, shots, photo: &photo, further, scene: &scene, nonce: &sum.to_string(), connect: "'none'" }.page()
 }
 
-/// A page that a server sends, which asks the server for the rest.
+/// A page that a server sends, which requests the rest from the server.
 #[derive(Clone, Copy)]
 pub struct ServedPage<'a> {
-    /// A word that nobody can guess, in this page and in its content security policy.
+    /// A word that cannot be guessed, in this page and in its content security policy.
     pub nonce: &'a str,
     /// The address of the scene, a PLY or SPZ file.
     pub scene: &'a str,
@@ -98,9 +98,11 @@ pub struct ServedPage<'a> {
     pub report: Option<&'a str>,
     /// The page follows a run: `progress?since=STEP`, `scene` and `POST stop`.
     pub live: bool,
-    /// The Gaussians have features: `alike?gaussian=I` has a byte for each of them, 255 where its features are those of the I-th.
+    /// The Gaussians have features: `alike?gaussian=I` has a byte for each of them, 255 where its features equal the
+    /// I-th's.
     pub features: bool,
-    /// The scene is large: its address with `?part=beginning` has what shows most, to look at until all is there.
+    /// The scene is large: its address with `?part=beginning` has the most visible Gaussians, to look at until all is
+    /// there.
     pub beginning: bool,
     /// The scene moves: `scene?time=T` has it at a time, 0 to 1, and `scene` in the middle.
     pub moves: bool,
@@ -134,8 +136,8 @@ impl ServedPage<'_> {
 /// Steps of positions over the median scale of Gaussians, at most: larger ones would be seen.
 const COARSE: f64 = 0.5;
 
-/// True if SPZ holds the positions, by steps that are small beside the Gaussians: they are not where some lie very far away, or where
-/// the whole scene is small.
+/// True if SPZ holds the positions, by steps that are small beside the Gaussians: they are not where some lie very far
+/// away, or where the whole scene is small.
 fn rounds_well(gaussians: &Gaussians) -> bool {
     let Some(step) = spz_step(gaussians) else { return false };
     let mut scales = gaussians.log_scales.as_flattened().to_vec();
@@ -166,12 +168,12 @@ struct Parts<'a> {
     subject: &'a Subject<'a>,
     shots: &'a [Shot],
     photo: &'a dyn Fn(usize) -> Option<String>,
-    /// Further keys of what scripts are told.
+    /// Further keys for the scripts.
     further: Value,
     /// The element that holds the scene, if it is inside.
     scene: &'a str,
     nonce: &'a str,
-    /// The places that scripts may ask.
+    /// The places that scripts may connect to.
     connect: &'a str,
 }
 
@@ -225,7 +227,7 @@ fn policy(nonce: &str, connect: &str) -> String {
     )
 }
 
-/// That of a page that a server sends.
+/// The policy of a page that a server sends.
 pub(crate) fn served_policy(nonce: &str) -> String {
     policy(nonce, "'self'") + "; frame-ancestors 'none'"
 }

@@ -8,7 +8,7 @@ const PAGE: &str = include_str!("../web/run.html");
 
 /// A page that a server sends about a run without a scene: its steps, its curves and its newest picture.
 ///
-/// It asks for `progress?since=STEP`, `picture` and `POST stop`.
+/// It requests `progress?since=STEP`, `picture` and `POST stop`.
 ///
 /// ```
 /// let page = weaver_view::RunPage { title: "run <7>", nonce: "0f" };
@@ -18,7 +18,7 @@ const PAGE: &str = include_str!("../web/run.html");
 pub struct RunPage<'a> {
     /// Title of the page; any text.
     pub title: &'a str,
-    /// A word that nobody can guess, in this page and in its content security policy.
+    /// A word that cannot be guessed, in this page and in its content security policy.
     pub nonce: &'a str,
 }
 

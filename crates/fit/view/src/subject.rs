@@ -51,7 +51,7 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// A camera without a photo, of which nothing else is known.
+    /// A camera without a photo and without any other information.
     pub fn new(name: impl Into<String>, camera: Camera) -> Self {
         Self { name: name.into(), camera, held_out: false, photo: None, coverage: None }
     }
@@ -65,7 +65,7 @@ const LONG_SIDE: f64 = 640.0;
 /// Quality of photos as libjpeg counts it.
 const QUALITY: u8 = 82;
 
-/// The shots whose photos belong into one file, of which at most 32 do: held-out ones first, then others, evenly spread.
+/// The shots whose photos belong into one file, at most 32: held-out ones first, then others, evenly spread.
 ///
 /// ```
 /// let held_out: Vec<bool> = (0..100).map(|i| i % 10 == 0).collect();

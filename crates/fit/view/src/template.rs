@@ -1,6 +1,6 @@
 //! Text with places to fill.
 
-/// Fills places `{{name}}` of a text, once and from left to right: what is filled in is not looked at again.
+/// Fills places `{{name}}` of a text, once and from left to right: filled text is not searched again.
 ///
 /// # Panics
 /// When a place has no value, which is a fault of the template.

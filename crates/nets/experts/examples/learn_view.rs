@@ -1,8 +1,8 @@
 //! Turns one photo with known depth into Gaussians: `cargo run --release -p weaver-experts --example learn_view`.
 //!
-//! One pixel in four gets a Gaussian. In the footprint parametrization even an untrained head places them upright, in the color and
-//! the size of their pixels; a few hundred steps teach it to draw the photo better. Writes learn_view.png (the photo, the render
-//! before training, the render after it) and prints how close the renders are.
+//! One pixel in four gets a Gaussian. In the footprint parametrization even an untrained head places them upright, in
+//! the color and the size of their pixels; a few hundred steps teach it to draw the photo better. Writes learn_view.png
+//! (the photo, the render before training, the render after it) and prints how close the renders are.
 
 use weaver_autograd::{Params, Tape, Var};
 use weaver_data::procedural::{ProceduralOptions, scene};

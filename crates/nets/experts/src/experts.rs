@@ -19,8 +19,8 @@ pub struct CardinalityExperts {
 }
 
 impl CardinalityExperts {
-    /// Adds the parameters of experts 1 to M = `max_per_pixel`, for F = `features` channels and S = `slot` raw numbers per
-    /// Gaussian.
+    /// Adds the parameters of experts 1 to M = `max_per_pixel`, for F = `features` channels and S = `slot` raw numbers
+    /// per Gaussian.
     ///
     /// The initial output layers are multiplied by `output_gain`: 1 as published, less for Gaussians that start alike.
     pub fn new<T: Real>(
@@ -45,9 +45,9 @@ impl CardinalityExperts {
 
     /// The raw parameters `[N, S]` of all Gaussians, in the order of the routes.
     ///
-    /// `features` `[R, F]` are those of the routed pixels, in order. If a `choice` `[P, E]` is given, each expert's output is
-    /// multiplied by the entry of its pixel and expert, which carries the gradient to the router. An expert without pixels
-    /// runs on no rows, so that its parameters get a gradient of zero.
+    /// `features` `[R, F]` belong to the routed pixels, in order. If a `choice` `[P, E]` is given, each expert's output
+    /// is multiplied by the entry of its pixel and expert, which carries the gradient to the router. An expert without
+    /// pixels runs on no rows, so that its parameters get a gradient of zero.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

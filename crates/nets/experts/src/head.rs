@@ -137,7 +137,8 @@ impl<T: Real> Outputs<T> for Proposed<'_, T> {
 /// Router, cardinality experts, neighbor attention and decoding.
 ///
 /// Parameters (below the builder's path, `gs_moe` in checkpoints): `gating.*` ([`Router`]), `experts.*`
-/// ([`CardinalityExperts`]), `patch_embedding` (of the patch parametrization), `pixel_projector.0`, `pixel_projector.2`, `gs_predictor.*` ([`NeighborPredictor`]).
+/// ([`CardinalityExperts`]), `patch_embedding` (of the patch parametrization), `pixel_projector.0`,
+/// `pixel_projector.2`, `gs_predictor.*` ([`NeighborPredictor`]).
 #[derive(Clone, Debug)]
 pub struct CardinalityHead {
     config: HeadConfig,
@@ -145,7 +146,7 @@ pub struct CardinalityHead {
     pub router: Router,
     /// Turn features of pixels into raw numbers of Gaussians.
     pub experts: CardinalityExperts,
-    /// Tells the experts about a cell's size and content.
+    /// Embeds a cell's size and content for the experts.
     embedding: Option<Linear>,
     attention: Option<(TwoLayers, NeighborPredictor)>,
 }
@@ -176,8 +177,9 @@ impl CardinalityHead {
 
     /// The Gaussians of a scene whose pixels are assigned to experts; a scene without Gaussians is fine.
     ///
-    /// With a `choice` `[P, E]` (see [`Assignment::choice`](weaver_router::Assignment::choice)) a gradient reaches the router.
-    /// Every other parameter gets a gradient, too, which is zero for an expert without pixels. Panics on other shapes.
+    /// With a `choice` `[P, E]` (see [`Assignment::choice`](weaver_router::Assignment::choice)) a gradient reaches the
+    /// router. Every other parameter gets a gradient, too, which is zero for an expert without pixels. Panics on other
+    /// shapes.
     pub fn gaussians<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -188,7 +190,7 @@ impl CardinalityHead {
         let decoded = |proposed: Proposed<'t, T>| {
             let Proposed { means, mut theta, feature, origin, pixel } = proposed;
             if !cx.tape.is_recording() {
-                // The experts' buffers have other sizes than those of the attention.
+                // The experts' buffers have other sizes than the attention's.
                 cx.tape.pool().trim::<T>();
             }
             if let (Some((_, predictor)), Some(feature), Some(config)) =

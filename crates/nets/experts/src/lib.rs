@@ -1,8 +1,8 @@
-//! From pixel features to a compact set of Gaussians: cardinality experts, attention over neighbors, and the decoding of raw
-//! parameters.
+//! From pixel features to a compact set of Gaussians: cardinality experts, attention over neighbors, and the decoding
+//! of raw parameters.
 //!
-//! Everything works on one scene: V views of H x W pixels, P = V H W pixels in (view, row, column) order. Which pixels get how
-//! many Gaussians is decided by an allocation of [`weaver_router`].
+//! Everything works on one scene: V views of H x W pixels, P = V H W pixels in (view, row, column) order. Which pixels
+//! get how many Gaussians is decided by an allocation of [`weaver_router`].
 
 mod decode;
 mod experts;

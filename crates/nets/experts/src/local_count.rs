@@ -19,8 +19,8 @@ fn box_filter(from: &[f64], to: &mut [f64], length: usize, stride: usize, radius
 
 /// The local number of Gaussians per pixel `[P]`, at least 0.04.
 ///
-/// The count of each pixel (`expert` `[P]`) is averaged over 5 x 5 and then over 3 x 3 pixels of its view; each average runs
-/// over the pixels inside the image.
+/// The count of each pixel (`expert` `[P]`) is averaged over 5 x 5 and then over 3 x 3 pixels of its view; each average
+/// runs over the pixels inside the image.
 pub fn local_count<T: Real>(expert: &[u8], height: usize, width: usize, pool: &Pool) -> Buffer<T> {
     let mut count = pool.buffer::<f64>(expert.len());
     let mut row_means = pool.buffer::<f64>(expert.len());

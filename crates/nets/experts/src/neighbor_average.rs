@@ -126,8 +126,8 @@ impl<T: Real> Op<T> for NeighborAverage {
 
 /// The attention over neighbors: each Gaussian's softmax-weighted average of its neighbors' values.
 ///
-/// z_i = sum_j w_ij (v_j + d_ij), where w_ij is the softmax of the scores a_ij over the neighbors j of i, separately per
-/// channel.
+/// z_i = sum_j w_ij (v_j + d_ij), where w_ij is the softmax of the scores a_ij over the neighbors j of i, separately
+/// per channel.
 ///
 /// `score` a and `displacement` d `[R m, C]`, m rows per list, and `value` v `[N, C]` are differentiable, the
 /// neighbors constant; the result is `[R, C]`. Panics on other shapes. Source: Zhao et al., Point Transformer, ICCV

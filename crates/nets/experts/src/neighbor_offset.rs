@@ -63,7 +63,7 @@ impl<T: Real> Op<T> for NeighborOffset {
 /// The offsets r_ij = mu_j - mu_i from every Gaussian i that has a list to its neighbors j.
 ///
 /// `means` `[N, 3]` are differentiable; the neighbors are constant; the result is `[R m, 3]`, m rows per list. Linear.
-/// Panics if the neighbors are not those of N Gaussians. Source: Zhao et al., Point Transformer, ICCV 2021, eq. 4.
+/// Panics if the neighbors do not belong to N Gaussians. Source: Zhao et al., Point Transformer, ICCV 2021, eq. 4.
 #[track_caller]
 pub fn neighbor_offset<'t, T: Real>(means: Var<'t, T>, neighbors: &Neighbors) -> Var<'t, T> {
     let [offset] = means.tape().apply(NeighborOffset { neighbors: neighbors.clone() }, &[means]);

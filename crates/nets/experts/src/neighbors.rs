@@ -8,7 +8,8 @@ use weaver_kernels::nearest_neighbors::nearest_neighbors;
 /// Gaussians per parallel chunk.
 pub(crate) const GRAIN: usize = 256;
 
-/// Lists of nearest neighbors: for each of R Gaussians m = k + 1 indices, itself and its k nearest neighbors among all N.
+/// Lists of nearest neighbors: for each of R Gaussians m = k + 1 indices, itself and its k nearest neighbors among all
+/// N.
 ///
 /// All Gaussians have a list (R = N), except in a [`part`](Neighbors::part). Cheap to clone.
 #[derive(Clone, Debug)]
@@ -23,21 +24,23 @@ struct Lists {
     per_gaussian: usize,
     /// `[N, m]`
     index: Buffer<u32>,
-    /// Where the reverse list of each Gaussian starts `[N + 1]`.
+    /// Start of the reverse list of each Gaussian `[N + 1]`.
     start: Buffer<u32>,
     /// Reverse lists end to end: positions in `index` at which a Gaussian is named, ascending `[N m]`.
     named_at: Buffer<u32>,
 }
 
 impl Neighbors {
-    /// Finds the k nearest neighbors of each of `means` `[N, 3]`, exactly; see [`nearest_neighbors`]. Not differentiable.
+    /// Finds the k nearest neighbors of each of `means` `[N, 3]`, exactly; see [`nearest_neighbors`]. Not
+    /// differentiable.
     pub fn search<T: Real>(means: &[T], k: usize, pool: &Pool) -> Self {
         let mut index = pool.buffer::<u32>(means.len() / 3 * (k + 1));
         nearest_neighbors(means, k, &mut index);
         Self::from_index(index, k + 1, pool)
     }
 
-    /// Takes lists `[N, m]` of indices below N as they are, with m = `per_gaussian`. Panics unless they are whole lists.
+    /// Takes lists `[N, m]` of indices below N as they are, with m = `per_gaussian`. Panics unless they are whole
+    /// lists.
     pub fn from_lists(index: &[u32], per_gaussian: usize, pool: &Pool) -> Self {
         assert_eq!(index.len() % per_gaussian, 0, "every Gaussian has {per_gaussian} neighbors");
         Self::from_index(pool.copy_of(index), per_gaussian, pool)
@@ -82,7 +85,7 @@ impl Neighbors {
         self.lists.start.len() - 1
     }
 
-    /// Which of all Gaussians the first list belongs to.
+    /// The Gaussian that the first list belongs to.
     pub(crate) fn first(&self) -> usize {
         self.rows.start
     }

@@ -1,9 +1,9 @@
-//! What the raw numbers of a Gaussian mean: its offset from the pixel's point, its size and its color.
+//! The meaning of a Gaussian's raw numbers: its offset from the pixel's point, its size and its color.
 
 /// Decoding of raw parameters to a Gaussian.
 ///
-/// In both parametrizations, opacity = sigmoid(raw), rotation = raw quaternion / (its norm + 1e-8), and spherical harmonics of degree
-/// l > 0 are raw times 0.1 / 4^l, in world axes.
+/// In both parametrizations, opacity = sigmoid(raw), rotation = raw quaternion / (its norm + 1e-8), and spherical
+/// harmonics of degree l > 0 are raw times 0.1 / 4^l, in world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Parametrization {
     /// As published: lengths in world units, and colors from the network alone.
@@ -30,10 +30,10 @@ pub enum Parametrization {
     },
     /// Lengths in the extents of the patch of surface that a Gaussian stands for, and axes along it.
     ///
-    /// mean = point + R (`offset_reach` extents tanh(raw)); scale = `scale` extents exp(clamp(raw, -3, 3)); rotation = R times the raw
-    /// quaternion with 1 added to its w, normalized; the patch's mean color is added to the degree-0 harmonic. So a Gaussian starts
-    /// flat on its patch, as large as that and in its color; the only one of a single pixel starts as a ball, as under
-    /// [`Footprint`](Self::Footprint). See [`PatchOf`](crate::PatchOf).
+    /// mean = point + R (`offset_reach` extents tanh(raw)); scale = `scale` extents exp(clamp(raw, -3, 3)); rotation =
+    /// R times the raw quaternion with 1 added to its w, normalized; the patch's mean color is added to the degree-0
+    /// harmonic. So a Gaussian starts flat on its patch, as large as that and in its color; the only one of a single
+    /// pixel starts as a ball, as under [`Footprint`](Self::Footprint). See [`PatchOf`](crate::PatchOf).
     Patch {
         /// Longest offset along each axis, in extents.
         offset_reach: f64,
@@ -53,8 +53,8 @@ impl Parametrization {
         Self::Footprint { offset_reach: 2.0, scale: 0.7 }
     }
 
-    /// The patch parametrization with the constants of [`footprint`](Self::footprint), so that weights can go from one to the other:
-    /// offsets up to 2 extents, scale 0.7.
+    /// The patch parametrization with the constants of [`footprint`](Self::footprint), so that weights can go from one
+    /// to the other: offsets up to 2 extents, scale 0.7.
     pub fn patch() -> Self {
         Self::Patch { offset_reach: 2.0, scale: 0.7 }
     }
@@ -73,7 +73,8 @@ pub(crate) fn harmonics(degree: usize) -> usize {
     (degree + 1) * (degree + 1)
 }
 
-/// The number of raw numbers of one Gaussian: offset 3, opacity 1, scale 3, quaternion 4 (xyzw), harmonics 3 K (color-major).
+/// The number of raw numbers of one Gaussian: offset 3, opacity 1, scale 3, quaternion 4 (xyzw), harmonics 3 K
+/// (color-major).
 pub fn slot_width(sh_degree: usize) -> usize {
     3 + BEFORE_HARMONICS + 3 * harmonics(sh_degree)
 }

@@ -7,7 +7,7 @@ use weaver_router::{Cell, Cells};
 /// Lists of pixels, end to end.
 #[derive(Debug)]
 pub struct PixelLists {
-    /// Where each list starts `[G + 1]`.
+    /// Start of each list `[G + 1]`.
     start: Buffer<u32>,
     pixel: Buffer<u32>,
 }
@@ -61,7 +61,8 @@ impl PixelLists {
 pub struct Patches {
     /// The pixels of each routed cell, in the order of the routes.
     pub cell: PixelLists,
-    /// The pixels of each Gaussian's band, in the order of the routes; all of its cell where some band of that has none.
+    /// The pixels of each Gaussian's band, in the order of the routes; all of its cell where some band of that has
+    /// none.
     pub band: PixelLists,
     /// Where each Gaussian lies across its cell, in pixels from the mean of its pixels `[N]`.
     pub shift: Vec<f32>,
@@ -151,8 +152,8 @@ impl<T: Real> Op<T> for PatchMean {
     }
 }
 
-/// The mean of the rows of each list: row g of the result is the sum of the rows x_p over the pixels p of list g, divided by
-/// their number.
+/// The mean of the rows of each list: row g of the result is the sum of the rows x_p over the pixels p of list g,
+/// divided by their number.
 ///
 /// x `[P, C]` is differentiable, the lists of G groups are constant; the result is `[G, C]`. Panics on other shapes.
 #[track_caller]

@@ -133,13 +133,14 @@ impl<T: Real> Op<T> for PlaceOnPatch {
     }
 }
 
-/// The means of Gaussians: their points plus bounded offsets, mu = Q + r tanh(o), componentwise in world axes, or in those of a
-/// patch.
+/// The means of Gaussians: their points plus bounded offsets, mu = Q + r tanh(o), componentwise in world axes, or in a
+/// patch's.
 ///
 /// Q is `point` `[N, 3]`, o the first three of `raw` `[N, S]`; r is the published constant in world units, or the
-/// constant of the parametrization times the pixel's footprint, or times the extents of the patch along its axes. `point`, `raw` and
-/// footprints are differentiable; the result is `[N, 3]`, in world units. Panics on other shapes, and if the parametrization needs
-/// an `origin` of another kind. Source: official SplatWeaver code, `CardinalityGaussian`.
+/// constant of the parametrization times the pixel's footprint, or times the extents of the patch along its axes.
+/// `point`, `raw` and footprints are differentiable; the result is `[N, 3]`, in world units. Panics on other shapes,
+/// and if the parametrization needs an `origin` of another kind. Source: official SplatWeaver code,
+/// `CardinalityGaussian`.
 #[track_caller]
 pub fn place<'t, T: Real>(
     point: Var<'t, T>,

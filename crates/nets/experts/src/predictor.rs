@@ -22,8 +22,8 @@ pub struct NeighborFusion {
 }
 
 impl NeighborFusion {
-    /// Gaussians that attend at a time when nothing is recorded: few enough that their pairs take little memory, and enough
-    /// work for all threads.
+    /// Gaussians that attend at a time when nothing is recorded: few enough that their pairs take little memory, and
+    /// enough work for all threads.
     pub const PART: usize = 8192;
 
     /// A layer of C = `width` channels.
@@ -94,8 +94,9 @@ pub struct NeighborPredictor {
 }
 
 impl NeighborPredictor {
-    /// Adds the parameters of a predictor of `parameters` raw numbers per Gaussian (its mean not counted), with pixel features
-    /// of `projector` channels and attention of `width` channels. With `zero_head` the refinement starts at zero.
+    /// Adds the parameters of a predictor of `parameters` raw numbers per Gaussian (its mean not counted), with pixel
+    /// features of `projector` channels and attention of `width` channels. With `zero_head` the refinement starts at
+    /// zero.
     pub fn new<T: Real>(
         mut builder: Builder<'_, T>,
         parameters: usize,
@@ -127,7 +128,8 @@ impl NeighborPredictor {
     }
 
     /// The refined parameters `[N, S - 3]`. Differentiable in all inputs (through the means, but not through the choice
-    /// of neighbors) and all parameters; the bias of `attn_mlp.2` has gradient zero, because a softmax does not depend on it.
+    /// of neighbors) and all parameters; the bias of `attn_mlp.2` has gradient zero, because a softmax does not depend
+    /// on it.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

@@ -1,13 +1,13 @@
-//! Which pixels each expert works on, and which Gaussians come from which pixel.
+//! The pixels of each expert, and the pixel of each Gaussian.
 
 use weaver_autograd::{Buffer, List, Pool};
 
-/// Which pixels go to which expert, and which pixel each Gaussian comes from.
+/// The pixels of each expert, and the pixel of each Gaussian.
 ///
 /// Gaussians are ordered by expert, then pixel; the Gaussians of a pixel are adjacent.
 #[derive(Debug)]
 pub struct Routes {
-    /// The pixels with Gaussians: those of expert 1 in pixel order, then those of expert 2, ...
+    /// The pixels with Gaussians: expert 1's in pixel order, then expert 2's, ...
     pub routed: Buffer<u32>,
     /// Number of pixels of each of the experts 1 to M.
     pub counts: List<usize>,

@@ -8,10 +8,11 @@ use weaver_router::{COARSEST, Cells};
 
 /// Levels of cells.
 const LEVELS: usize = COARSEST as usize + 1;
-/// Numbers that describe a cell to the experts: its level, one of five; the standard deviations of its colors; how much its luma
-/// changes along and across its direction; and how much longer its surface is than one that faces the camera, along and across.
+/// Numbers that describe a cell to the experts: its level, one of five; the standard deviations of its colors; how much
+/// its luma changes along and across its direction; and how much longer its surface is than one that faces the camera,
+/// along and across.
 pub(crate) const DESCRIPTORS: usize = LEVELS + 3 + 2 + 2;
-/// Longest step on a surface from one pixel to the next, in footprints: what would be longer is an edge, or seen too flatly.
+/// Longest step on a surface from one pixel to the next, in footprints: a longer one is an edge, or seen too flatly.
 const LONGEST: f64 = 3.0;
 /// Shortest step, in footprints.
 const SHORTEST: f64 = 0.25;
@@ -35,11 +36,11 @@ pub(crate) struct Surface<'a, T> {
     pub width: usize,
 }
 
-/// Where Gaussians start: constants of the decoding.
+/// Initial extents, rotations and shifts of Gaussians: constants of the decoding.
 #[derive(Debug)]
 pub(crate) struct Frames<T> {
-    /// Extents along the three axes `[N, 3]`, in world units: along the cell's bands, across them, along the normal; of the only
-    /// Gaussian of a single pixel, its footprint along all three.
+    /// Extents along the three axes `[N, 3]`, in world units: along the cell's bands, across them, along the normal; of
+    /// the only Gaussian of a single pixel, its footprint along all three.
     pub extents: Vec<T>,
     /// Rotations from the axes to the world as unit quaternions wxyz `[N, 4]`.
     pub rotations: Vec<T>,
@@ -74,8 +75,8 @@ impl<T: Real> Surface<'_, T> {
         [p / self.width % self.height, p % self.width]
     }
 
-    /// The steps on the surface from pixel p to the next column and to the next row: the shorter one of those on both sides, which does
-    /// not jump over an edge.
+    /// The steps on the surface from pixel p to the next column and to the next row: the shorter one of those on both
+    /// sides, which does not jump over an edge.
     fn steps(&self, p: usize) -> [DVec3; 2] {
         let [row, column] = self.place(p);
         let (own, longest) = (self.point(p), LONGEST * self.footprints[p].to_f64());
@@ -108,7 +109,8 @@ impl<T: Real> Surface<'_, T> {
         Facet { axes, steps: lengths([along.length(), across.dot(second)]), footprint }
     }
 
-    /// Standard deviations of the colors of a cell, and the change of its luma along and across its direction, from side to side.
+    /// Standard deviations of the colors of a cell, and the change of its luma along and across its direction, from
+    /// side to side.
     fn content(&self, pixels: &[u32], angle: f64) -> [f64; 5] {
         let n = pixels.len() as f64;
         let mean = pixels.iter().map(|&p| self.color(p as usize)).sum::<DVec3>() / n;
@@ -130,7 +132,8 @@ impl<T: Real> Surface<'_, T> {
         [deviation.x, deviation.y, deviation.z, y * cos - x * sin, x * cos + y * sin]
     }
 
-    /// The frames of all Gaussians. Extents along the surface are multiplied by `stretch` `[P]` of their pixels, if that is given.
+    /// The frames of all Gaussians. Extents along the surface are multiplied by `stretch` `[P]` of their pixels, if
+    /// that is given.
     pub fn frames(
         &self,
         routes: &Routes,
@@ -165,7 +168,8 @@ impl<T: Real> Surface<'_, T> {
             let Facet { axes, steps, footprint } = facets[cell as usize].0;
             let wider = stretch.map_or(1.0, |stretch| stretch[pixel as usize].to_f64());
             if patches.cell.of(cell as usize).len() == 1 && experts[cell as usize] == 1 {
-                // A pixel's neighbors say little of how its own surface lies; and so it is what the footprint parametrization makes of it.
+                // A pixel's neighbors say little of the slope of its own surface; so the footprint parametrization
+                // stays.
                 frames.extents.extend([T::from_f64(footprint * wider); 3]);
                 frames.rotations.extend([T::ONE, T::ZERO, T::ZERO, T::ZERO]);
                 frames.shifts.extend([T::ZERO; 3]);
@@ -236,7 +240,8 @@ mod tests {
         assert!(axes.z_axis.dot(slanted).abs() > 0.9999, "{axes}");
         // Without an angle the bands are columns: along them is down, across is right.
         assert!(axes.x_axis.y > 0.9 && axes.y_axis.x > 0.8, "{axes}");
-        // What the pixel between the cell's middle ones sees, by the derivative of the intersection of its ray with the plane.
+        // The step on the plane at the pixel between the cell's middle ones, by the derivative of the intersection of
+        // its ray with the plane.
         let ray = DVec3::new((10.0 - 16.0) / FOCAL, (6.0 - 8.0) / FOCAL, 1.0);
         let point = |ray: DVec3| ray * (2.0 / slanted.dot(ray));
         let step = |d: DVec3| (point(ray + d / FOCAL) - point(ray - d / FOCAL)) / 2.0;

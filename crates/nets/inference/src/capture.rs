@@ -9,8 +9,8 @@ use weaver_scene::Gaussians;
 
 /// Predicts the Gaussians of `views` of a scene, `context` at a time, with the scene's cameras and in its world.
 ///
-/// Groups are a view and its nearest neighbors among those that are left. Where views see points of the scene, depth is brought to
-/// these. The photos must have the predictor's size.
+/// Groups are a view and its nearest neighbors among those that are left. Where views see points of the scene, depth is
+/// brought to these. The photos must have the predictor's size.
 ///
 /// # Errors
 /// When the predictor refuses photos, cameras or density.
@@ -37,8 +37,8 @@ pub fn predict_capture(
 
 /// Predicts the Gaussians of a few views of a scene together, with the scene's cameras and in its world.
 ///
-/// Where the density gives one Gaussian to each pixel, they come in the order of views, rows and columns. Depth is brought to points
-/// where views see some. The photos must have the predictor's size.
+/// Where the density gives one Gaussian to each pixel, they come in the order of views, rows and columns. Depth is
+/// brought to points where views see some. The photos must have the predictor's size.
 ///
 /// # Errors
 /// No views, and when the predictor refuses photos, cameras or density.

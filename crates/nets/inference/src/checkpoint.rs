@@ -12,12 +12,12 @@ use weaver_io::safetensors::{TensorData, Tensors};
 /// The format's name and version, in the file's metadata.
 pub const FORMAT: &str = "splatweaver-checkpoint-2";
 
-/// Which of a checkpoint's weights to use.
+/// Choice among a checkpoint's weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WeightSet {
     /// The weights that training goes on with, tensors `param.NAME`.
     Trained,
-    /// Their exponential moving average, tensors `ema.NAME`: what is evaluated.
+    /// Their exponential moving average, tensors `ema.NAME`, used for evaluation.
     Averaged,
 }
 
@@ -35,7 +35,7 @@ impl WeightSet {
 pub struct Defaults {
     /// Seed of allocations that draw random numbers.
     pub seed: u64,
-    /// Which pixels get Gaussians, by name.
+    /// Allocation of Gaussians to pixels, by name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub allocation: Option<String>,
     /// Gaussians per pixel.
@@ -49,11 +49,11 @@ pub struct Defaults {
 /// Parameters that a model took of another's weights, by name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Partly {
-    /// Those that were taken.
+    /// Parameters that were taken.
     pub taken: Vec<String>,
-    /// Those that were not, with the reason: they stay as they were.
+    /// Parameters that were not taken, with the reason: they stay as they were.
     pub fresh: Vec<String>,
-    /// Those of the checkpoint that the model does not have.
+    /// Parameters of the checkpoint that the model does not have.
     pub unused: Vec<String>,
 }
 
@@ -69,7 +69,7 @@ impl Partly {
     }
 }
 
-/// A training run's checkpoint: weights, and what says how to build the network for them.
+/// A training run's checkpoint: weights, and the configuration of their network.
 ///
 /// | metadata | content |
 /// |---|---|
@@ -97,7 +97,7 @@ impl Checkpoint {
         Self::new(Tensors::read(path)?, path)
     }
 
-    /// The weights that come with the program; `weights/README.md` of this crate says what they are.
+    /// The weights that come with the program; `weights/README.md` of this crate describes them.
     ///
     /// # Errors
     /// Never, unless the program is damaged.
@@ -106,7 +106,7 @@ impl Checkpoint {
         Self::from_bytes(bytes, Path::new("built-in weights"))
     }
 
-    /// A checkpoint in memory; `origin` is what messages call it.
+    /// A checkpoint in memory; messages call it `origin`.
     ///
     /// # Errors
     /// As [`Checkpoint::read`].
@@ -166,7 +166,8 @@ impl Checkpoint {
         serde_json::from_str(text).map_err(|e| self.wrong(format!("metadata model: {e}")))
     }
 
-    /// Fills declared parameters with the checkpoint's weights. A parameter whose rows vary gets those of the checkpoint.
+    /// Fills declared parameters with the checkpoint's weights. A parameter whose rows vary takes the checkpoint's
+    /// rows.
     ///
     /// # Errors
     /// Names the first tensor that is missing, of another shape, or of no parameter.
@@ -194,7 +195,8 @@ impl Checkpoint {
         }
     }
 
-    /// Fills those declared parameters that the checkpoint has averaged weights of the same shape for, and leaves the others.
+    /// Fills those declared parameters that the checkpoint has averaged weights of the same shape for, and leaves the
+    /// others.
     ///
     /// # Errors
     /// When none fits.
@@ -221,7 +223,8 @@ impl Checkpoint {
         partly.some(&self.path)
     }
 
-    /// The tensors that are needed to run the network and nothing else: the averaged weights, rounded to 16 bits. An eighth of a checkpoint.
+    /// The tensors that are needed to run the network and nothing else: the averaged weights, rounded to 16 bits. An
+    /// eighth of a checkpoint.
     ///
     /// # Errors
     /// When a weight is beyond the range of 16 bits.
@@ -258,7 +261,8 @@ impl Checkpoint {
         }
     }
 
-    /// The numbers of a tensor. A network with a weight that is not finite would run, and its figures would mean nothing.
+    /// The numbers of a tensor. A network with a weight that is not finite would run, and its figures would mean
+    /// nothing.
     fn values(&self, key: &str, shape: &[usize]) -> Result<Vec<f32>, Error> {
         let is_half = self.tensors.tensors.get(key).is_some_and(|t| matches!(t.data, TensorData::F16(_)));
         let values: Vec<f32> = if is_half {

@@ -4,15 +4,16 @@ use rayon::prelude::*;
 
 /// Views with fewer points are corrected as all views together are.
 const FEWEST: usize = 5;
-/// Points that the median of all views counts as, beside those of a view.
+/// Weight of the median of all views, in points, against a view's own points.
 const PRIOR_POINTS: f64 = 5.0;
 /// Views with fewer points get no line in the logarithm of depth.
 const FEWEST_FOR_LINE: usize = 12;
-/// Added to the standard deviation of ln d that the line's variable is divided by: where a view is flat, no slope shows.
+/// Added to the standard deviation of ln d that the line's variable is divided by: where a view is flat, no slope
+/// shows.
 const LEAST_SPREAD: f64 = 0.05;
 /// Weights of the squares of the line's offset and slope, in points.
 const RIDGE: [f64; 2] = [1.0, 5.0];
-/// Solutions of the line, each with weights by what the one before left over.
+/// Solutions of the line, each with weights by the remainders of the one before.
 const ROUNDS: usize = 5;
 /// Differences of logarithms beyond which a point says less and less about the line.
 const LINE_SCALE: f64 = 0.1;
@@ -22,7 +23,7 @@ const LINE_REACH: f64 = 3.0;
 const REST_LIMIT: f64 = 0.5;
 /// Standard deviation of the surroundings of a point across the image, pixels; tried at 64 x 48.
 const REST_PIXELS: f64 = 5.0;
-/// Standard deviation of the surroundings of a point in ln d: a point says nothing about what is behind or before it.
+/// Standard deviation of the surroundings of a point in ln d: a point says nothing about surfaces behind or before it.
 const REST_LOG_DEPTH: f64 = 0.25;
 /// The largest correction: a factor of 4.5.
 const LIMIT: f64 = 1.5;
@@ -54,25 +55,26 @@ impl DepthCorrection {
 
 /// The factors that bring depth `[V, H, W]` of a network to points of known depth, a list for each view.
 ///
-/// With d the network's depth at a point, z the point's, e = ln z - ln d, g the median of e over all views, and n the number of
-/// the view's points, a view with fewer than 5 points gets L = g. All others begin with
+/// With d the network's depth at a point, z the point's, e = ln z - ln d, g the median of e over all views, and n the
+/// number of the view's points, a view with fewer than 5 points gets L = g. All others begin with
 ///
 /// ```text
 /// a = (n median(e) + 5 g) / (n + 5)
 /// ```
 ///
-/// and get, from 12 points on, a line in s = (ln d - mean) / (deviation + 0.05), mean and standard deviation over the points:
-/// L = a + q0 + q1 s, s within 3, where q minimizes `sum w (e - a - q0 - q1 s)^2 + q0^2 + 5 q1^2` with w = 1 / (1 + (r / 0.1)^2) by
-/// the remainders r of the last of five rounds. What is left at the points, within 0.5, is spread to where depth is similar:
+/// and get, from 12 points on, a line in s = (ln d - mean) / (deviation + 0.05), mean and standard deviation over the
+/// points: L = a + q0 + q1 s, s within 3, where q minimizes `sum w (e - a - q0 - q1 s)^2 + q0^2 + 5 q1^2` with w = 1 /
+/// (1 + (r / 0.1)^2) by the remainders r of the last of five rounds. The remainder at the points, within 0.5, is spread
+/// over similar depth:
 ///
 /// ```text
 /// L += sum(w rest) / (1 + sum w),   w = exp(-|pixels apart|^2 / 50 - (difference of ln d)^2 / 0.125)
 /// ```
 ///
-/// and L is kept within 1.5. No points leave depth as it is. Points outside of the image or without a positive depth, and points
-/// where the network's depth is not positive, do not count. Every L is finite. The order of points changes rounding alone. It takes
-/// time in proportion to pixels times points. Our own method; its constants are first guesses, tried on
-/// real captures at 64 x 48.
+/// and L is kept within 1.5. No points leave depth as it is. Points outside of the image or without a positive depth,
+/// and points where the network's depth is not positive, do not count. Every L is finite. The order of points changes
+/// rounding alone. It takes time in proportion to pixels times points. Our own method; its constants are first guesses,
+/// tried on real captures at 64 x 48.
 ///
 /// # Panics
 /// If `depth` is not of `seen.len()` images of `height` x `width`.

@@ -1,4 +1,4 @@
-//! What can go wrong between photos and a scene.
+//! Errors between photos and a scene.
 
 use std::path::PathBuf;
 use weaver_io::Advice;
@@ -45,13 +45,13 @@ pub enum Error {
     Checkpoint {
         /// The checkpoint.
         path: PathBuf,
-        /// The key, what was expected and what was found.
+        /// The key, the expected and the found value.
         message: String,
     },
     /// The network's output holds NaN or infinity.
     #[error("{what} is not finite everywhere; the weights may not belong to this network")]
     Numeric {
-        /// Which output.
+        /// Name of the output.
         what: String,
     },
     /// The free memory does not suffice.
@@ -61,7 +61,7 @@ pub enum Error {
         needed: u64,
         /// Bytes free.
         available: u64,
-        /// The remedy, [`Advice::LessMemory`].
+        /// The remedy, [`Advice::LessMemory`] or [`Advice::SmallerNetwork`].
         source: Advice,
     },
     /// The Gaussians could not be drawn.

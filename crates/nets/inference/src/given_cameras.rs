@@ -21,7 +21,7 @@ impl GivenCameras {
     /// Checks that a source has as many cameras as there are photos, and lists of points that exist for each.
     ///
     /// # Errors
-    /// [`Error::Input`] with what was expected and what was found.
+    /// [`Error::Input`] with the expected and the found value.
     pub fn check(source: CameraSource<'_>, views: usize) -> Result<(), Error> {
         let wrong = |what: &str, expected: usize, found: usize| {
             Err(Error::Input(format!("{what}: expected {expected}, as many as photos, found {found}")))
@@ -66,13 +66,14 @@ impl GivenCameras {
     }
 }
 
-/// The factor that makes the mean distance from camera 0 to the points that the photos show 1; `None` where they show none.
+/// The factor that makes the mean distance from camera 0 to the points that the photos show 1; `None` where they show
+/// none.
 fn scale_to_points(cameras: &[Camera], points: &SparsePoints) -> Option<f64> {
     let distance = points.mean_distance(cameras.first()?.pose.center())?;
     (distance > 0.0 && distance.is_finite()).then(|| 1.0 / distance)
 }
 
-/// Where a camera in training units sees points, of which a unit is `scale` training units.
+/// Pixels of the points in a camera in training units; a unit of the points is `scale` training units.
 fn seen(camera: &Camera, points: &SparsePoints, visible: &[u32], scale: f64) -> Vec<SeenPoint> {
     let point = |index: &u32| {
         let local = camera.pose.apply(points.positions[*index as usize] * scale);

@@ -1,10 +1,10 @@
 //! Photos to cameras and 3-D Gaussians with trained weights, on a CPU.
 //!
-//! [`Predictor`] is what every model can do; [`SplatWeaverPredictor`] is SplatWeaver with its weights, opened from the
-//! folder of a training run. Other models are crates of their own, built on [`Pretrained`]. [`Refined`] optimizes what a
-//! predictor predicts; [`predict_to_folder`] runs a predictor on photo files and writes a scene;
-//! [`published`] runs the published checkpoints of SplatWeaver and VGGT-1B. Nothing here needs a training run's
-//! configuration file, and nothing here trains.
+//! [`Predictor`] is the interface of every model; [`SplatWeaverPredictor`] is SplatWeaver with its weights, opened from
+//! the folder of a training run. Other models are crates of their own, built on [`Pretrained`]. [`Refined`] optimizes a
+//! predictor's output; [`predict_to_folder`] runs a predictor on photo files and writes a scene; [`published`] runs the
+//! published checkpoints of SplatWeaver and VGGT-1B. Nothing here needs a training run's configuration file, and
+//! nothing here trains.
 
 mod capture;
 mod checkpoint;

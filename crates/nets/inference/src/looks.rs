@@ -15,7 +15,7 @@ const LEAST_WIDTH: usize = 128;
 /// In whose light a place is shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Looks {
-    /// The photo that tells it.
+    /// The photo that shows it.
     pub from: PathBuf,
     /// Another one, to which the light changes over so many frames, both ends among them: at least 2.
     pub to: Option<(PathBuf, usize)>,
@@ -28,7 +28,7 @@ pub(crate) struct Shown {
 }
 
 impl Looks {
-    /// Predicts with these looks; the photos that tell them are cropped as those of the place are.
+    /// Predicts with these looks; the photos of the looks are cropped like the photos of the place.
     pub(crate) fn predict(
         &self,
         predictor: &mut dyn Predictor,
@@ -59,8 +59,8 @@ impl Looks {
 }
 
 impl Shown {
-    /// Writes looks.png, a row for each of the first photos from the first look to the last, with the photos that give them at its ends,
-    /// and, where there are several, looks/00.ply and so on: the same Gaussians in other colors.
+    /// Writes looks.png, a row for each of the first photos from the first look to the last, with the photos that give
+    /// them at its ends, and, where there are several, looks/00.ply and so on: the same Gaussians in other colors.
     pub(crate) fn write(self, predictor: &mut dyn Predictor, out: &OutputFolder) -> Result<(), Error> {
         let LookPrediction { mut prediction, colors } = self.prediction;
         let several = colors.len() > 1;

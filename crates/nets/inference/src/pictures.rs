@@ -21,8 +21,8 @@ pub fn side_by_side(images: &[&Image]) -> Image {
     Image::mosaic(&large.iter().collect::<Vec<_>>())
 }
 
-/// Where cameras stand, seen from above in the axes of the first: the true ones gray, the predicted ones dark, each with the direction in
-/// which it looks. Of the size of `like`, times as large as [`side_by_side`] makes that.
+/// Where cameras stand, seen from above in the axes of the first: the true ones gray, the predicted ones dark, each
+/// with the direction in which it looks. Of the size of `like`, times as large as [`side_by_side`] makes that.
 pub fn camera_plan(predicted: &[Camera], truth: &[Camera], like: &Image) -> Image {
     const MARGIN: f64 = 0.12;
     let times = LEAST_WIDTH.div_ceil(like.width.max(1));
@@ -80,8 +80,9 @@ pub fn depth_picture(prediction: &Prediction, v: usize, like: &Image) -> Image {
     false_color(&nearness, like.width, like.height, low, high)
 }
 
-/// Density of the Gaussians of view `v` as a picture: black is none, the brighter the more. Brightness follows the root of the number per pixel, which is
-/// the number along a line, so that cells of very different sizes can be told apart.
+/// Density of the Gaussians of view `v` as a picture: black is none, the brighter the more. Brightness follows the root
+/// of the number per pixel, which is the number along a line, so that cells of very different sizes can be
+/// distinguished.
 pub fn density_picture(prediction: &Prediction, v: usize, like: &Image) -> Image {
     let pixels = like.width * like.height;
     let most = prediction.density.iter().copied().fold(f32::MIN_POSITIVE, f32::max);

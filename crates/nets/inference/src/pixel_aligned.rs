@@ -33,8 +33,8 @@ pub trait PixelAlignedNetwork: Debug + Send + Sync {
     ) -> PixelAligned<'t>;
 }
 
-/// A [`PixelAlignedNetwork`] with its weights, ready to run without gradients. It needs given cameras; where these come with
-/// points, the points set their scale, and depth stays the network's own.
+/// A [`PixelAlignedNetwork`] with its weights, ready to run without gradients. It needs given cameras; where these come
+/// with points, the points set their scale, and depth stays the network's own.
 #[derive(Debug)]
 pub struct PixelAlignedPredictor<N>(Pretrained<N>);
 

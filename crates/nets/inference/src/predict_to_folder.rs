@@ -15,15 +15,16 @@ use weaver_scene::Frame;
 /// PredictOptions of a prediction from photo files.
 #[derive(Clone, Debug, Default)]
 pub struct PredictOptions {
-    /// Cameras of the photos: a transforms.json, or a folder with a COLMAP model. Photos are matched by the ends of their paths; points
-    /// of the model scale the cameras and repair depth ([`load_cameras`](weaver_data::capture::load_cameras)).
+    /// Cameras of the photos: a transforms.json, or a folder with a COLMAP model. Photos are matched by the ends of
+    /// their paths; points of the model scale the cameras and repair depth
+    /// ([`load_cameras`](weaver_data::capture::load_cameras)).
     pub cameras: Option<PathBuf>,
-    /// True if photos have masks ([`load_readable_images`](weaver_data::capture::load_readable_images)): pixels outside get no
-    /// Gaussians, and do not count in the PSNR.
+    /// True if photos have masks ([`load_readable_images`](weaver_data::capture::load_readable_images)): pixels outside
+    /// get no Gaussians, and do not count in the PSNR.
     pub masks: bool,
-    /// Which pixels get Gaussians, and how many.
+    /// Allocation of Gaussians to pixels, and their number.
     pub density: Density,
-    /// In whose light the place is shown, for models that know about light.
+    /// The light in which the place is shown, for models of light.
     pub looks: Option<Looks>,
     /// Seed of allocations that draw random numbers.
     pub seed: u64,
@@ -47,8 +48,8 @@ pub struct PredictReport {
 /// Runs a predictor on photos and writes the scene into the folder `out`.
 ///
 /// # Errors
-/// When the photos or the cameras cannot be read or do not fit together, or the output cannot be written; before any work where a file
-/// is in the way.
+/// When the photos or the cameras cannot be read or do not fit together, or the output cannot be written; before any
+/// work where a file is in the way.
 pub fn predict_to_folder(
     predictor: &mut dyn Predictor,
     images: &[PathBuf],
@@ -221,7 +222,8 @@ fn write_cameras(out: &OutputFolder, names: &[String], cameras: &[Camera]) -> Re
     Ok(())
 }
 
-/// Checks that a folder has a place for what [`predict_to_folder`] writes of photos: to be called before long work.
+/// Checks that a folder has a place for the files that [`predict_to_folder`] writes for these photos: to be called
+/// before long work.
 ///
 /// # Errors
 /// Names the first file that is not to be replaced.

@@ -1,4 +1,4 @@
-//! What every trained model can do: photos to Gaussians, and Gaussians to pictures.
+//! The interface of every trained model: photos to Gaussians, and Gaussians to pictures.
 
 use crate::{Error, ViewOpacity};
 use std::borrow::Cow;
@@ -17,7 +17,7 @@ use weaver_splat::{RasterSettings, Renderer};
 pub struct Photos<'a> {
     /// Colors from 0 to 1, `[V, 3, H, W]`.
     pub planes: &'a [f32],
-    /// Which pixels count `[V, H, W]`, so that others get no Gaussians; `None` if all do.
+    /// Mask `[V, H, W]` of the pixels that count; others get no Gaussians; `None` if all do.
     pub inside: Option<&'a [bool]>,
     /// Height H, pixels.
     pub height: usize,
@@ -46,11 +46,12 @@ pub enum CameraSource<'a> {
     /// These, in the frame of camera 0 and in training units.
     Given(&'a [Camera]),
     /// These, in the frame of camera 0 and in units of their own: they are scaled so that the mean distance of the
-    /// centers to camera 0 equals that of the predicted ones.
+    /// centers to camera 0 equals the predicted cameras'.
     GivenUnscaled(&'a [Camera]),
-    /// These and the points that their photos show, in the frame of camera 0 and in units of their own: they are scaled so that
-    /// the mean distance from camera 0 to the points is 1, as in training, and depth is brought to the points
-    /// ([`depth_to_points`](crate::depth_to_points())). Where no photo shows a point, as [`CameraSource::GivenUnscaled`].
+    /// These and the points that their photos show, in the frame of camera 0 and in units of their own: they are scaled
+    /// so that the mean distance from camera 0 to the points is 1, as in training, and depth is brought to the points
+    /// ([`depth_to_points`](crate::depth_to_points())). Where no photo shows a point, as
+    /// [`CameraSource::GivenUnscaled`].
     GivenWithPoints {
         /// The cameras of the photos.
         cameras: &'a [Camera],
@@ -60,7 +61,7 @@ pub enum CameraSource<'a> {
 }
 
 impl<'a> CameraSource<'a> {
-    /// The cameras that are given, in whatever units.
+    /// The cameras that are given, in any units.
     pub fn given(self) -> Option<&'a [Camera]> {
         match self {
             Self::Predicted => None,
@@ -70,7 +71,7 @@ impl<'a> CameraSource<'a> {
         }
     }
 
-    /// The same source with these cameras in place of those that are given.
+    /// The same source with other cameras in place of the given ones.
     #[must_use]
     pub fn with_cameras(self, cameras: &'a [Camera]) -> Self {
         match self {
@@ -82,10 +83,10 @@ impl<'a> CameraSource<'a> {
     }
 }
 
-/// Which pixels get Gaussians, and how many; `None` leaves the choice to the predictor.
+/// Allocation of Gaussians to pixels, and their number; `None` leaves the choice to the predictor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Density {
-    /// Which pixels get Gaussians.
+    /// Allocation of Gaussians to pixels.
     pub allocation: Option<AllocationKind>,
     /// Gaussians per pixel, for allocations that have a budget.
     pub budget: Option<f64>,
@@ -96,7 +97,8 @@ pub struct Density {
 pub struct Prediction {
     /// The Gaussians, in the frame of camera 0.
     pub gaussians: ActivatedGaussians,
-    /// Their opacities, where these depend on the view; those of the Gaussians are then of the mean logit over the cameras.
+    /// Their opacities, where these depend on the view; the Gaussians' own opacities then have the mean logit over the
+    /// cameras.
     pub view_opacity: Option<ViewOpacity>,
     /// The cameras that the Gaussians were built with: the network's, or the given ones.
     pub cameras: Vec<Camera>,
@@ -104,7 +106,7 @@ pub struct Prediction {
     pub predicted: Vec<Camera>,
     /// Depth along the optical axis `[V, H, W]`.
     pub depth: Vec<f32>,
-    /// Gaussians of each pixel `[V, H, W]`; those of a cell at its first pixel.
+    /// Gaussians of each pixel `[V, H, W]`; a cell's are counted at its first pixel.
     pub counts: Vec<u8>,
     /// Gaussians per pixel around each pixel `[V, H, W]`: of a cell, its number over its pixels.
     pub density: Vec<f32>,
@@ -126,8 +128,8 @@ impl Prediction {
         self.scaled_by.unwrap_or_else(|| spread_ratio(&self.predicted, cameras))
     }
 
-    /// The factor that gives cameras the mean distance to camera 0 of those that the Gaussians were built with; 1 where either
-    /// stand still.
+    /// The factor that gives cameras the mean distance to camera 0 of those that the Gaussians were built with; 1 where
+    /// either stand still.
     pub fn scale_to_used(&self, cameras: &[Camera]) -> f64 {
         spread_ratio(&self.cameras, cameras)
     }
@@ -142,18 +144,18 @@ pub struct JointPrediction {
     pub targets: Vec<Camera>,
 }
 
-/// The light that a place is shown in, for models that know about light.
+/// The light that a place is shown in, for models of light.
 #[derive(Clone, Copy, Debug)]
 pub enum Look<'a> {
-    /// Nobody's: of the light nothing is said.
+    /// No light is given.
     Unknown,
-    /// That of a photo.
+    /// The light of a photo.
     Of(Photos<'a>),
-    /// Between that of two photos: a part of the second, 0 to 1.
+    /// Between the light of two photos: a part of the second, 0 to 1.
     Between(Photos<'a>, Photos<'a>, f32),
 }
 
-/// A prediction, and what its Gaussians look like in different light.
+/// A prediction, and its Gaussians' colors in different light.
 #[derive(Clone, Debug)]
 pub struct LookPrediction {
     /// The Gaussians, with the first look's colors.
@@ -164,7 +166,7 @@ pub struct LookPrediction {
 
 /// A trained model with its weights.
 ///
-/// A predictor owns what it needs, so that a server or a binding to another language can hold one for as long as it
+/// A predictor owns all its data, so that a server or a binding to another language can hold one for as long as it
 /// likes. Predictions are the same bits at any number of threads.
 pub trait Predictor: fmt::Debug + Send {
     /// Predicts the Gaussians of a scene from its photos. `stream` feeds allocations that draw random numbers.
@@ -179,18 +181,18 @@ pub trait Predictor: fmt::Debug + Send {
         stream: Stream,
     ) -> Result<Prediction, Error>;
 
-    /// The same model as one that says where further photos were taken, if it can.
+    /// The same model as a [`Joint`] one, if it is.
     fn joint(&mut self) -> Option<&mut dyn Joint> {
         None
     }
 
-    /// The same model as one that knows about light, if it does.
+    /// The same model as a model of light, if it is one.
     fn lights(&mut self) -> Option<&mut dyn Lights> {
         None
     }
 
-    /// The density that [`Predictor::predict`] would use when asked for this one: gaps filled, the whole checked. Both
-    /// fields are `None` for a model without that choice.
+    /// The density that [`Predictor::predict`] would use for this request: gaps filled, the whole checked. Both fields
+    /// are `None` for a model without that choice.
     ///
     /// # Errors
     /// When the model has no such allocation, or the allocation has no budget.
@@ -227,7 +229,7 @@ pub trait Predictor: fmt::Debug + Send {
     /// The renderer of Gaussians; another one may be put in its place.
     fn renderer(&mut self) -> &mut Renderer;
 
-    /// Renders what was predicted with the model's settings: one image per camera, values clamped to [0, 1].
+    /// Renders a prediction with the model's settings: one image per camera, values clamped to [0, 1].
     ///
     /// # Errors
     /// When sizes do not fit or there are too many Gaussians for one call.
@@ -248,10 +250,11 @@ pub trait Predictor: fmt::Debug + Send {
     }
 }
 
-/// A model that says where further photos were taken, beside those that its Gaussians are made of.
+/// A model that also predicts the cameras of further photos, beside the ones that its Gaussians are made of.
 pub trait Joint {
-    /// Predicts the Gaussians of a scene from the first `context` photos, and the cameras of all of them at once: the model has then seen
-    /// the photos that its pictures are compared with, though nothing of them is in the Gaussians but what they say about cameras.
+    /// Predicts the Gaussians of a scene from the first `context` photos, and the cameras of all of them at once: the
+    /// model has then seen the photos that its pictures are compared with, though they affect the Gaussians through the
+    /// cameras alone.
     ///
     /// # Errors
     /// As [`Predictor::predict`].
@@ -264,7 +267,7 @@ pub trait Joint {
     ) -> Result<JointPrediction, Error>;
 }
 
-/// A model that knows about light. Without being asked, [`Predictor::predict`] shows a place in the light of the first photo.
+/// A model of light. By default, [`Predictor::predict`] shows a place in the light of the first photo.
 pub trait Lights {
     /// Predicts the Gaussians of a scene once, and their colors under each of some looks, at least one.
     ///
@@ -280,7 +283,7 @@ pub trait Lights {
 }
 
 impl dyn Predictor + '_ {
-    /// The model as one that says where further photos were taken.
+    /// The model as a [`Joint`] one.
     ///
     /// # Errors
     /// For models that do not.
@@ -288,7 +291,7 @@ impl dyn Predictor + '_ {
         self.joint().ok_or_else(|| Error::Input("this model does not say where further photos were taken".into()))
     }
 
-    /// The model as one that knows about light.
+    /// The model as a model of light.
     ///
     /// # Errors
     /// For models that do not.
@@ -307,7 +310,7 @@ pub(crate) fn spread_ratio(predicted: &[Camera], given: &[Camera]) -> f64 {
     if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
 }
 
-/// Which pixels count of views of so many pixels `[V, H, W]`, of those of each; `None` if all do.
+/// Mask `[V, H, W]` of the pixels that count, joined from each view's; `None` if all do.
 pub(crate) fn inside_of<'a>(
     views: impl Iterator<Item = Option<&'a [bool]>> + Clone,
     pixels: usize,

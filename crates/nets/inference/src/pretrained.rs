@@ -1,4 +1,4 @@
-//! A network with its weights: what the predictors of all models hold.
+//! A network with its weights, shared by the predictors of all models.
 
 use crate::{Checkpoint, Error, Photos, WeightSet};
 use serde::de::DeserializeOwned;
@@ -21,14 +21,14 @@ pub trait Network: Debug + Send + Sync + Sized {
     /// Checks a configuration that was read.
     ///
     /// # Errors
-    /// The key, what was expected and what was found.
+    /// The key, the expected and the found value.
     fn check(config: &Self::Config) -> Result<(), String>;
 
     /// Declares the parameters of a network whose weights will be loaded.
     fn declare(config: Self::Config, params: &mut Params<f32>) -> Self;
 }
 
-/// A network with its weights, a tape to run it on without gradients, and what draws its Gaussians.
+/// A network with its weights, a tape to run it on without gradients, and the rasterizer of its Gaussians.
 #[derive(Debug)]
 pub struct Pretrained<N> {
     /// The network.

@@ -29,16 +29,16 @@ use weaver_vggt::Vggt;
 /// Options of a published checkpoint.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Height and width of the network's images; those of its configuration otherwise.
+    /// Height and width of the network's images; the configuration's otherwise.
     pub size: Option<[usize; 2]>,
     /// Framing of photos at that size.
     pub framing: Framing,
     /// Cameras, depth and points only, though there may be a Gaussian head.
     pub geometry: bool,
-    /// Cameras of the photos, as in [`PredictOptions::cameras`](crate::PredictOptions::cameras); for networks that make Gaussians. Photos are then cut as these
-    /// cameras are, whatever `framing` says beyond the size.
+    /// Cameras of the photos, as in [`PredictOptions::cameras`](crate::PredictOptions::cameras); for networks that make
+    /// Gaussians. Photos are then cut as these cameras are, and of `framing` only the size counts.
     pub cameras: Option<PathBuf>,
-    /// Which pixels get Gaussians, and how many: sampled from the router, as published, unless told otherwise.
+    /// Allocation of Gaussians to pixels, and their number: sampled from the router, as published, by default.
     pub density: Density,
     /// Seed of the router's noise.
     pub seed: u64,
@@ -62,8 +62,8 @@ pub struct Progress {
 /// Cost per view of the depth head and of the Gaussian head, in transformer blocks.
 const DENSE: [usize; 2] = [7, 13];
 
-/// Counts the finished parts of the network and reports them to `observer`. After the backbone, nine tenths of the weights
-/// are no longer needed, and their pages are released.
+/// Counts the finished parts of the network and reports them to `observer`. After the backbone, nine tenths of the
+/// weights are no longer needed, and their pages are released.
 fn watcher(
     config: &ModelConfig,
     views: usize,
@@ -92,11 +92,12 @@ fn watcher(
     }
 }
 
-/// Runs a checkpoint on photos and writes the results into the folder `out`. `observer` receives the progress; `writing` is
-/// called once, before the first file is written.
+/// Runs a checkpoint on photos and writes the results into the folder `out`. `observer` receives the progress;
+/// `writing` is called once, before the first file is written.
 ///
 /// # Errors
-/// When the checkpoint or the photos cannot be read or do not fit, memory does not suffice, or the output cannot be written.
+/// When the checkpoint or the photos cannot be read or do not fit, memory does not suffice, or the output cannot be
+/// written.
 pub fn run(
     weights: &Path,
     images: &[PathBuf],

@@ -12,16 +12,16 @@ use weaver_splat::{CpuRasterizer, RasterSettings, Renderer};
 /// For how long a prediction is refined.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Effort {
-    /// So many steps.
+    /// A fixed number of steps.
     Steps(usize),
-    /// As many steps as fit into so many seconds.
+    /// The steps that fit into so many seconds.
     Seconds(f64),
 }
 
 /// A predictor whose Gaussians, and predicted cameras, are optimized to meet the photos that it was given.
 ///
-/// There are never more Gaussians than the predictor made. Cameras that were given stay; predicted ones move, and the first
-/// stays the origin. Photos may be larger than the network's: it sees them shrunk, the optimization as they are.
+/// There are never more Gaussians than the predictor made. Cameras that were given stay; predicted ones move, and the
+/// first stays the origin. Photos may be larger than the network's: it sees them shrunk, the optimization as they are.
 #[derive(Debug)]
 pub struct Refined {
     inner: Box<dyn Predictor>,
@@ -39,7 +39,7 @@ impl Refined {
         Self { inner, size, effort, rasterizer, settings: Self::usual_settings(), steps: 0 }
     }
 
-    /// The same, but that no Gaussian is given up for another elsewhere: what was predicted is only adjusted.
+    /// The same, but no Gaussian is given up for another elsewhere: predicted ones are only adjusted.
     #[must_use]
     pub fn in_place(mut self) -> Self {
         self.settings.density.strategy = StrategyKind::Keep;
@@ -52,16 +52,16 @@ impl Refined {
         Self { settings, ..self }
     }
 
-    /// Settings of a refinement, but for what each prediction and each effort set anew: steps, Gaussians, degree of the harmonics,
-    /// background and refinement of cameras. The weights of opacities and scales are for one Gaussian per pixel, they and the rate of the
-    /// means for photos of the network's size.
+    /// Settings of a refinement, except for the ones that each prediction and each effort set anew: steps, Gaussians,
+    /// degree of the harmonics, background and refinement of cameras. The weights of opacities and scales are for one
+    /// Gaussian per pixel, they and the rate of the means for photos of the network's size.
     ///
-    /// The aim is that Gaussians which the photos do not need become transparent, and that others are split in their place where the
-    /// error is. How strongly opacities are pulled down is the same for each Gaussian, whatever their number: where they are scarce, all
-    /// are needed.
+    /// The aim is that Gaussians which the photos do not need become transparent, and that others are split in their
+    /// place where the error is. Opacities of all Gaussians are pulled down equally, for any number of them: where they
+    /// are scarce, all are needed.
     ///
-    /// Means and rotations go in longer steps than in a fit, and the last gradient counts beside Adam's mean of them: photos that are not
-    /// fitted are met better so, after few steps and many.
+    /// Means and rotations go in longer steps than in a fit, and the last gradient counts beside Adam's mean of them:
+    /// photos that are not fitted are met better so, after few steps and many.
     pub fn usual_settings() -> FitSettings {
         let mut settings = FitSettings { sh_interval: 0.0, coarse_until: 0.0, halvings: 0, ..FitSettings::default() };
         settings.density.strategy = StrategyKind::Split;
@@ -103,14 +103,14 @@ impl Refined {
         let shrinking = (self.inner.image_size()[1] as f32 / self.size[1] as f32).min(1.0);
         settings.density.opacity_weight *= per_pixel * shrinking;
         settings.density.scale_weight *= per_pixel * shrinking;
-        // What the network has wrong by a pixel of its own is wrong by several of a larger photo's.
+        // An error of one of the network's pixels is an error of several of a larger photo's.
         settings.rates.means *= f64::from(1.0 / shrinking).min(FARTHEST);
         settings.background = self.inner.background();
         settings.poses.refine = moving;
         let (initial, effort) = (finite(gaussians), self.effort);
         if let Effort::Steps(steps) = effort {
             settings.steps = steps;
-            // A short run has fewer rounds: what was split is to be optimized before the next.
+            // A short run has fewer rounds: split Gaussians are to be optimized before the next.
             settings.density.rounds = settings.density.rounds.min(steps.div_ceil(STEPS_OF_A_ROUND));
         }
         let mut fit = Fit::with(self.rasterizer.clone(), settings.density.strategy(), photos, &initial, settings)?;
@@ -140,7 +140,8 @@ impl Refined {
 /// Steps between rounds of density control, at least.
 const STEPS_OF_A_ROUND: usize = 10;
 
-/// Factor on the rate of the means for photos that are larger than the network's, at most: that of the largest that it was measured for.
+/// Largest factor on the rate of the means for photos that are larger than the network's: the factor of the largest
+/// measured photos.
 const FARTHEST: f64 = 2.5;
 
 /// Logits that can be learned from.

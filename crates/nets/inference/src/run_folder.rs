@@ -1,4 +1,4 @@
-//! The folder of a training run: what lies where.
+//! The layout of a training run's folder.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! Networks that are predictors as they are: what their predictors share.
+//! Networks that are predictors as they are: the shared part of their predictors.
 
 use crate::{
     CameraSource, Density, Error, Joint, JointPrediction, Lights, Look, LookPrediction, Network, Photos, Prediction,
@@ -8,7 +8,8 @@ use weaver_kernels::random::Stream;
 use weaver_model::RasterConfig;
 use weaver_splat::{RasterSettings, Renderer};
 
-/// A network that predicts cameras and Gaussians of photos, without a choice of how many: with its weights, it is a [`Predictor`].
+/// A network that predicts cameras and Gaussians of photos, without a choice of how many: with its weights, it is a
+/// [`Predictor`].
 pub trait SceneNetwork: Network {
     /// Height and width that it was trained at, pixels.
     fn image_size(&self) -> [usize; 2];
@@ -27,7 +28,7 @@ pub trait SceneNetwork: Network {
         source: CameraSource<'_>,
     ) -> Result<JointPrediction, Error>;
 
-    /// The same network as one that knows about light, if it does.
+    /// The same network as a model of light, if it is one.
     fn lights(_model: &mut Pretrained<Self>) -> Option<&mut dyn Lights> {
         None
     }

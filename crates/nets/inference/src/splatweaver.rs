@@ -52,7 +52,7 @@ impl SplatWeaverPredictor {
         Self { loaded: Pretrained::new(model, params), allocation, budget, trained: Vec::new() }
     }
 
-    /// Says which experts the weights' training gave pixels to, so that [`Predictor::remark`] can tell which it did not.
+    /// Says which experts the weights' training gave pixels to, so that [`Predictor::remark`] can name the others.
     #[must_use]
     pub fn with_trained_experts(self, trained: Vec<u8>) -> Self {
         Self { trained, ..self }
@@ -66,8 +66,9 @@ impl SplatWeaverPredictor {
         Self::from_checkpoint(&Checkpoint::read(&RunFolder::at(folder.as_ref()).checkpoint_path())?)
     }
 
-    /// The weights that come with this crate: trained on procedural scenes alone, for photos of 64 x 48 pixels with given or estimated
-    /// cameras. `weights/README.md` tells how they were made, how good they are, and what they cannot do.
+    /// The weights that come with this crate: trained on procedural scenes alone, for photos of 64 x 48 pixels with
+    /// given or estimated cameras. `weights/README.md` describes how they were made, how good they are, and their
+    /// limits.
     ///
     /// # Errors
     /// Never, unless the program is damaged.
@@ -113,7 +114,8 @@ impl SplatWeaverPredictor {
 }
 
 impl SplatWeaverPredictor {
-    /// Predicts from the first `context` photos, while the backbone sees all of them; the cameras of the others come apart.
+    /// Predicts from the first `context` photos, while the backbone sees all of them; the cameras of the others come
+    /// apart.
     fn run(
         &mut self,
         photos: Photos<'_>,

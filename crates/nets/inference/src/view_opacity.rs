@@ -32,7 +32,7 @@ impl ViewOpacity {
         self.logits(means, center).map(|logit| T::from_f64(sigmoid(logit))).collect()
     }
 
-    /// Opacities `[N]` of the mean logit over cameras: what files have that know only one.
+    /// Opacities `[N]` of the mean logit over cameras, for files that hold only one.
     pub fn over(&self, means: &[f32], cameras: &[Camera]) -> Vec<f32> {
         let mut sums = vec![0.0; means.len() / 3];
         for camera in cameras {
@@ -59,7 +59,8 @@ impl ViewOpacity {
         Cow::Owned(ActivatedGaussians { opacities, ..gaussians.clone() })
     }
 
-    /// Writes Gaussians with all that there is to know of their opacities, as tensors `means`, `scales`, `quats`, `opacity_harmonics`, `sh`.
+    /// Writes Gaussians with all data of their opacities, as tensors `means`, `scales`, `quats`, `opacity_harmonics`,
+    /// `sh`.
     pub(crate) fn write(&self, gaussians: &ActivatedGaussians, path: &Path) -> Result<(), Error> {
         let ActivatedGaussians { means, scales, quats, sh, degree, .. } = gaussians;
         let n = gaussians.len();

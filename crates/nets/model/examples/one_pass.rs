@@ -1,6 +1,6 @@
 //! Photos to Gaussians, once: `cargo run --release -p weaver-model --example one_pass`.
 //!
-//! The `tiny` network, untrained, sees four photos of noise. Prints its size, what comes out, and how long each part takes.
+//! The `tiny` network, untrained, sees four photos of noise. Prints its size, its outputs, and the time of each part.
 
 use std::time::Instant;
 use weaver_autograd::{Params, Tape};

@@ -114,14 +114,15 @@ pub enum PixelPoint {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DenseConfig {
-    /// The four rounds of the aggregator that feed the heads, counted from 0, each below `backbone.rounds`; repeats are allowed.
+    /// The four rounds of the aggregator that feed the heads, counted from 0, each below `backbone.rounds`; repeats are
+    /// allowed.
     pub layers: [usize; 4],
     /// Channels of the four levels: positive multiples of 4.
     pub out_channels: [usize; 4],
     /// Channels of the fusion stages: at least 1.
     pub features: usize,
-    /// Channels of the depth head's fusion stages, a positive multiple of 8; half of them are then its full-resolution channels.
-    /// Without it the depth head has the sizes of the feature head.
+    /// Channels of the depth head's fusion stages, a positive multiple of 8; half of them are then its full-resolution
+    /// channels. Without it the depth head has the sizes of the feature head.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_features: Option<usize>,
     /// Channels C of the full-resolution feature maps E and F: a positive multiple of 4.
@@ -175,7 +176,8 @@ pub enum WaveletKind {
 
 /// Decoding of the experts' raw numbers to Gaussians, with the constants in each parametrization's own units.
 ///
-/// In a file this is a table whose key `kind` names the parametrization. [`weaver_experts::Parametrization`] has the formulas.
+/// In a file this is a table whose key `kind` names the parametrization. [`weaver_experts::Parametrization`] has the
+/// formulas.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ParametrizationConfig {
@@ -195,8 +197,8 @@ pub enum ParametrizationConfig {
         /// Scale of a raw 0 where each pixel has one Gaussian, in footprints: positive.
         scale: f64,
     },
-    /// Offsets and scales in extents of the patch of surface that a Gaussian stands for, along its axes; colors relative to its
-    /// mean color.
+    /// Offsets and scales in extents of the patch of surface that a Gaussian stands for, along its axes; colors
+    /// relative to its mean color.
     Patch {
         /// Largest offset of a Gaussian along each axis of its patch, in extents: not negative.
         offset_reach: f64,
@@ -209,7 +211,8 @@ pub enum ParametrizationConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GaussianConfig {
-    /// Largest number M of Gaussians that one pixel can have, 1 to 255; there are E = M + 1 experts, one of which makes none.
+    /// Largest number M of Gaussians that one pixel can have, 1 to 255; there are E = M + 1 experts, one of which makes
+    /// none.
     pub max_per_pixel: usize,
     /// Degree of the spherical harmonics of color: 0 to 4.
     pub sh_degree: usize,

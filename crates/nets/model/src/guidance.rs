@@ -17,8 +17,8 @@ pub struct Guidance {
 }
 
 impl Guidance {
-    /// Adds the parameters of a module with `hidden` channels at the resolution of the sub-bands and a mask for `features`
-    /// channels.
+    /// Adds the parameters of a module with `hidden` channels at the resolution of the sub-bands and a mask for
+    /// `features` channels.
     pub fn new<T: Real>(builder: &mut Builder<'_, T>, wavelet: Wavelet, hidden: usize, features: usize) -> Self {
         let mut conv = |name, inputs, outputs, kernel| {
             Conv2d::new(builder.scope(name), inputs, outputs, kernel, WeightInit::FanIn)
@@ -33,9 +33,10 @@ impl Guidance {
 
     /// The mask A of images with values in [0, 1], with factors in (0, 1).
     ///
-    /// A = sigmoid(conv3x3(resize(conv1x1(conv5x5(D))))), where D are the three signed detail bands of the luma, neither squared
-    /// nor normalized, and the resize to H x W is bilinear, corners not aligned. Images `[V, 3, H, W]` give `[V, F, H, W]`.
-    /// Differentiable in the parameters and in the images. Source: `SplatWeaver_Head` of the official code.
+    /// A = sigmoid(conv3x3(resize(conv1x1(conv5x5(D))))), where D are the three signed detail bands of the luma,
+    /// neither squared nor normalized, and the resize to H x W is bilinear, corners not aligned. Images `[V, 3, H, W]`
+    /// give `[V, F, H, W]`. Differentiable in the parameters and in the images. Source: `SplatWeaver_Head` of the
+    /// official code.
     #[track_caller]
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
         let bands = analysis(luma(images), self.wavelet);

@@ -1,5 +1,5 @@
-//! SplatWeaver, the network from photos to cameras and Gaussians: configuration, presets, forward pass; and the parts of a
-//! configuration that other models share with it.
+//! SplatWeaver, the network from photos to cameras and Gaussians: configuration, presets, forward pass; and the parts
+//! of a configuration that other models share with it.
 
 mod config;
 mod guidance;

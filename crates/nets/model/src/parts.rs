@@ -1,4 +1,4 @@
-//! The configurations of the network's parts, from that of the whole.
+//! The configurations of the network's parts, from the configuration of the whole.
 
 use crate::{BackboneConfig, CameraConfig, ModelConfig, ParametrizationConfig, PixelPoint, PoseFrame, WaveletKind};
 use weaver_experts::{HeadConfig, NeighborConfig, Parametrization};

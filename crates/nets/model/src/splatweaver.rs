@@ -14,8 +14,8 @@ use weaver_wavelet::EnergyMap;
 
 /// SplatWeaver: predicts cameras and a compact set of Gaussians from a few photos without poses.
 ///
-/// A scene takes three calls: [`encode`](Self::encode), [`dense`](Self::dense) and [`gaussians`](Self::gaussians). Source: Wan et
-/// al., SplatWeaver, arXiv 2605.07287. Parameter names are those of the official checkpoint, without the
+/// A scene takes three calls: [`encode`](Self::encode), [`dense`](Self::dense) and [`gaussians`](Self::gaussians).
+/// Source: Wan et al., SplatWeaver, arXiv 2605.07287. Parameter names follow the official checkpoint, without the
 /// leading `encoder.`.
 #[derive(Clone, Debug)]
 pub struct SplatWeaver {
@@ -47,7 +47,7 @@ pub struct Dense<'t, T: Real = f32> {
 pub struct PredictedGaussians<'t, T: Real = f32> {
     /// The N Gaussians, in the frame of the cameras that they were made with.
     pub gaussians: GaussianVars<'t, T>,
-    /// The depth `[V, H, W]` on which they lie: what was predicted, or what became of it by comparing the views.
+    /// The depth `[V, H, W]` on which they lie: the predicted one, or the one after comparing the views.
     pub depth: Var<'t, T>,
     /// The pixel that each Gaussian comes from `[N]`.
     pub pixel: Buffer<u32>,
@@ -110,10 +110,10 @@ impl SplatWeaver {
         self.vggt.encode(cx, photos)
     }
 
-    /// Runs the dense heads and the router on scene `b` of what was encoded, whose photos are `[V, 3, H, W]`.
+    /// Runs the dense heads and the router on scene `b` of the encoded scenes, whose photos are `[V, 3, H, W]`.
     ///
-    /// Without recording, views are processed one after the other, so that full-resolution maps of only one view at a time
-    /// are in memory.
+    /// Without recording, views are processed one after the other, so that full-resolution maps of only one view at a
+    /// time are in memory.
     pub fn dense<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -153,7 +153,7 @@ impl SplatWeaver {
         Dense { depth, confidence, features, logits, energy }
     }
 
-    /// Depth, confidence, expert features as rows and logits of the views `photos` `[V, 3, H, W]`, the first of which is
+    /// Depth, confidence, expert features as rows and logits of the views `photos` `[V, 3, H, W]`, which begin with
     /// view `first` of scene `b`.
     fn dense_views<'t, T: Real>(
         &self,
@@ -184,8 +184,8 @@ impl SplatWeaver {
 
     /// Predicts the Gaussians of a scene whose photos are `[V, 3, H, W]`.
     ///
-    /// Depth is unprojected with `cameras` (viewmats `[V, 3, 4]`, intrinsics `[V, 4]`), `allocation` decides how many Gaussians
-    /// each pixel gets, with noise from `stream`, and the experts' output is decoded.
+    /// Depth is unprojected with `cameras` (viewmats `[V, 3, 4]`, intrinsics `[V, 4]`), `allocation` decides how many
+    /// Gaussians each pixel gets, with noise from `stream`, and the experts' output is decoded.
     pub fn gaussians<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

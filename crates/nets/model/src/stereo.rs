@@ -7,9 +7,9 @@ use weaver_pose::{CameraVars, plane_sweep};
 
 /// Compares views at multiples of each pixel's depth, and moves it to where they agree.
 ///
-/// depth' = depth exp(sum over k of p_k ln s_k), with factors s_k in equal ratios from 1 / reach to reach, and p the softmax of three
-/// convolutions of the [agreements](plane_sweep) and the log depth. The features that are compared are two convolutions of photos and
-/// expert features. It starts without effect.
+/// depth' = depth exp(sum over k of p_k ln s_k), with factors s_k in equal ratios from 1 / reach to reach, and p the
+/// softmax of three convolutions of the [agreements](plane_sweep) and the log depth. The features that are compared are
+/// two convolutions of photos and expert features. It starts without effect.
 ///
 /// Parameters: `compare.0`, `compare.1`, `judge.0`, `judge.1`, `judge.2`, each `weight` and `bias`.
 #[derive(Clone, Debug)]
@@ -39,8 +39,8 @@ impl Stereo {
         }
     }
 
-    /// The corrected depth `[V, H, W]` of photos `[V, 3, H, W]` with expert features as rows `[P, C]`. Differentiable in all inputs but the
-    /// cameras, and in the parameters; the depths at which views are compared are constant.
+    /// The corrected depth `[V, H, W]` of photos `[V, 3, H, W]` with expert features as rows `[P, C]`. Differentiable
+    /// in all inputs but the cameras, and in the parameters; the depths at which views are compared are constant.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

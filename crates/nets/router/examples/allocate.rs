@@ -1,7 +1,9 @@
-//! Spends a budget of Gaussians where a picture is intricate: `cargo run --release -p weaver-router --example allocate`.
+//! Spends a budget of Gaussians where a picture is intricate: `cargo run --release -p weaver-router --example
+//! allocate`.
 //!
-//! The router's place is taken by the detail of the picture itself. Writes allocate.png (the picture; white where a pixel gets a
-//! Gaussian: on a grid, at random, dithered by detail) and prints how much of the budget each spends on the busiest quarter.
+//! The router's place is taken by the detail of the picture itself. Writes allocate.png (the picture; white where a
+//! pixel gets a Gaussian: on a grid, at random, dithered by detail) and prints how much of the budget each spends on
+//! the busiest quarter.
 
 use weaver_autograd::Pool;
 use weaver_data::procedural::{ProceduralOptions, scene};

@@ -37,7 +37,8 @@ pub struct AllocationRequest<'a, T: Real = f32> {
     pub height: usize,
     /// Columns W of a view.
     pub width: usize,
-    /// Which pixels count `[P]`: a budget is for these, and only they get Gaussians ([`Masked`]). `None` if all do.
+    /// Mask `[P]` of the pixels that count: a budget is for these, and only they get Gaussians ([`Masked`]). `None` if
+    /// all do.
     pub inside: Option<&'a [bool]>,
     /// Source of the noise.
     pub stream: Stream,
@@ -125,8 +126,8 @@ impl<T: Real> Assignment<T> {
         density
     }
 
-    /// The one-hot choice `[P, E]`, whose straight-through gradient with respect to `logits` is that of a softmax at this
-    /// temperature (0.5 as published); `None` where the router had no part in the choice.
+    /// The one-hot choice `[P, E]`, with the straight-through gradient of a softmax of `logits` at this temperature
+    /// (0.5 as published); `None` where the router had no part in the choice.
     pub fn choice<'t>(&self, logits: Var<'t, T>, temperature: f64) -> Option<Var<'t, T>> {
         let gate = self.gate.as_ref()?;
         let noise = gate.noise.as_ref().map(|noise| logits.tape().constant(noise, logits.shape()));

@@ -8,13 +8,14 @@ pub const COARSEST: u8 = 4;
 
 /// The cells of an assignment: instead of pixels, square blocks of them get Gaussians.
 ///
-/// Each cell is named by its first pixel (its upper left corner): that is the pixel to which the assignment gives an expert.
-/// At other pixels the entries mean nothing.
+/// Each cell is named by its first pixel (its upper left corner): that is the pixel to which the assignment gives an
+/// expert. At other pixels the entries mean nothing.
 #[derive(Debug)]
 pub struct Cells {
     /// Level of each pixel's cell `[P]`: its side is 2^level pixels.
     pub level: Buffer<u8>,
-    /// Direction of the bands of each pixel's cell `[P]`, across which colors change most, in radians from the x axis to the y axis.
+    /// Direction of the bands of each pixel's cell `[P]`, across which colors change most, in radians from the x axis
+    /// to the y axis.
     pub angle: Buffer<f32>,
 }
 

@@ -56,11 +56,10 @@ impl<T: Real> Op<T> for Gate {
 
 /// Multiplies each row of an expert's output by the router's choice of that expert for the row's pixel.
 ///
-/// Row i is multiplied by c[pixel i, expert], which is 1 where the router chose the expert: values do not change, and the
-/// choice gets a gradient.
-/// `raw` `[n, D]` and `choice` `[P, E]` are differentiable, `pixel` `[n]` is constant; the result is `[n, D]`. dL/dc is
-/// the sum over the row of raw times the gradient of the result. Panics on other shapes. Source: official SplatWeaver
-/// code, `CardinalityGaussian`.
+/// Row i is multiplied by c[pixel i, expert], which is 1 where the router chose the expert: values do not change, and
+/// the choice gets a gradient. `raw` `[n, D]` and `choice` `[P, E]` are differentiable, `pixel` `[n]` is constant; the
+/// result is `[n, D]`. dL/dc is the sum over the row of raw times the gradient of the result. Panics on other shapes.
+/// Source: official SplatWeaver code, `CardinalityGaussian`.
 #[track_caller]
 pub fn gate<'t, T: Real>(raw: Var<'t, T>, choice: Var<'t, T>, pixel: &[u32], expert: usize) -> Var<'t, T> {
     let op = Gate { pixel: raw.tape().pool().copy_of(pixel), expert };

@@ -75,11 +75,11 @@ impl<T: Real> Op<T> for GumbelSoftmax {
 ///
 /// y = softmax((l + g) / t), c = onehot(argmax(l + g)) - stop_gradient(y) + y: the value is exactly one-hot, and
 /// dL/dl_e = y_e (dL/dc_e - sum_f y_f dL/dc_f) / t. With standard Gumbel noise g the choice is an exact sample of
-/// softmax(l), whatever the temperature t; without noise it is the argmax, the first one if several are equal.
+/// softmax(l), at any temperature t; without noise it is the argmax, the first one if several are equal.
 ///
-/// `logits` `[P, E]` are differentiable, `noise` `[P, E]` is constant; the result is `[P, E]`. Panics on other shapes and
-/// unless the temperature is positive.
-/// Source: Jang, Gu, Poole, Categorical Reparameterization with Gumbel-Softmax, ICLR 2017, section 2.2.
+/// `logits` `[P, E]` are differentiable, `noise` `[P, E]` is constant; the result is `[P, E]`. Panics on other shapes
+/// and unless the temperature is positive. Source: Jang, Gu, Poole, Categorical Reparameterization with Gumbel-Softmax,
+/// ICLR 2017, section 2.2.
 ///
 /// ```
 /// use weaver_autograd::Tape;

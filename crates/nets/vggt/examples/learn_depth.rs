@@ -1,7 +1,8 @@
 //! Learns the depth of one scene from photos: `cargo run --release -p weaver-vggt --example learn_depth`.
 //!
-//! A small vision transformer and a dense head see 18 views of a built-in scene with their depth, and then 6 views from places
-//! in between. Writes learn_depth.png (a held-out photo, its true depth, the prediction) and prints the mean relative error.
+//! A small vision transformer and a dense head see 18 views of a built-in scene with their depth, and then 6 views from
+//! places in between. Writes learn_depth.png (a held-out photo, its true depth, the prediction) and prints the mean
+//! relative error.
 
 use weaver_autograd::{Params, Tape, Var};
 use weaver_data::{View, procedural};
@@ -56,7 +57,7 @@ impl Network {
     }
 }
 
-/// The mean of |ln depth - ln truth| over what is not sky: the relative error, when it is small.
+/// The mean of |ln depth - ln truth| over all but the sky: the relative error, when it is small.
 fn error<'t>(depth: Var<'t>, truth: &[f32]) -> Var<'t> {
     let known = |truth: &f32| *truth > 0.0;
     let logs: Vec<f32> = truth.iter().map(|z| if known(z) { z.ln() } else { 0.0 }).collect();

@@ -180,7 +180,7 @@ impl Aggregator {
     }
 }
 
-/// Where the tokens of some views are.
+/// Positions of the tokens of some views.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Positions {
     special: usize,

@@ -29,8 +29,8 @@ pub struct CameraHeadConfig {
     /// identity. Without it the first increment is the first code, as published: fields of view then start at 0, where
     /// they have no gradient.
     pub base_fov: Option<f64>,
-    /// True if poses are emitted relative to the scene's first camera ([`first_camera_gauge`]). Without it they are emitted
-    /// in the frame of the network's own choice, as published weights expect.
+    /// True if poses are emitted relative to the scene's first camera ([`first_camera_gauge`]). Without it they are
+    /// emitted in the frame of the network's own choice, as published weights expect.
     pub relative: bool,
 }
 

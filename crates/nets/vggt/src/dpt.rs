@@ -42,8 +42,8 @@ enum Resize {
 
 /// The trunk of a dense prediction transformer (Ranftl et al. 2021, arXiv 2103.13413, in VGGT's form).
 ///
-/// Four layers of patch tokens are normalized, projected, given positions, brought to 4, 2, 1 and 1/2 times the
-/// patch grid, fused from coarse to fine up to 8 times the grid, and resized to the image, whatever its patch size.
+/// Four layers of patch tokens are normalized, projected, given positions, brought to 4, 2, 1 and 1/2 times the patch
+/// grid, fused from coarse to fine up to 8 times the grid, and resized to the image, at any patch size.
 #[derive(Clone, Debug)]
 pub struct DptHead {
     config: DptConfig,

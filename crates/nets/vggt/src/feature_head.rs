@@ -8,7 +8,7 @@ use weaver_nn::{Builder, Context, Conv2d, WeightInit};
 /// Sizes of a [`FeatureHead`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FeatureHeadConfig {
-    /// The trunk; its `width` is that of both outputs.
+    /// The trunk; its `width` is the width of both outputs.
     pub dpt: DptConfig,
     /// Channels between the two convolutions that look at the image itself; none without them.
     pub merger: Option<usize>,
@@ -59,7 +59,8 @@ impl FeatureHead {
         &self.trunk
     }
 
-    /// Runs on tokens and their images `[.., 3, H, W]` in `[0, 1]` (not normalized), which a head that does not look at them ignores.
+    /// Runs on tokens and their images `[.., 3, H, W]` in `[0, 1]` (not normalized), which a head that does not look at
+    /// them ignores.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

@@ -5,7 +5,7 @@ use weaver_nn::{Builder, Context, Conv2d, WeightInit};
 
 /// Two 3x3 convolutions around which the *rectified* input is added: conv2(relu(conv1(relu x))) + relu(x).
 ///
-/// Adding relu(x) instead of x is what the published weights were trained with (there the first activation works in
+/// Adding relu(x) instead of x follows the training of the published weights (there the first activation works in
 /// place, so that the skip path sees its result).
 #[derive(Clone, Debug)]
 pub struct ResidualConvUnit {
@@ -52,7 +52,7 @@ impl FusionBlock {
         }
     }
 
-    /// Fuses `map` with what came from the `coarser` block, at `size` (rows, columns).
+    /// Fuses `map` with the output of the `coarser` block, at `size` (rows, columns).
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

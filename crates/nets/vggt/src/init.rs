@@ -5,13 +5,13 @@ use weaver_nn::{Init, WeightInit};
 /// Initial values of a backbone's parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BackboneInit {
-    /// Weights of linear layers; those of the convolution that embeds patches are PyTorch's default.
+    /// Weights of linear layers; the convolution that embeds patches has PyTorch's default.
     pub weight: WeightInit,
     /// Learned position tables.
     pub position: Init,
     /// Class, camera and register tokens.
     pub token: Init,
-    /// LayerScale of the alternating blocks; that of the patch encoder is 1.
+    /// LayerScale of the alternating blocks; the patch encoder's is 1.
     pub layer_scale: f64,
 }
 
@@ -24,8 +24,8 @@ impl BackboneInit {
         layer_scale: 0.01,
     };
 
-    /// Initial values from which a small backbone learns without pretraining: distinct tokens, positions of the order of the
-    /// features, and residual branches that contribute from the first step.
+    /// Initial values from which a small backbone learns without pretraining: distinct tokens, positions of the order
+    /// of the features, and residual branches that contribute from the first step.
     pub const FROM_SCRATCH: Self = Self {
         weight: WeightInit::TruncatedNormal(0.02),
         position: Init::Normal(0.3),

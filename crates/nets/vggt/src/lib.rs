@@ -1,7 +1,7 @@
 //! The backbone: a DINOv2-style patch encoder, VGGT's aggregator of alternating attention, and dense heads on top.
 //!
-//! Parameter names are those of the published checkpoints (`aggregator.*`, `depth_head.*`, `gaussian_param_head.*`).
-//! The encoder's `mask_token`, which nothing uses, has no counterpart here.
+//! Parameter names follow the published checkpoints (`aggregator.*`, `depth_head.*`, `gaussian_param_head.*`). The
+//! encoder's `mask_token`, which nothing uses, has no counterpart here.
 
 mod aggregator;
 mod camera_head;

@@ -15,7 +15,7 @@ pub struct CameraNetworkConfig {
     pub aggregator: AggregatorConfig,
     /// Initial values of patch encoder and aggregator.
     pub init: BackboneInit,
-    /// Camera head; its tokens are twice as wide as those of the aggregator.
+    /// Camera head; its tokens are twice as wide as the aggregator's.
     pub camera_head: CameraHeadConfig,
     /// Added to the tangent of half the field of view where focal lengths are decoded: 0 in VGGT, 1e-3 in SplatWeaver.
     pub tangent_offset: f64,
@@ -40,7 +40,7 @@ pub struct CameraNetwork {
 
 /// VGGT (Wang et al. 2025, arXiv 2503.11651): patch encoder, aggregator, camera head and depth head.
 ///
-/// Parameter names are those of its checkpoints.
+/// Parameter names follow its checkpoints.
 #[derive(Clone, Debug)]
 pub struct Vggt {
     cameras: CameraNetwork,
@@ -119,7 +119,8 @@ impl CameraNetwork {
 }
 
 impl Vggt {
-    /// The patch encoder alone: tokens `[T, rows columns, D]` of photos `[T, 3, H, W]` in `[0, 1]`, before any attention across views.
+    /// The patch encoder alone: tokens `[T, rows columns, D]` of photos `[T, 3, H, W]` in `[0, 1]`, before any
+    /// attention across views.
     pub fn patches<'t, T: Real>(&self, cx: Context<'t, '_, T>, photos: Var<'t, T>) -> Var<'t, T> {
         cx.part("aggregator", || self.cameras.aggregator.patches(cx, photos))
     }

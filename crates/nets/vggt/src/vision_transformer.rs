@@ -131,7 +131,7 @@ impl VisionTransformer {
         &self.blocks
     }
 
-    /// The class token's position `[1, 1, D]` and those of a grid of patches `[1, rows columns, D]`.
+    /// The class token's position `[1, 1, D]` and the positions of a grid of patches `[1, rows columns, D]`.
     pub fn positions<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

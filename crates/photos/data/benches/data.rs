@@ -43,7 +43,7 @@ fn main() {
             scenes[0].normalized(&tuple).expect("a scene with points")
         });
     });
-    // Drawing a tuple, and what is measured of a scene before the first.
+    // Drawing a tuple, and the measurements of a scene before the first.
     for views in [50, 2000] {
         let around = around(&scenes[0], views);
         let layouts = [Layout::of(&around)];

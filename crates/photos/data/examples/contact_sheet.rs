@@ -1,6 +1,7 @@
 //! Looks at a built-in scene: `cargo run --release -p weaver-data --example contact_sheet [SEED]`.
 //!
-//! Writes contact_sheet.png (six photos from an arc, and under each its exact depth) and prints what the scene holds.
+//! Writes contact_sheet.png (six photos from an arc, and under each its exact depth) and prints the content of the
+//! scene.
 
 use std::time::Instant;
 use weaver_data::procedural::{ProceduralOptions, scene};

@@ -1,7 +1,7 @@
 //! Looks at a procedural film: `cargo run --release -p weaver-data --example film_strip [SEED]`.
 //!
-//! Writes film_strip.png: three cameras from left to right of the arc, eight frames each from top to bottom, and beside each photo which
-//! kind of motion its pixels show.
+//! Writes film_strip.png: three cameras from left to right of the arc, eight frames each from top to bottom, and beside
+//! each photo which kind of motion its pixels show.
 
 use std::time::Instant;
 use weaver_data::film::{FilmOptions, MOTIONS, procedural};

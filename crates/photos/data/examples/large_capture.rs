@@ -1,8 +1,8 @@
 //! Photographs a procedural scene as a capture of its own, with photos as large as wanted:
 //! `cargo run --release -p weaver-data --example large_capture DIR WIDTH HEIGHT VIEWS [SEED]`.
 //!
-//! Writes photos, exact cameras (transforms.json) and points on surfaces (points3D.ply, up to 400 from each view's depth), which
-//! `splatweaver fit DIR` and other programs read as they read any capture.
+//! Writes photos, exact cameras (transforms.json) and points on surfaces (points3D.ply, up to 400 from each view's
+//! depth), which `splatweaver fit DIR` and other programs read as they read any capture.
 
 use std::path::Path;
 use weaver_data::procedural::{ProceduralOptions, varied_scene};

@@ -1,6 +1,8 @@
-//! Makes copies of a capture that are like users' own photos: `cargo run --release -p weaver-data --example own_photos CAPTURE OUT`.
+//! Makes copies of a capture that are like users' own photos: `cargo run --release -p weaver-data --example own_photos
+//! CAPTURE OUT`.
 //!
-//! Each is a folder in OUT with photos as PNG and a COLMAP model as text, made of the capture's own, which must be undistorted:
+//! Each is a folder in OUT with photos as PNG and a COLMAP model as text, made of the capture's own, which must be
+//! undistorted:
 //!
 //! | copy | its photos |
 //! |---|---|
@@ -11,8 +13,10 @@
 //! | `covered` | with the same masks and no noise |
 //! | `whole` | without masks but for those that are held out |
 //!
-//! Every eighth photo, which loading holds out, shows in all of them what it does in `clean`, so that all are judged by the same photos. Loaded at
-//! 64 x 48 pixels, they have the same cameras: the lens of `distorted` has the focal length with which nothing else is left of its photos.
+//! Every eighth photo, which loading holds out, has the same picture in all of them as in `clean`, so that all are
+//! judged by the same photos. Loaded at 64 x 48 pixels, they have the same cameras: the focal length of `distorted` is
+//! chosen so that undoing the lens leaves the same photos. Loaded at 64 x 48 pixels, they have the same cameras: the
+//! lens of `distorted` has the focal length with which nothing else is left of its photos.
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use std::error::Error;
@@ -154,7 +158,7 @@ impl Rectangle {
     }
 }
 
-/// The camera with a lens of which, once it is undone, this camera without one is left.
+/// The camera with a lens that becomes this pinhole camera once its distortion is undone.
 fn distorted(pinhole: CameraModel) -> Result<CameraModel, String> {
     let CameraModel { width, height, intrinsics, .. } = pinhole;
     let crop = Crop::centered(width, height, SIZE[0], SIZE[1]);
@@ -196,7 +200,8 @@ fn taken(file: &PhotoFile, pinhole: &CameraModel, camera: &CameraModel) -> Resul
     Ok(taken)
 }
 
-/// The direction that the lens sees there: a fixed point, which is found much faster than `Distortion::undistort` looks for it in any lens.
+/// The direction that the lens sees there: a fixed point, which is found much faster than `Distortion::undistort` looks
+/// for it in any lens.
 fn straight(seen: DVec2) -> DVec2 {
     (0..40).fold(seen, |at, _| at + seen - LENS.distort(at))
 }

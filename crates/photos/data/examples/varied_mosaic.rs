@@ -1,7 +1,7 @@
 //! Looks at the scenes of endless training: `cargo run --release -p weaver-data --example varied_mosaic [PATH]`.
 //!
-//! Writes one picture (varied_mosaic.png by default) of sixteen varied scenes, first two views of each and a depth map, and
-//! prints what they are like.
+//! Writes one picture (varied_mosaic.png by default) of sixteen varied scenes, first two views of each and a depth map,
+//! and prints their properties.
 
 use weaver_data::procedural::{ProceduralOptions, varied_scene};
 use weaver_io::{Image, false_color};

@@ -1,4 +1,4 @@
-//! Drawn light and passers-by: what differs between photos of one place that were taken at different times.
+//! Drawn light and passers-by: the differences between photos of one place that were taken at different times.
 
 use crate::Scene;
 use std::ops::Range;
@@ -35,15 +35,16 @@ pub struct Appearance {
     pub occluders: Vec<Occluder>,
 }
 
-/// Largest difference of a point's depth in a context view from what that view sees there, over the latter.
+/// Largest difference between a point's depth in a context view and that view's own depth there, as a part of the
+/// latter.
 const SAME_DEPTH: f64 = 0.02;
 
 impl Look {
     /// The light that changes nothing.
     pub const PLAIN: Self = Self { gain: [1.0; 3], gamma: 1.0 };
 
-    /// Draws exposure, tint and contrast: log gain_c in U(-0.7, 0.4) + U(-0.25, 0.25), of which the first is all channels', and log
-    /// gamma in U(-0.3, 0.3).
+    /// Draws exposure, tint and contrast: log gain_c in U(-0.7, 0.4) + U(-0.25, 0.25), the first common to all
+    /// channels, and log gamma in U(-0.3, 0.3).
     pub fn drawn(stream: Stream) -> Self {
         let between = |i: u64, low: f64, high: f64| low + (high - low) * stream.uniform::<f64>(i);
         let exposure = between(0, -0.7, 0.4);
@@ -59,7 +60,7 @@ impl Look {
 
 /// Fills the columns of an image's plane `[H, W]` beside those that are `kept` with the mean of these.
 ///
-/// The rest tells its light and nothing of the place. Panics unless `width` divides the plane.
+/// The rest shows its light and nothing of the place. Panics unless `width` divides the plane.
 ///
 /// ```
 /// let mut plane = [1.0, 3.0, 9.0, 9.0];
@@ -77,8 +78,8 @@ pub fn keep_columns(plane: &mut [f32], width: usize, kept: Range<usize>) {
 }
 
 impl Appearance {
-    /// Draws a look and up to `most` occluders, whose sides are 8 to 25 % of an image of `size` (width, height): a function of `stream`
-    /// and these alone.
+    /// Draws a look and up to `most` occluders, whose sides are 8 to 25 % of an image of `size` (width, height): a
+    /// function of `stream` and these alone.
     ///
     /// ```
     /// use weaver_data::appearance::Appearance;
@@ -128,16 +129,17 @@ impl Appearance {
         photo
     }
 
-    /// Which pixels of an image of `size` (width, height) no occluder covers.
+    /// Mask of the pixels of an image of `size` (width, height) that no occluder covers.
     pub fn uncovered(&self, [width, height]: [usize; 2]) -> Vec<bool> {
         (0..width * height).map(|i| self.occluder(i % width, i / width).is_none()).collect()
     }
 }
 
-/// Which pixels of a view show something that at least one of `context` sees, or the sky; `None` where depth is not known of every pixel.
+/// Mask of the pixels of a view that show something visible to at least one of `context`, or the sky; `None` unless
+/// depth is known at every pixel.
 ///
-/// A context view sees what a pixel shows if its own depth there is within 2 % and that pixel of it counts, which `counts` tells by the
-/// view's place in `context` and the pixel.
+/// A context view sees the surface of a pixel if its own depth there is within 2 % and its own pixel counts, as
+/// `counts` says for the view's place in `context` and the pixel.
 ///
 /// # Panics
 /// If the scene has no such views.

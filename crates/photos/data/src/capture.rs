@@ -12,12 +12,14 @@
 //! Photos are sorted by path. The largest centered crop of the network's aspect ratio is shrunk with a Lanczos
 //! filter; intrinsics follow exactly.
 //!
-//! - **Distortion** is undone at up to three times the final size ([`Undistortion`](weaver_geometry::Undistortion)): the photo keeps its size, and is taken as
-//!   if with the shortest focal length that leaves no blank border. Intrinsics are those of the result.
-//! - **EXIF orientation**: photos without cameras are turned upright. With a camera they are if only that gives them its size
-//!   ([`PhotoFile::for_camera`](weaver_io::PhotoFile::for_camera)); else, as always if they are square, they stay as they are stored.
-//! - **Points** of a PLY file are the one that a transforms.json names (`ply_file_path`), `sparse_pc.ply` or `points3D.ply` beside it, or
-//!   `points3D.ply` in place of COLMAP's. Which photos see them is told by what is nearest there.
+//! - **Distortion** is undone at up to three times the final size ([`Undistortion`](weaver_geometry::Undistortion)):
+//!   the photo keeps its size, and is taken as if with the shortest focal length that leaves no blank border.
+//!   Intrinsics belong to the result.
+//! - **EXIF orientation**: photos without cameras are turned upright. A photo with a camera is turned if that alone
+//!   gives it the camera's size ([`PhotoFile::for_camera`](weaver_io::PhotoFile::for_camera)); else, and always if it
+//!   is square, it stays as it is stored.
+//! - **Points** of a PLY file are the one that a transforms.json names (`ply_file_path`), `sparse_pc.ply` or
+//!   `points3D.ply` beside it, or `points3D.ply` in place of COLMAP's. A photo sees the points that are nearest there.
 
 mod by_name;
 mod crop;
@@ -45,7 +47,7 @@ use visible::visible_points;
 use weaver_geometry::Camera;
 use weaver_io::{Image, PhotoFile, is_taken};
 
-/// Which views are kept from training.
+/// Choice of the views that are kept from training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum HoldOut {
     /// The views that the capture lists, else every eighth.
@@ -64,13 +66,13 @@ pub struct CaptureOptions {
     pub width: usize,
     /// Image height for the network, pixels.
     pub height: usize,
-    /// For captures without points: the length, in the capture's units, that becomes 1 in training. The mean
-    /// distance from a camera to what it sees is a good choice.
+    /// For captures without points: the length, in the capture's units, that becomes 1 in training. The mean distance
+    /// from a camera to its subject is a good choice.
     pub scene_scale: Option<f64>,
-    /// Which views are kept from training.
+    /// The views that are kept from training.
     pub hold_out: HoldOut,
-    /// True if photos have masks ([`PosedOptions::masks`](posed::PosedOptions::masks)), outside of which they are white and do not
-    /// count.
+    /// True if photos have masks ([`PosedOptions::masks`](posed::PosedOptions::masks)); pixels outside are white and do
+    /// not count.
     pub masks: bool,
 }
 
@@ -83,11 +85,11 @@ impl Default for CaptureOptions {
 /// Loads a capture, a folder or a transforms.json of any name, with views in order of their paths.
 ///
 /// # Errors
-/// If the folder is missing or of no known kind, a file of cameras is missing, truncated or malformed, a pose or intrinsics
-/// are missing or not finite, or a photo's size is not its camera's. The message names the file, the entry, what
-/// was expected and what was found. Photos that cannot be read are left out and named in [`Scene::remarks`]; it is an error if these
-/// are too many ([`Error::Unreadable`]). How many views a task needs is checked by [`Scene::check_training`] and
-/// [`Scene::check_evaluation`].
+/// If the folder is missing or of no known kind, a file of cameras is missing, truncated or malformed, a pose or
+/// intrinsics are missing or not finite, or a photo's size is not its camera's. The message names the file, the entry,
+/// the expected and the found content. Photos that cannot be read are left out and named in [`Scene::remarks`]; it is
+/// an error if these are too many ([`Error::Unreadable`]). How many views a task needs is checked by
+/// [`Scene::check_training`] and [`Scene::check_evaluation`].
 pub fn load(path: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, Error> {
     let path = path.as_ref();
     let capture = read_split_photos(path, options.hold_out)?;
@@ -123,8 +125,8 @@ pub fn load_images(paths: &[PathBuf], width: usize, height: usize) -> Result<Vec
     images.into_iter().collect()
 }
 
-/// Loads photos as [`load_images`] does, each with what of it counts by its mask: a file in a folder `masks` beside it or beside its
-/// folder, named as [`PosedOptions::masks`](posed::PosedOptions::masks) says, or its alpha.
+/// Loads photos as [`load_images`] does, each with the pixels that count by its mask: a file in a folder `masks` beside
+/// it or beside its folder, named as [`PosedOptions::masks`](posed::PosedOptions::masks) says, or its alpha.
 ///
 /// # Errors
 /// As [`load_images`]; when a photo has no mask, or one of another size.
@@ -135,18 +137,19 @@ pub fn load_masked_images(paths: &[PathBuf], width: usize, height: usize) -> Res
     images.into_iter().collect()
 }
 
-/// Photos of which some could not be read.
+/// Photos of a list in which some could not be read.
 #[derive(Clone, Debug)]
 pub struct ReadableImages {
-    /// Those that could.
+    /// The readable ones.
     pub paths: Vec<PathBuf>,
-    /// The pictures, and which of their pixels count.
+    /// The pictures with their masks.
     pub images: Vec<MaskedImage>,
-    /// Which could not be read and why, if any.
+    /// A remark on the unreadable photos with the reasons, if any.
     pub remark: Option<String>,
 }
 
-/// Loads photos as [`load_images`] does, or with their masks as [`load_masked_images`] does, without those that cannot be read.
+/// Loads photos as [`load_images`] does, or with their masks as [`load_masked_images`] does, without those that cannot
+/// be read.
 ///
 /// # Errors
 /// When these are too many ([`Error::Unreadable`]); for masks, as [`load_masked_images`].
@@ -181,7 +184,7 @@ fn at_least_one(paths: &[PathBuf]) -> Result<&[PathBuf], Error> {
     Ok(paths)
 }
 
-/// A photo of which nothing but the file is known.
+/// A photo known by its file alone.
 fn uncut(path: &Path, mask: Option<&Mask>, width: usize, height: usize) -> Result<MaskedImage, Error> {
     let photo = PhotoFile::at(path)?;
     let (w, h) = photo.size();
@@ -189,7 +192,7 @@ fn uncut(path: &Path, mask: Option<&Mask>, width: usize, height: usize) -> Resul
     Ok(masked(path, photo, mask, |file| Ok(crop.read(file)?.to_image()))?)
 }
 
-/// A photo, white where its mask is dark, and which of its pixels count, `[height, width]`: `None` if all do.
+/// A photo, white where its mask is dark, and the mask of its pixels that count, `[height, width]`: `None` if all do.
 pub type MaskedImage = (Image, Option<Vec<bool>>);
 
 /// Reads a photo and its mask, if it has one, in the same way.
@@ -204,7 +207,7 @@ fn masked(
     let mask = mask.open(path, photo.clone())?;
     let fault = if in_file { |error: weaver_io::Error| Fault::Other(error.into()) } else { Fault::unreadable };
     let inside = read(&mask).map_err(fault)?;
-    // Masked before it is resized, so that no pixel inside is mixed with what is outside.
+    // Masked before it is resized, so that no pixel inside is mixed with pixels outside.
     let mut image = read(&if in_file { photo.masked(mask) } else { photo }).map_err(Fault::unreadable)?;
     let inside = masks::cut(&mut image, &inside);
     Ok((image, inside))

@@ -36,12 +36,12 @@ pub enum Error {
         /// Why not, and which these are.
         reasons: String,
     },
-    /// A scene has too few views for what is asked of it.
+    /// A scene has too few views for the request.
     #[error("scene {scene}: {key}: expected {expected}, found {found}")]
     Views {
         /// Name of the scene.
         scene: String,
-        /// Which views.
+        /// The kind of views.
         key: &'static str,
         /// The expected value.
         expected: String,

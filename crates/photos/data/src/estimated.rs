@@ -31,7 +31,7 @@ const SPARSE: &str = "sparse/0";
 const TRANSFORMS: &str = "transforms.json";
 /// The diagonal of the film that focal lengths are compared by, millimeters.
 const FILM: f64 = 43.266_615;
-/// Standard deviation of focal lengths that are told, as a part of them: cameras round them, and crop.
+/// Standard deviation of given focal lengths, as a part of them: cameras round them, and crop.
 const TOLD: f64 = 0.05;
 
 /// Options of estimating the cameras of photo files.
@@ -39,18 +39,19 @@ const TOLD: f64 = 0.05;
 pub struct EstimatePhotosOptions {
     /// Photos are shrunk to this longest side for matching, pixels.
     pub long_side: usize,
-    /// The focal length of all photos, in pixels of a photo whose longer side is 1; `None` asks the files, and estimates it where
-    /// these do not tell.
+    /// The focal length of all photos, in pixels of a photo whose longer side is 1; `None` takes it from the files, and
+    /// estimates it if they have none.
     pub focal: Option<f64>,
-    /// True if what files tell of their focal length is used.
+    /// True if the focal length in the files is used.
     pub exif: bool,
-    /// True if photos have one lens, and with it one factor on their focal lengths: those of the same proportions, since of a crop the
-    /// longer side is another one, that tell the same focal length. Otherwise each has its own.
+    /// True if photos share a lens, and with it one factor on their focal lengths, if they have the same proportions,
+    /// since the longer side of a crop is another one, and the same focal length in their files. Otherwise each has its
+    /// own.
     pub shared: bool,
-    /// Which radial distortion is found.
+    /// The radial distortion to find.
     pub distortion: Find,
-    /// True if photos are known to follow one another, as frames of a clip do; otherwise their names tell. Of many photos each is
-    /// then compared with those before and behind it, too.
+    /// True if photos are known to follow one another, as frames of a clip do; otherwise their names decide. Of many
+    /// photos each is then compared with those before and behind it, too.
     pub sequence: bool,
 }
 
@@ -65,21 +66,21 @@ impl Default for EstimatePhotosOptions {
 pub struct EstimatedPhotos {
     /// The photos that can be read.
     pub paths: Vec<PathBuf>,
-    /// Remarks for the user: which photos cannot be read, and what of the others was not taken as it is.
+    /// Remarks for the user: the photos that cannot be read, and data of the others that were changed or ignored.
     pub remarks: Vec<String>,
     /// The photos as they were matched.
     images: Vec<Small>,
     /// Width and height of the files once they are upright.
     sizes: Vec<(usize, usize)>,
-    /// Which have a size that does not tell that they have to be turned.
+    /// Photos whose size leaves the EXIF rotation ambiguous.
     ambiguous: Vec<bool>,
-    /// Which are only located.
+    /// True for photos that are only located.
     located: Vec<bool>,
     /// True if any was to be only located, also one that cannot be read.
     holds_out: bool,
     /// The lens of each: a number, without gaps.
     lens_of: Vec<usize>,
-    /// Cameras and points; pixels are those of the photos as they were matched.
+    /// Cameras and points; pixels belong to the photos as they were matched.
     pub estimate: Estimate,
 }
 
@@ -95,7 +96,7 @@ pub struct EstimatedPhotos {
 /// # Ok::<(), weaver_data::Error>(())
 /// ```
 ///
-/// Where `located` is true, a photo finds no points: its camera is found by those of the others.
+/// Where `located` is true, a photo finds no points: its camera is found from the others' points.
 ///
 /// Photos that cannot be read, or whose name is not UTF-8, are left out and named in [`EstimatedPhotos::remarks`].
 ///
@@ -162,7 +163,8 @@ impl EstimatedPhotos {
         self.estimate.confidence()
     }
 
-    /// Number of lenses that the photos were taken to have: one if all have the same proportions, tell no two focal lengths, and share it.
+    /// Number of lenses that the photos were taken to have: one if all have the same proportions and no different focal
+    /// lengths, and share it.
     pub fn lenses(&self) -> usize {
         self.lens_of.iter().max().map_or(0, |last| last + 1)
     }
@@ -173,10 +175,12 @@ impl EstimatedPhotos {
         first.map_or(f64::NAN, |c| c.intrinsics.fx / c.width.max(c.height) as f64)
     }
 
-    /// Checks that a folder has a place for what [`write`](Self::write) will write of photos: to be called before they are matched.
+    /// Checks that a folder has a place for the files of [`write`](Self::write) for these photos: to be called before
+    /// they are matched.
     ///
     /// # Errors
-    /// Names the first file that is not to be replaced, or the first folder of photos whose path from there is not UTF-8.
+    /// Names the first file that is not to be replaced, or the first folder of photos whose path from there is not
+    /// UTF-8.
     pub fn check(out: &OutputFolder, paths: &[PathBuf]) -> Result<(), Error> {
         out.check([TRANSFORMS, "points.png", CamerasSummary::NAME])?;
         out.check(Model::FILES.map(|name| format!("{SPARSE}/{name}")))?;
@@ -187,12 +191,14 @@ impl EstimatedPhotos {
         Ok(())
     }
 
-    /// Writes a capture into a folder: transforms.json, which names the located photos as those for testing, a COLMAP model
-    /// with points in sparse/0, [`picture`](Self::picture) as points.png and [`summary`](Self::summary) as cameras.json. Returns the photos that the
-    /// cameras are of. The folder then holds all of these, or what it held before.
+    /// Writes a capture into a folder: transforms.json, which names the located photos as those for testing, a COLMAP
+    /// model with points in sparse/0, [`picture`](Self::picture) as points.png and [`summary`](Self::summary) as
+    /// cameras.json. Returns the photos that the cameras are of. The folder then holds all of these, or its old
+    /// content.
     ///
-    /// Photos stay where they are and are named relative to the folder, so that both can be moved together; a distortion that was found
-    /// is named with their cameras. Those that EXIF turns in a way that their size does not tell are written to upright/.
+    /// Photos stay where they are and are named relative to the folder, so that both can be moved together; a
+    /// distortion that was found is named with their cameras. Photos whose size leaves the EXIF rotation ambiguous are
+    /// written to upright/.
     ///
     /// # Errors
     /// When a file cannot be written, or is not to be replaced; when photos cannot be read again.

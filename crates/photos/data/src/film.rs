@@ -1,6 +1,6 @@
 //! Films: photos of a scene that moves, by calibrated cameras, each with its time.
 //!
-//! [`procedural()`] generates one from a seed; [`open`] reads one from a folder, of which the files tell the layout:
+//! [`procedural()`] generates one from a seed; [`open`] reads one from a folder, whose files determine the layout:
 //!
 //! | the folder holds | layout | times | held out |
 //! |---|---|---|---|
@@ -8,13 +8,14 @@
 //! | `poses_bounds.npy`, `cam00/*.png`, `cam01/*.png` ... | Neural 3D Video | number of the frame, over how many there are | the first camera |
 //! | `dataset.json`, `metadata.json`, `scene.json`, `camera/`, `rgb/` | HyperNeRF | `warp_id`, over the largest | `val_ids` |
 //!
-//! Photos are shrunk with a Lanczos filter, as those of [captures](crate::capture), and kept in memory, as bytes: up to
-//! 2 GiB of them, and what does not fit is read from its file whenever it is needed.
+//! Photos are shrunk with a Lanczos filter, as in [captures](crate::capture), and kept in memory, as bytes: up to 2 GiB
+//! of them, and the rest is read from its files whenever it is needed.
 //!
 //! - **D-NeRF**: transparent pixels are white. Axes are OpenGL's.
-//! - **Neural 3D Video**: cameras in the order of their names; photos may lie in `cam00/images`. A size is half that of the calibration if
-//!   nothing else is said. Videos have to be taken apart first; the error names the command.
-//! - **HyperNeRF**: photos of `rgb/2x`, else of `rgb/1x` or `rgb/4x`; lenses without distortion; `points.npy` where it is there.
+//! - **Neural 3D Video**: cameras in the order of their names; photos may lie in `cam00/images`. The default size is
+//!   half the calibration's. Videos have to be taken apart first; the error names the command.
+//! - **HyperNeRF**: photos of `rgb/2x`, else of `rgb/1x` or `rgb/4x`; lenses without distortion; `points.npy` where it
+//!   is there.
 
 mod dnerf;
 mod hypernerf;
@@ -32,11 +33,11 @@ use std::path::Path;
 /// Layout of a film in its folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilmLayout {
-    /// That of D-NeRF.
+    /// The layout of D-NeRF.
     DNerf,
-    /// That of Neural 3D Video.
+    /// The layout of Neural 3D Video.
     N3v,
-    /// That of HyperNeRF and Nerfies.
+    /// The layout of HyperNeRF and Nerfies.
     HyperNerf,
 }
 
@@ -71,8 +72,8 @@ impl FilmLayout {
 
 /// Reads the film in a folder, its photos shrunk to a longer side of `size` pixels if they are larger.
 ///
-/// Without a size, photos of Neural 3D Video have half the size of the calibration, others that of their files. Held-out photos are held
-/// out for their camera, and for their time where no training photo has it.
+/// Without a size, photos of Neural 3D Video have half the size of the calibration, others the size of their files.
+/// Held-out photos are held out for their camera, and for their time where no training photo has it.
 ///
 /// ```
 /// let error = weaver_data::film::open("no/such/folder", None).unwrap_err();
@@ -80,9 +81,9 @@ impl FilmLayout {
 /// ```
 ///
 /// # Errors
-/// When the folder is of no known layout; a file is missing or malformed; there is one camera or one time alone; a time is missing,
-/// negative or not finite; photos have different sizes, or cameras different numbers of them. The message names the file, the entry, what
-/// was expected and what was found.
+/// When the folder is of no known layout; a file is missing or malformed; there is one camera or one time alone; a time
+/// is missing, negative or not finite; photos have different sizes, or cameras different numbers of them. The message
+/// names the file, the entry, the expected and the found content.
 pub fn open(path: impl AsRef<Path>, size: Option<usize>) -> Result<Film, Error> {
     open_keeping(path, size, MOST_KEPT)
 }

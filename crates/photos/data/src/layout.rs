@@ -1,4 +1,4 @@
-//! How the cameras of a scene lie to each other.
+//! Mutual position of the cameras of a scene.
 
 use crate::Scene;
 use std::sync::OnceLock;
@@ -71,8 +71,8 @@ impl Layout {
         ranked.into_iter().map(|(_, v)| v).collect()
     }
 
-    /// The training view with the smallest mean separation to the other training views: the scene's own frame. Found when it is
-    /// first asked for.
+    /// The training view with the smallest mean separation to the other training views: the scene's own frame. Computed
+    /// at the first call.
     ///
     /// # Panics
     /// If the scene has no training views; see [`Scene::check_training`].

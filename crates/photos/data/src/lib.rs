@@ -1,10 +1,11 @@
 //! Scenes, captures, view sampling, and the procedural scene generator.
 //!
-//! A [`Scene`] is photos of one place with their cameras and, where known, depth and surface points.
-//! [`capture`] loads scenes from photos on disk, [`procedural`] generates them from a seed, [`appearance`] gives their photos light and
-//! passers-by. [`training_tuple`] and [`evaluation_tuples`] choose the views that the network is given and those that it must render.
-//! A [`film::Film`] is photos of a scene that moves, each with its time: generated from a seed, or read from the layouts of D-NeRF, Neural
-//! 3D Video and HyperNeRF. [`lidar`] has sweeps of a spinning sensor through worlds of boxes.
+//! A [`Scene`] is photos of one place with their cameras and, where known, depth and surface points. [`capture`] loads
+//! scenes from photos on disk, [`procedural`] generates them from a seed, [`appearance`] gives their photos light and
+//! passers-by. [`training_tuple`] and [`evaluation_tuples`] choose the views that the network is given and those that
+//! it must render. A [`film::Film`] is photos of a scene that moves, each with its time: generated from a seed, or read
+//! from the layouts of D-NeRF, Neural 3D Video and HyperNeRF. [`lidar`] has sweeps of a spinning sensor through worlds
+//! of boxes.
 
 pub mod appearance;
 pub mod capture;

@@ -24,8 +24,8 @@ pub struct SpinningSensor {
     pub range: [f64; 2],
     /// Standard deviation of ranges, meters.
     pub noise: f64,
-    /// Standard deviation of a beam's direction about the one that is reported, radians: at edges, beams return now one surface, now the
-    /// other.
+    /// Standard deviation of a beam's direction about the one that is reported, radians: at edges, beams return now one
+    /// surface, now the other.
     pub divergence: f64,
 }
 
@@ -53,8 +53,8 @@ pub struct Sweep {
 }
 
 impl SpinningSensor {
-    /// A sweep through a world while the sensor goes along `motion`, which maps times from 0 to 1 to poses (sensor to world). It turns to the
-    /// right, from behind. A sensor at rest has the same pose at all times.
+    /// A sweep through a world while the sensor goes along `motion`, which maps times from 0 to 1 to poses (sensor to
+    /// world). It turns to the right, from behind. A sensor at rest has the same pose at all times.
     ///
     /// ```
     /// use weaver_data::lidar::{LidarWorld, SpinningSensor};
@@ -89,7 +89,8 @@ impl SpinningSensor {
     }
 }
 
-/// Poses of a closed loop around the middle of the room of [`LidarWorld::room`], `count` of them, looking ahead, 1.5 m above the floor.
+/// Poses of a closed loop around the middle of the room of [`LidarWorld::room`], `count` of them, looking ahead, 1.5 m
+/// above the floor.
 pub fn room_loop(count: usize) -> Vec<Pose> {
     (0..count).map(|i| ellipse(i as f64 / count as f64, [6.5, 4.5], 1.5)).collect()
 }

@@ -1,10 +1,10 @@
 //! Scenes generated from a seed: ray-cast planes, boxes and balls with exact cameras, depth and surface points.
 //!
-//! [`scene`] is plain and always the same; [`varied_scene`] is for training on scenes without end; a [`Walk`] has hundreds of
-//! photos of any size.
+//! [`scene`] is plain and always the same; [`varied_scene`] is for training on scenes without end; a [`Walk`] has
+//! hundreds of photos of any size.
 //!
-//! The ray caster shares no code with the Gaussian rasterizer, so these scenes are an independent test of it. A scene is a
-//! pure function of its seed and options, whatever the number of threads.
+//! The ray caster shares no code with the Gaussian rasterizer, so these scenes are an independent test of it. A scene
+//! is a pure function of its seed and options, at any number of threads.
 
 mod color;
 mod draws;
@@ -70,8 +70,8 @@ pub fn scene(seed: u64, options: &ProceduralOptions) -> Scene {
     Plan { world, cameras, film: Film::PLAIN, moving_sun: false }.carried_out(format!("procedural-seed-{seed}"), stream)
 }
 
-/// The scene of a seed as [`scene`] makes it, but for the sun, which is elsewhere in every photo: shadows move, and shades with them. No single
-/// change of colors makes one photo's light of another's.
+/// The scene of a seed as [`scene`] makes it, but for the sun, which is elsewhere in every photo: shadows move, and
+/// shades with them. No single change of colors makes one photo's light of another's.
 ///
 /// ```
 /// use weaver_data::procedural::{ProceduralOptions, scene, scene_under_moving_sun};
@@ -87,12 +87,12 @@ pub fn scene_under_moving_sun(seed: u64, options: &ProceduralOptions) -> Scene {
     Plan { world, cameras, film: Film::PLAIN, moving_sun: true }.carried_out(format!("moving-sun-{seed}"), stream)
 }
 
-/// Generates the varied scene of a seed, for training that is to carry over to real photos: a room or an open place with
-/// objects of all sizes, photographed along an arc or a path straight ahead.
+/// Generates the varied scene of a seed, for training that is to carry over to real photos: a room or an open place
+/// with objects of all sizes, photographed along an arc or a path straight ahead.
 ///
-/// View angle 30 to 75 degrees, 8 to 90 degrees from the first camera to the last, roll, dead-leaves textures, a color cast,
-/// small differences of exposure, noise; four rays per pixel, where [`scene`] has sixteen. Depth, points, visibility and
-/// held-out views are as there.
+/// View angle 30 to 75 degrees, 8 to 90 degrees from the first camera to the last, roll, dead-leaves textures, a color
+/// cast, small differences of exposure, noise; four rays per pixel, where [`scene`] has sixteen. Depth, points,
+/// visibility and held-out views are as there.
 ///
 /// ```
 /// use weaver_data::procedural::{ProceduralOptions, varied_scene};
@@ -122,7 +122,7 @@ struct Plan {
 impl Plan {
     fn carried_out(self, name: String, stream: Stream) -> Scene {
         let Self { world, cameras, film, moving_sun } = self;
-        // What is drawn for a view has its own stream, apart from those of world and cameras, 0 and 1.
+        // Draws for a view have their own stream, apart from the streams of world and cameras, 0 and 1.
         let stream_of = |view: usize| stream.fork(2 + view as u64);
         let views: Vec<View> = cameras
             .par_iter()
@@ -166,7 +166,8 @@ pub fn moving_sun_set(width: usize, height: usize) -> Vec<Scene> {
     set("moving-sun", scene_under_moving_sun, TRAINING_SEED..TRAINING_SEED + 16, width, height)
 }
 
-/// The default set for evaluation on unseen scenes: four scenes of 24 views that [`default_training_set`] does not contain.
+/// The default set for evaluation on unseen scenes: four scenes of 24 views that [`default_training_set`] does not
+/// contain.
 pub fn default_unseen_set(width: usize, height: usize) -> Vec<Scene> {
     set("unseen", scene, UNSEEN_SEED..UNSEEN_SEED + 4, width, height)
 }

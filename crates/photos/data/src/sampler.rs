@@ -12,15 +12,17 @@ pub enum Sampler {
         pool: usize,
     },
     /// Two training views with a bounded number of others between them in the order of paths, and random ones of these
-    /// ([`bounded_gap`]): the two and what comes first between them are the context, the rest the targets. For videos, as published.
+    /// ([`bounded_gap`]): the two and the first ones between them are the context, the rest the targets. For videos, as
+    /// published.
     BoundedGap,
-    /// The context is spread evenly over the training views in the order of paths ([`uniform`]), the targets are random others.
+    /// The context is spread evenly over the training views in the order of paths ([`uniform`]), the targets are random
+    /// others.
     Uniform,
 }
 
 impl Sampler {
-    /// Number `index` of an endless, random-access sequence of training tuples, of `context` and `targets` views; targets are
-    /// repeated where there are not as many.
+    /// Number `index` of an endless, random-access sequence of training tuples, of `context` and `targets` views;
+    /// targets are repeated where there are not as many.
     ///
     /// # Panics
     /// If a scene has fewer than `context + 1` training views; see [`Scene::check_training`].
@@ -53,9 +55,9 @@ impl Sampler {
 
 /// Number `index` of an endless, random-access sequence of training tuples.
 ///
-/// The scene and a training view `t` in it are drawn uniformly. The `pool` training views nearest to `t` are put in random
-/// order: the first `context` of them are the context, the targets are `t` and those that follow (`t` again when there are
-/// no more).
+/// The scene and a training view `t` in it are drawn uniformly. The `pool` training views nearest to `t` are put in
+/// random order: the first `context` of them are the context, the targets are `t` and those that follow (`t` again when
+/// there are no more).
 ///
 /// # Panics
 /// If a scene has fewer than `context + 1` training views; see [`Scene::check_training`].
@@ -88,8 +90,8 @@ pub fn training_tuple(
     Tuple { scene, context: shuffled[..context].to_vec(), targets }
 }
 
-/// The evaluation tuples of a scene, one per held-out view: the view is the target and its `context` nearest training views,
-/// nearest first, are the context. `index` is the scene's index in its set.
+/// The evaluation tuples of a scene, one per held-out view: the view is the target and its `context` nearest training
+/// views, nearest first, are the context. `index` is the scene's index in its set.
 pub fn evaluation_tuples(scene: &Scene, index: usize, context: usize) -> Vec<Tuple> {
     let layout = Layout::of(scene);
     let nearest = |view| layout.nearest(view, layout.training_views(), context);
@@ -114,11 +116,11 @@ pub fn uniform(frames: usize, views: usize) -> Vec<usize> {
     (0..views).map(|i| i * (frames - 1) / (views - 1).max(1)).collect()
 }
 
-/// Chooses `views` distinct frames of a video of `frames`: two ends that are a bounded number of frames apart, and random
-/// frames between them in random order.
+/// Chooses `views` distinct frames of a video of `frames`: two ends that are a bounded number of frames apart, and
+/// random frames between them in random order.
 ///
-/// The distance between the ends is uniform in `[min(3n, 32), min(max(10n, n^2), 256)]` for `n` views, cut to what
-/// the video and the number of views allow. `None` if the video is shorter than `views`.
+/// The distance between the ends is uniform in `[min(3n, 32), min(max(10n, n^2), 256)]` for `n` views, cut to the range
+/// that the video and the number of views allow. `None` if the video is shorter than `views`.
 pub fn bounded_gap(frames: usize, views: usize, rng: Stream) -> Option<Vec<usize>> {
     if views > frames {
         return None;

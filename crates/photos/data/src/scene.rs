@@ -16,12 +16,13 @@ pub struct View {
     pub image: Image,
     /// Its camera, with intrinsics for `image`.
     pub camera: Camera,
-    /// Which pixels count, `[height * width]`; `None` if all do. What does not is white in `image`, and has no depth.
+    /// Mask of the pixels that count, `[height * width]`; `None` if all do. Other pixels are white in `image`, and have
+    /// no depth.
     pub inside: Option<Vec<bool>>,
     /// Depth along the optical axis, `[height * width]`, scene units; 0 where unknown.
     pub depth: Option<Vec<f32>>,
-    /// Which thing each pixel's center shows, `[height * width]`, where that is known: 0 for the sky, else a number from 1 that the
-    /// thing has in all views of the scene.
+    /// The thing at each pixel's center, `[height * width]`, where that is known: 0 for the sky, else a number from 1
+    /// that the thing has in all views of the scene.
     pub instances: Option<Vec<u16>>,
     /// When the photo was taken, where the capture says so, in its own unit.
     pub time: Option<f64>,
@@ -83,8 +84,8 @@ impl Scene {
 
     /// The poses of a tuple in the frame and the scale of training.
     ///
-    /// The first context camera becomes the identity. Lengths are divided by the mean distance from its center to the points
-    /// that at least one context view sees, or by [`Scene::scale`] where they see none.
+    /// The first context camera becomes the identity. Lengths are divided by the mean distance from its center to the
+    /// points that at least one context view sees, or by [`Scene::scale`] where they see none.
     ///
     /// # Errors
     /// [`Error::Scale`] if neither points nor a positive `scale` determine the size of the scene.

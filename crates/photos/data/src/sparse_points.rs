@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 
-/// Points on the surfaces of a scene, and which photos see them: what structure from motion finds beside cameras.
+/// Points on the surfaces of a scene, with the photos that see them, as from structure from motion.
 ///
-/// Positions are in the world and in the units of the cameras that go with them. Where a photo shows a point follows from its
-/// camera.
+/// Positions are in the world and in the units of the cameras that go with them. The pixel of a point in a photo
+/// follows from its camera.
 ///
 /// ```
 /// use weaver_data::SparsePoints;
@@ -27,7 +27,8 @@ pub struct SparsePoints {
 }
 
 impl SparsePoints {
-    /// Mean distance from a place to the points that at least one photo sees, each counted once; `None` where none sees any.
+    /// Mean distance from a place to the points that at least one photo sees, each counted once; `None` where none sees
+    /// any.
     pub fn mean_distance(&self, from: DVec3) -> Option<f64> {
         mean_distance(&self.positions, &self.visible, from)
     }

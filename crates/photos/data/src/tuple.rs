@@ -1,6 +1,6 @@
-//! Which views of a scene go together.
+//! Views of a scene that go together.
 
-/// A choice of views of one scene: those that the network is given (`context`) and those that it must render (`targets`).
+/// A choice of views of one scene: given ones (`context`) and ones to render (`targets`).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tuple {
     /// Index of the scene.

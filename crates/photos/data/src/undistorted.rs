@@ -58,7 +58,7 @@ mod tests {
     #[test]
     fn straight_lines_become_straight() {
         let lens = lens(Distortion::radial(-0.3));
-        // What the lens sees of a plane whose left part is dark: the border is bent, and straight again.
+        // A plane whose left part is dark, seen through the lens: the border is bent, and straight again.
         let mut photo = Bitmap { width: 80, height: 60, pixels: vec![0; 3 * 80 * 60] };
         for (i, color) in photo.pixels.chunks_exact_mut(3).enumerate() {
             let pixel = DVec2::new((i % 80) as f64 + 0.5, (i / 80) as f64 + 0.5);

@@ -19,7 +19,7 @@ pub(crate) enum Fault {
 }
 
 impl Fault {
-    /// For `map_err` on what reads a photo.
+    /// For `map_err` on readers of photos.
     pub fn unreadable(error: impl Into<Error>) -> Self {
         Self::Unreadable(error.into())
     }
@@ -43,15 +43,15 @@ impl From<Fault> for Error {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Needed {
     pub least: usize,
-    /// All photos that there are, of which some may not have been asked for.
+    /// All photos that there are; some may not have been requested.
     pub all: usize,
 }
 
 /// Loaded photos, `None` in the place of those that cannot be read, and a remark that names these with reasons.
 ///
 /// # Errors
-/// The first other fault. Where fewer than `least` photos can be read, more than a quarter of all are damaged or missing, or more than half
-/// are of a format that is not read, an error that names them.
+/// The first other fault. Where fewer than `least` photos can be read, more than a quarter of all are damaged or
+/// missing, or more than half are of a format that is not read, an error that names them.
 pub(crate) fn without_unreadable<'a, T>(
     photos: impl IntoIterator<Item = &'a Path>,
     loaded: Vec<Result<T, Fault>>,
@@ -144,7 +144,8 @@ mod tests {
         }
     }
 
-    /// Photos to convert are named by their remedy first, the first of them alone, and end it when they are most of all.
+    /// Photos to convert are named by their remedy first, the first of them alone, and end it when they are most of
+    /// all.
     ///
     /// Promise (files): HEIC and AVIF are named by their remedy first, and end a run only where they are most of the
     /// photos.

@@ -7,7 +7,7 @@ use weaver_geometry::{Camera, Intrinsics, Pose, se3, so3};
 use weaver_kernels::random::Stream;
 use weaver_sfm::{Bundle, Lens, Observation};
 
-/// Steps of the row that tells the time of a step.
+/// Steps of the row that times a single step.
 const STEPS: usize = 4;
 /// Difference, in pixels, beyond which observations count for less and less.
 const SCALE: f64 = 4.0;

@@ -1,4 +1,4 @@
-//! Keypoints moved to where photos agree about what surrounds them.
+//! Keypoints moved until their surroundings agree across photos.
 
 mod patch;
 
@@ -9,12 +9,12 @@ use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat2, DVec2, DVec3};
 use weaver_kernels::{parallel, simd};
 
-/// Least likeness of the surroundings of two observations to be aligned: the cosine between both.
+/// Least similarity of the surroundings of two observations to be aligned: their normalized correlation.
 const ALIKE: f32 = 0.8;
-/// Largest movement of an observation, over its deviation, and the least deviation for that, pixels.
+/// Largest movement of an observation, over its deviation; and the least deviation that counts here, pixels.
 const MOVES: f64 = 1.5;
 const LEAST: f64 = 0.3;
-/// The deviation of what was aligned, pixels.
+/// The deviation of aligned keypoints, pixels.
 const ALIGNED: f64 = 0.25;
 /// Pixels from one sample of a template to the next, by the deviation of its observation.
 const SPACING: [f64; 2] = [1.0, 1.5];
@@ -22,22 +22,22 @@ const SPACING: [f64; 2] = [1.0, 1.5];
 const GRAIN: usize = 16;
 
 impl Bundle {
-    /// Moves what was seen of each point to where its photos agree about what surrounds it.
+    /// Moves the observations of each point to the place where the surroundings agree across its photos.
     ///
-    /// Keypoints are found in each photo alone, and off by a part of their scale. Of the photos that see a point, the one nearest
-    /// the middle of all directions makes a template. Each of the others begins where its keypoint is, bent as the plane across that
-    /// middle direction looks from there, and is aligned by affine steps, brightness and contrast aside. What is not alike in
-    /// the end, or moved too far, stays as it was.
+    /// Keypoints are found in each photo alone, and off by a part of their scale. The photo nearest the middle of all
+    /// viewing directions of a point makes a template. Each other photo begins at its keypoint, warped as a plane
+    /// across that middle direction, and is aligned by affine steps, brightness and contrast aside. Patches that do not
+    /// match in the end, or moved too far, stay as they were.
     ///
-    /// With the template's values `t`, its slopes `J` by the six numbers of an affine movement, and the photo's values `v` brought to the
-    /// brightness and contrast of the template, a step is `(J^T J)^-1 J^T (v - t)`, its inverse applied to where the photo is looked at.
-    /// Nothing is differentiable.
+    /// With the template's values `t`, its slopes `J` by the six numbers of an affine movement, and the photo's values
+    /// `v` brought to the brightness and contrast of the template, a step is `(J^T J)^-1 J^T (v - t)`, and its inverse
+    /// moves the patch. Nothing is differentiable.
     ///
-    /// Sources: Baker and Matthews, Lucas-Kanade 20 years on, 2004 (inverse compositional steps); Furukawa and Ponce, Accurate
-    /// camera calibration from multi-view stereo and bundle adjustment, 2009.
+    /// Sources: Baker and Matthews, Lucas-Kanade 20 years on, 2004 (inverse compositional steps); Furukawa and Ponce,
+    /// Accurate camera calibration from multi-view stereo and bundle adjustment, 2009.
     ///
     /// # Panics
-    /// If there are not as many photos as cameras, or one is not as large as its camera says.
+    /// If the numbers of photos and cameras differ, or a photo has not its camera's size.
     ///
     /// ```
     /// use weaver_geometry::glam::{DVec2, DVec3};
@@ -87,7 +87,7 @@ impl Bundle {
     }
 }
 
-/// Aligns what was seen of one point.
+/// Aligns the observations of one point.
 #[inline(always)]
 fn align(photos: &[Gray], cameras: &[Camera], point: DVec3, seen: &mut [Observation]) {
     let toward = |o: &Observation| (cameras[o.camera].pose.center() - point).normalize_or_zero();
@@ -182,7 +182,7 @@ mod tests {
         (Bundle { cameras, ..bundle }, photos)
     }
 
-    /// Distance of observations from those of the template, over the photos, in the median.
+    /// Median distance of observations from the template's, over the photos.
     fn off(bundle: &Bundle) -> f64 {
         let exact = scene(0.0).0;
         let apart = |seen: (&[Observation], &[Observation])| -> f64 {

@@ -1,4 +1,4 @@
-//! Bundle adjustment: cameras, lenses and points that explain where points were seen.
+//! Bundle adjustment: cameras, lenses and points that fit observations.
 
 mod covariance;
 mod dense;
@@ -35,17 +35,21 @@ pub struct Observation {
     pub camera: usize,
     /// Number of the point.
     pub point: usize,
-    /// Where, pixels.
+    /// The observed pixel.
     pub pixel: DVec2,
-    /// Deviation relative to the others: differences are divided by it.
+    /// Standard deviation relative to the others': residuals are divided by it.
     pub deviation: f64,
 }
 
-/// Cameras, lenses and points, with where points were seen.
+/// Cameras, lenses and points, with the observations of points.
 ///
-/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2 + sum v (ln s - e)^2 + sum b (k1^2 + k2^2) + sum u |h|^2` over poses, points and, where asked, lenses:
-/// pi(p) is where a point is seen by its camera, u where it was, d its [deviation](Observation::deviation), c (`scale` of `adjust`) the
-/// difference, in deviations, beyond which an observation counts for less and less; x are the movements of cameras from where they were [expected](Self::expected); s is the factor of focal lengths of a [`Lens`], e its expected logarithm and v the weight; k1 and k2 are its distortion and b the weight; h is the shift of its principal point and u the weight.
+/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2 + sum v (ln s - e)^2 + sum b
+/// (k1^2 + k2^2) + sum a |h|^2` over poses, points and free lenses. The first sum is over observations: pi(p) is the
+/// projection of the point, u the observed pixel, d the [deviation](Observation::deviation), and c (`scale` of
+/// `adjust`) the residual, in deviations, beyond which an observation counts for less and less. The others are priors:
+/// x is each number of the twist of a camera from its [expected](Self::expected) pose, and w its weight; s is the
+/// factor on focal lengths of a [`Lens`], e its expected logarithm and v its weight; k1 and k2 are the distortion and b
+/// its weight; h is the shift of the principal point and a its weight.
 #[derive(Clone, Debug, Default)]
 pub struct Bundle {
     /// The cameras, one a photo.
@@ -54,42 +58,43 @@ pub struct Bundle {
     pub lenses: Vec<Lens>,
     /// The number of each camera's lens.
     pub lens_of: Vec<usize>,
-    /// Which cameras stay where they are.
+    /// True for cameras that stay where they are.
     pub fixed: Vec<bool>,
-    /// Where cameras are expected, and the weights of twists from there, squared pixels; empty if nowhere.
+    /// Expected poses of cameras, and the weights of twists from them, squared pixels; empty if there are none.
     pub expected: Vec<(Pose, [f64; TWIST])>,
     /// The points, world units.
     pub points: Vec<DVec3>,
     /// True if points stay where they are.
     pub fixed_points: bool,
-    /// Where they were seen, ascending by point.
+    /// Their observations, ascending by point.
     pub observations: Vec<Observation>,
 }
 
-/// End of an adjustment.
+/// Result of an adjustment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solved {
     /// The cost.
     pub cost: f64,
     /// Steps that lowered it.
     pub steps: usize,
-    /// True if no further step would have lowered it by much; `false` if there were not enough steps, or none was possible.
+    /// True if no further step would have lowered it by much; `false` if there were not enough steps, or none was
+    /// possible.
     pub converged: bool,
 }
 
 impl Bundle {
-    /// At most this many steps of Levenberg and Marquardt, points eliminated by the Schur complement. The same bits at any
-    /// number of threads.
+    /// At most this many steps of Levenberg and Marquardt, points eliminated by the Schur complement. The same bits at
+    /// any number of threads.
     ///
-    /// Only cameras that are not fixed, and lenses that are free, take part: some cameras among many that are fixed cost as
-    /// much as they would alone. Up to 200 of them, the matrix that is left is dense and its solution direct; beyond, only
-    /// cameras that see the same points meet in it. Where these can be numbered so that all that meet are near each other, as along
-    /// a walk, its solution is direct, too; else it is solved by conjugate gradients. A fall of the cost by less than 1e-7 ends it, or a step
-    /// in which all cameras and lenses together move by less than a hundredth of their standard deviation: points without depth would
-    /// go on for long, and tell cameras nothing.
+    /// Only cameras that are not fixed, and lenses that are free, take part: a few free cameras among many fixed ones
+    /// cost as much as they would alone. Up to 200 of them, the reduced matrix is dense and solved directly; beyond, it
+    /// has blocks only for cameras with points in common. If these can be numbered near each other, as along a walk, it
+    /// is solved directly, too; else by conjugate gradients. A fall of the cost by less than 1e-7 ends it, or a step in
+    /// which all cameras and lenses together move by less than a hundredth of their standard deviation: points without
+    /// depth would go on for long without any effect on cameras.
     ///
-    /// Sources: Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 6; Agarwal et al., Bundle adjustment in the
-    /// large, 2010; Nielsen, Damping parameter in Marquardt's method, 1999.
+    /// Sources: Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 6; Agarwal et al., Bundle
+    /// adjustment in the large, 2010; Nielsen, Damping parameter in Marquardt's method, 1999.
     ///
     /// # Panics
     /// If numbers of cameras, lenses or points are out of range, or observations are not ascending by point.
@@ -97,8 +102,8 @@ impl Bundle {
         self.adjust_within(scale, most_steps, &Limits::USUAL)
     }
 
-    /// The same until a step moves cameras and lenses by less than a third of their standard deviation, which leaves them within one of
-    /// where they would end: for what is adjusted again.
+    /// The same until a step moves cameras and lenses by less than a third of their standard deviation, which leaves
+    /// them within one deviation of the minimum: for bundles that are adjusted again later.
     pub(crate) fn adjust_roughly(&mut self, scale: f64, most_steps: usize) -> Solved {
         self.adjust_within(scale, most_steps, &Limits::ROUGH)
     }
@@ -118,7 +123,7 @@ impl Bundle {
         solved
     }
 
-    /// The difference of every observation from where its point is seen, pixels; infinite behind the camera.
+    /// The residual of every observation, pixels; infinite behind the camera.
     pub fn errors(&self) -> Vec<f64> {
         let error = |o: &Observation| {
             let camera = &self.cameras[o.camera];
@@ -129,20 +134,21 @@ impl Bundle {
         self.observations.iter().map(error).collect()
     }
 
-    /// Weight of every observation: 1 where it is exact, 0 from so many of its deviations on.
+    /// Weight of every observation: 1 for a residual of 0, 0 from `within` deviations on.
     pub(crate) fn fits(&self, within: f64) -> Vec<f64> {
         let each = self.errors().into_iter().zip(&self.observations);
         each.map(|(error, o)| (1.0 - (error / (within * o.deviation)).powi(2)).max(0.0)).collect()
     }
 
-    /// Leaves out observations that are off by more pixels than this.
+    /// Leaves out observations with larger residuals than this, in deviations.
     pub fn leave_out(&mut self, farthest: f64) {
         let errors = self.errors();
         let mut errors = errors.iter();
         self.observations.retain(|o| errors.next().is_some_and(|e| *e <= farthest * o.deviation));
     }
 
-    /// Leaves out observations that are off by more pixels than this, then points that fewer than two cameras see.
+    /// Leaves out observations with larger residuals than this, in deviations, then points that fewer than two cameras
+    /// see.
     pub fn prune(&mut self, farthest: f64) {
         self.leave_out(farthest);
         let agreed = self.agreed();
@@ -160,7 +166,7 @@ impl Bundle {
         self.observations.iter_mut().for_each(|o| o.point = numbers[o.point]);
     }
 
-    /// Of each point, whether at least two cameras see it.
+    /// True for points that at least two cameras see.
     pub(crate) fn agreed(&self) -> Vec<bool> {
         let mut seen = vec![0; self.points.len()];
         self.observations.iter().for_each(|o| seen[o.point] += 1);
@@ -174,7 +180,7 @@ impl Bundle {
         seen
     }
 
-    /// The median difference of observations from where their points are seen, pixels; not a number without observations.
+    /// The median residual, pixels; not a number without observations.
     pub(crate) fn median_error(&self) -> f64 {
         let mut errors = self.errors();
         errors.sort_unstable_by(f64::total_cmp);

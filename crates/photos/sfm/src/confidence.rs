@@ -1,36 +1,37 @@
-//! How much an estimate is to be believed.
+//! Confidence in an estimate.
 
 use crate::estimate::Estimate;
 
-/// From this part of what the best explanation explains, another one is a rival.
+/// Another explanation is a rival from this part of the best one's support on.
 const RIVAL: f64 = 0.75;
-/// An estimate is doubtful whose points are this far off in the median, pixels.
+/// An estimate is doubtful if the median residual is larger, pixels.
 const OFF: f64 = 1.0;
-/// Accuracy that cameras need: degrees, part of the spread of centers, part of the focal length.
+/// Required accuracy of cameras: degrees, part of the spread of centers, part of the focal length.
 const TURN: f64 = 2.0;
 const CENTER: f64 = 0.05;
 const FOCAL: f64 = 0.05;
-/// Number of standard deviations that must lie within that.
+/// Number of standard deviations that must lie within that. With 3 in place of 2.5, more right estimates were called
+/// doubtful; with 2, more wrong ones good.
 const SURE: f64 = 2.5;
 
 /// Confidence in an estimate.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Confidence {
-    /// Nothing speaks against it.
+    /// No doubt.
     Good,
     /// Other cameras explain the photos nearly as well.
     Ambiguous,
-    /// Points are not where photos see them.
+    /// Residuals are large.
     Inexact,
-    /// The focal length is not known, and two photos hardly tell it.
+    /// The focal length is not given, and two photos hardly determine it.
     Guessed,
-    /// Parts of the scene have too little in common to tell how they stand to each other, or matches contradict it.
+    /// Parts of the scene have too little in common to fix their relative place, or matches contradict it.
     Untied,
     /// The focal length may be more than 5 % off.
     LooseFocal,
     /// A photo's rotation may be more than 2 degrees off.
     LooseRotation,
-    /// A photo's place may be off by more than 5 % of how far photos are apart.
+    /// A photo's place may be off by more than 5 % of the spread of centers.
     LooseCenter,
     /// There are no cameras.
     None,
@@ -39,8 +40,8 @@ pub enum Confidence {
 impl Estimate {
     /// Confidence in the cameras.
     ///
-    /// They are good where they are expected to be within 2 degrees, 5 % of the spread of their centers, and 5 % of the focal
-    /// length: two and a half of their standard deviations are.
+    /// They are good if 2.5 of their standard deviations are within 2 degrees, 5 % of the spread of their centers, and
+    /// 5 % of the focal length.
     pub fn confidence(&self) -> Confidence {
         let [turn, center] = self.uncertainty.as_ref().map_or([f64::INFINITY; 2], |u| u.most());
         let focal = self.uncertainty.as_ref().map_or(f64::INFINITY, |u| u.focal);

@@ -1,4 +1,4 @@
-//! What the surroundings of a keypoint look like: directions and histograms of gradients.
+//! Descriptors of keypoints: directions and histograms of gradients of their surroundings.
 
 use crate::scale_space::Gradients;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
@@ -23,15 +23,15 @@ const PEAK: f32 = 0.8;
 const CELLS: usize = 4;
 const DIRECTIONS: usize = 8;
 const CELL: f32 = 3.2;
-/// Largest part of a descriptor's length that the square of one number may have: glare counts for no more.
+/// Largest part of a descriptor's length that the square of one number may have, which limits the effect of glare.
 const GLARE: f32 = 0.2;
-/// Samples to a side of a patch, as many as lanes: less than the keypoint's deviation apart, so that a blurred image has nothing
-/// in between.
+/// Samples to a side of a patch, as many as lanes: less than the keypoint's deviation apart, so that a blurred image
+/// has nothing in between.
 const SIDE: usize = LANES;
 /// Cells across a patch of a descriptor: half a cell beyond the outer ones still counts for them.
 const ACROSS: f32 = CELLS as f32 + 1.0;
 
-/// Where a keypoint is in an image, pixels, and the deviation that it was found with.
+/// Place of a keypoint in an image, pixels, and the deviation that it was found with.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub at: Vec2,
@@ -71,7 +71,7 @@ impl<V: Lanes<Scalar = f32>> Patch<V> {
     /// Samples `step` apart, pixels, along axes that are turned; beyond the border lie its gradients.
     #[inline(always)]
     fn new(image: &Gradients, at: Vec2, step: Vec2) -> Self {
-        // Adding it leaves no room for fractions: what is left is the nearest whole number.
+        // Adding it leaves no room for fractions, which rounds to the nearest whole number.
         const WHOLE: f32 = 8_388_608.0;
         let (mut across, mut down) = ([V::zero(); SIDE], [V::zero(); SIDE]);
         let middle = 0.5 * (SIDE as f32 - 1.0);
@@ -156,7 +156,7 @@ impl LaneKernel<f32> for Directions<'_> {
     }
 }
 
-/// Directions of a keypoint: where the histogram of gradients around it peaks.
+/// Directions of a keypoint: the peaks of the histogram of gradients around it.
 pub(crate) fn orientations(image: &Gradients, place: Place) -> impl Iterator<Item = f32> {
     let raw = lanes::run(Directions(image, place));
     let at = |i: usize, by: usize| raw[(i + BINS + by - 2) % BINS];
@@ -247,8 +247,8 @@ fn rounded<V: Lanes<Scalar = f32>>(histogram: &[f32; DESCRIPTOR]) -> [u8; DESCRI
     out
 }
 
-/// Histograms of gradients in 4 x 4 cells, turned with the keypoint; the square roots of the normalized numbers, whose length is
-/// [`LENGTH`].
+/// Histograms of gradients in 4 x 4 cells, turned with the keypoint; the square roots of the normalized numbers, whose
+/// length is [`LENGTH`].
 pub(crate) fn describe(image: &Gradients, place: Place, angle: f32) -> [u8; DESCRIPTOR] {
     lanes::run(Cells(image, place, angle))
 }

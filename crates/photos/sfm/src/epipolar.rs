@@ -1,9 +1,9 @@
-//! What two cameras say about where a point of one is in the other.
+//! Epipolar geometry: the places in one camera where a point of another may be.
 
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose, so3};
 
-/// The fundamental matrix of two cameras, and how far from its line a point may be.
+/// The fundamental matrix of two cameras, and the largest distance of a match from its line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Epipolar {
     fundamental: DMat3,
@@ -32,7 +32,7 @@ impl Epipolar {
         self.line(first).dot(second.extend(1.0)).abs() <= self.farthest
     }
 
-    /// Pixels from its line that a point may be.
+    /// Largest distance of a match from its line, pixels.
     pub fn farthest(&self) -> f64 {
         self.farthest
     }

@@ -1,4 +1,4 @@
-//! Cameras of photos of which nothing else is known.
+//! Cameras of photos without any other information.
 
 use crate::bundle::{Bundle, Observation};
 use crate::features::Features;
@@ -12,59 +12,59 @@ use std::borrow::Cow;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Pose, Similarity};
 
-/// The part of the points, the farthest, that says nothing about the size of a scene.
+/// The part of the points, the farthest, that is left out of the size of a scene.
 const FARTHEST: f64 = 0.02;
 /// A photo with fewer keypoints has no texture.
 const TEXTURE: usize = 30;
 
-/// Why a photo has no camera.
+/// The reason why a photo has no camera.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum LeftOut {
-    /// Nothing in it is found again: no texture, blur, or a mask.
+    /// No keypoints to match: no texture, blur, or a mask.
     Textureless,
     /// It has nothing in common with the others.
     Unmatched,
-    /// It was taken from the place of others, by turning or not at all: how far anything is away cannot be told.
+    /// It was taken from the place of others, with a rotation or none: depth cannot be determined.
     OnePlace,
-    /// It shows something in common with others, but too little, or of another scene.
+    /// Too few matches with others, or another scene.
     Unplaced,
 }
 
-/// Estimated cameras, and what they were found by.
+/// Estimated cameras, and the points and observations behind them.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// The camera of each photo, or why it has none. The first is the origin; the mean distance from it to the points is 1, the
-    /// farthest 2 % aside.
+    /// The camera of each photo, or the reason why it has none. The first is the origin; the mean distance from it to
+    /// the points is 1, without the farthest 2 %.
     pub cameras: Vec<Result<Camera, LeftOut>>,
     /// The radial distortion of each photo's lens, where one was found.
     pub distortion: Vec<Option<Distortion>>,
     /// The points that photos agree about.
     pub points: Vec<DVec3>,
-    /// Where they were seen, ascending by point; cameras by number of the photo, pixels those of the photo as it is.
+    /// Observations of the points, ascending by point; cameras by number of the photo, in pixels of the photo as given.
     pub observations: Vec<Observation>,
-    /// Median difference between where points are and were seen, pixels.
+    /// Median residual, pixels.
     pub error: f64,
     /// Points that each photo sees.
     pub seen: Vec<usize>,
     /// Expected errors of focal lengths, rotations and centers; `None` without cameras, or where nothing holds them.
     pub uncertainty: Option<Uncertainty>,
-    /// Explained part of the best explanation with other rotations, over that of the one that was taken: 0 if none was met.
+    /// Support of the best explanation with other rotations, over the support of the chosen one: 0 if there was none.
     pub rival: f64,
-    /// Photos with a camera that only matches which may be chance tie to most of the others; where there are none, the part of the scene
-    /// of whose place there is most doubt, if more than half as many matches contradict it as hold it.
+    /// Photos with a camera whose matches with most of the others may be chance; if there are none, the part of the
+    /// scene with the most doubtful place, if more than half as many matches contradict it as hold it.
     pub untied: Vec<usize>,
-    /// Ratio of focal lengths to what they were told, by the lens of which that is farthest from 1; 1 where none was.
+    /// Ratio of estimated to given focal lengths, for the lens whose ratio is farthest from 1; 1 where none was given.
     pub focal_factor: f64,
-    /// True if focal lengths were not known, and there are too few photos to tell them.
+    /// True if focal lengths were not given, and there are too few photos to determine them.
     pub focal_guessed: bool,
 }
 
-/// Estimates the cameras of photos and the points that they show: features, matches, relative poses of pairs, a scene that
-/// grows photo by photo from the best pair, and adjustment of all of it.
+/// Estimates the cameras of photos and the points that they show: features, matches, relative poses of pairs, a scene
+/// that grows photo by photo from the best pair, and adjustment of all of it.
 ///
-/// Where focal lengths are not known, pairs vote for them. Beginnings are tried until two lead to the same, and what explains
-/// most is taken. Photos that are only [located](Photo::located) change nothing of what the others find, to the bit. The same
-/// bits at any number of threads.
+/// Where focal lengths are not known, pairs vote for them. Initial pairs are tried until two lead to the same scene,
+/// and the scene with the largest support is taken. Photos that are only [located](Photo::located) do not change the
+/// result of the others, to the bit. The same bits at any number of threads.
 ///
 /// Sources: Schönberger and Frahm, Structure-from-Motion Revisited, 2016, for the order of growth; relative poses as in
 /// [`two_view`](crate::two_view()).
@@ -104,7 +104,7 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> Estimate {
 pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &EstimateOptions) -> Estimate {
     assert_eq!(photos.len(), features.len(), "features of each photo");
     let taken: Vec<Taken> = photos.iter().map(Taken::of).collect();
-    // Those that are only located are not there at all while the others are found.
+    // Photos that are only located take no part while the others are found.
     let numbers: Vec<usize> = (0..photos.len()).filter(|i| !photos[*i].located).collect();
     let of_those = if numbers.len() == photos.len() {
         Cow::Borrowed(features)
@@ -119,7 +119,7 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     let Some((bundle, placed)) = found else {
         let mut none = without_cameras(features, &pairs, &vec![false; photos.len()]);
         if one_place {
-            // What is only located would be found among others that have no place.
+            // Photos that are only located have nothing to be located in when the others have no place.
             let turned = |i: usize| photos[i].located || pairs.posed.iter().any(|pair| pair.photos.contains(&i));
             for (i, camera) in none.cameras.iter_mut().enumerate() {
                 if *camera != Err(LeftOut::Textureless) && turned(i) {
@@ -150,14 +150,14 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     estimate
 }
 
-/// Ratio of focal lengths to what they were told, by the lens of which that is farthest from 1.
+/// Ratio of estimated to given focal lengths, for the lens whose ratio is farthest from 1.
 fn focal_factor(bundle: &Bundle, placed: &[bool], taken: &[Taken]) -> f64 {
     let tells = (0..placed.len()).filter(|i| placed[*i] && taken[*i].focal.is_some());
     let off = tells.map(|photo| bundle.lenses[bundle.lens_of[photo]].log_focal);
     off.reduce(|a, b| if b.abs() > a.abs() { b } else { a }).map_or(1.0, f64::exp)
 }
 
-/// No cameras, and why, for photos without a place.
+/// An estimate without cameras, with the reasons for photos without a place.
 fn without_cameras(features: &[Features], pairs: &Pairs, placed: &[bool]) -> Estimate {
     let reason = |photo: usize| {
         let mut posed = pairs.posed.iter().filter(|pair| pair.photos.contains(&photo)).peekable();

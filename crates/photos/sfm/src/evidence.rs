@@ -1,12 +1,13 @@
-//! What is known before the first camera stands, and how much of it is believed.
+//! The evidence before the first camera is placed, and the trust in it.
 
 use crate::features::Features;
 use crate::pairs::Pair;
 use crate::tracks::Track;
 
-/// An observation fits that is off by less than this, in deviations of keypoints.
+/// Largest residual of an observation that fits, in deviations of keypoints.
 pub(crate) const FITS: f64 = 4.0;
-/// Explanations are told apart by what they explain to this: a wrong focal length explains as much, but less exactly.
+/// Explanations are compared by observations within this tolerance, in deviations of keypoints: a wrong focal length
+/// explains as many, but less exactly.
 pub(crate) const EXACT: f64 = 0.5;
 /// Steps of an adjustment while a scene grows.
 pub(crate) const STEPS: usize = 12;
@@ -17,17 +18,17 @@ pub(crate) struct Evidence<'a> {
     pub features: &'a [Features],
     pub pairs: &'a [Pair],
     pub tracks: &'a [Track],
-    /// Which photos take no part.
+    /// True for photos that take no part.
     pub absent: &'a [bool],
     pub trust: Trust,
 }
 
-/// Evidence that a photo's place needs.
+/// Evidence required for a photo's place.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Trust {
-    /// The fewest points that a photo must see where they are.
+    /// The fewest points that must fit.
     pub fewest: usize,
-    /// The least share of the points in its view that it must see where they are.
+    /// The least share of the points in its view that must fit.
     pub share: f64,
     /// True if matches with placed photos are enough, where they have no points in common.
     pub matches_alone: bool,

@@ -6,14 +6,14 @@ use weaver_geometry::glam::{DVec2, Mat3, Vec2, Vec3};
 use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 use weaver_kernels::parallel;
 
-/// Least contrast of a keypoint, of a photo from 0 to 1, over the scales of an octave.
+/// Least contrast of a keypoint in a photo from 0 to 1, over the scales of an octave.
 const CONTRAST: f32 = 0.01;
-/// Largest ratio of the two curvatures of a keypoint: edges are nowhere along themselves.
+/// Largest ratio of the two curvatures of a keypoint: along an edge a place is undetermined.
 const EDGE: f32 = 12.0;
 /// Pixels at the border in which there are no keypoints.
 const BORDER: usize = 5;
-/// Largest distance of a keypoint from its pixel, in pixels and scales: more than half, so that one in the middle of two is not sent
-/// to and fro.
+/// Largest distance of a keypoint from its pixel, in pixels and scales: more than half, so that a keypoint in the
+/// middle of two does not oscillate.
 const NEAR: f32 = 0.6;
 /// Moves of a keypoint to the neighboring pixel while it is refined.
 const MOVES: usize = 5;
@@ -22,10 +22,10 @@ const GRAIN: usize = 16;
 /// Pixels of a vector and its neighbors.
 const WINDOW: usize = LANES + 2;
 
-/// A place that is found again in other photos.
+/// A place that can be found again in other photos.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Keypoint {
-    /// Where it is, pixels; centers of pixels are at .5.
+    /// Its place, pixels; centers of pixels are at .5.
     pub pixel: DVec2,
     /// Deviation of the Gaussian that it was found with, pixels.
     pub scale: f64,
@@ -40,28 +40,28 @@ pub(crate) fn gray(rgb: &[u8]) -> Vec<f32> {
     rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect()
 }
 
-/// The keypoints of a photo, with what they look like.
+/// The keypoints of a photo, with their descriptors.
 #[derive(Clone, Debug, Default)]
 pub struct Features {
-    /// `N` keypoints, the ones that stand out most first.
+    /// `N` keypoints by falling contrast.
     pub keypoints: Vec<Keypoint>,
-    /// `[N, 128]`: square roots of normalized histograms, in whole numbers up to 127. Lengths are 250 up to rounding, so that
-    /// the product of two has 16 bits.
+    /// `[N, 128]`: square roots of normalized histograms, in whole numbers up to 127. Lengths are 250 up to rounding,
+    /// so that the product of two has 16 bits.
     pub descriptors: Vec<u8>,
 }
 
 /// An extremum of the differences of blurred images.
 #[derive(Clone, Copy, Debug)]
 struct Extremum {
-    /// Where it is in its image.
+    /// Its place in its image.
     place: Place,
-    /// The image whose blur is nearest to its scale, among those of all octaves.
+    /// The image whose blur is nearest to its scale, over all octaves.
     image: usize,
-    /// Where it is in the photo, and its scale there.
+    /// Its place in the photo, and its scale there.
     pixel: DVec2,
     scale: f64,
     contrast: f32,
-    /// Number of those with more contrast.
+    /// Number of extrema with more contrast.
     rank: usize,
 }
 
@@ -69,10 +69,11 @@ impl Features {
     /// SIFT features of a gray photo `[height, width]` from 0 to 1, at most `most` of them: extrema of differences of
     /// Gaussians with histograms of gradients, whose square roots are compared.
     ///
-    /// Small photos are enlarged first. Where `mask` `[height, width]` is false there are none. The same at any number of threads.
+    /// Small photos are enlarged first. Where `mask` `[height, width]` is false there are none. The same at any number
+    /// of threads.
     ///
-    /// Sources: Lowe, Distinctive image features from scale-invariant keypoints, 2004; Arandjelovic and Zisserman, Three
-    /// things everyone should know to improve object retrieval, 2012, for the square roots.
+    /// Sources: Lowe, Distinctive image features from scale-invariant keypoints, 2004; Arandjelovic and Zisserman,
+    /// Three things everyone should know to improve object retrieval, 2012, for the square roots.
     ///
     /// ```
     /// use weaver_sfm::Features;
@@ -104,7 +105,7 @@ impl Features {
         extrema.retain(|e| e.rank < most);
         extrema.sort_by_key(|e| e.image);
         let mut found: Vec<Vec<(Keypoint, [u8; DESCRIPTOR])>> = vec![Vec::new(); extrema.len()];
-        // One image after the other, and each row by row: what is read lies close together.
+        // One image after the other, and each row by row, so that reads lie close together.
         let mut gradients = Gradients::default();
         let mut rest = &mut found[..];
         for extrema in extrema.chunk_by(|a, b| a.image == b.image) {
@@ -259,7 +260,8 @@ fn neighbors<V: Lanes<Scalar = f32>>(row: &[f32], x: usize) -> [V; 3] {
     [vector(0), vector(1), vector(2)]
 }
 
-/// The extremum near a pixel, between pixels and scales; `None` if it has little contrast, lies on an edge, or leads away.
+/// The extremum near a pixel, between pixels and scales; `None` if it has little contrast, lies on an edge, or leads
+/// away.
 fn refined(octave: &Octave, images: usize, mut layer: usize, mut x: usize, mut y: usize) -> Option<Extremum> {
     let (width, height) = (octave.width, octave.height);
     for _ in 0..MOVES {

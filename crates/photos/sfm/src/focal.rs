@@ -1,4 +1,4 @@
-//! The focal length of photos that do not tell it, from how well pairs of them explain themselves with each.
+//! The focal length of photos without one, from the support of pairs at each candidate.
 
 use crate::features::Features;
 use crate::lenses::USUAL;
@@ -8,30 +8,31 @@ use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::parallel;
 
-/// Focal lengths that pairs vote for, over what is usual: the shortest, the ratio of neighbors, and how many there are.
+/// Focal lengths that pairs vote for, over the usual one: the shortest, the ratio of neighbors, and their number.
 const SHORTEST: f64 = 0.45;
 const RATIO: f64 = 1.09;
 const COUNT: usize = 24;
-/// Those, by number, with which a pose is looked for; it is followed from there to the others.
+/// Numbers of the focal lengths at which a pose is searched; it is followed from there to the others.
 const STARTS: [usize; 3] = [3, 9, 15];
-/// Pairs that vote, and of how many a photo may be one.
+/// Pairs that vote, at most, and most of one photo.
 const VOTERS: usize = 18;
 const OF_ONE: usize = 4;
-/// Matches of a voter, at least, and those that count, the clearest.
+/// Fewest matches of a voter, and the clearest ones that count.
 const FEWEST: usize = 30;
 const CLEAREST: usize = 200;
-/// Displacements that differ by this part of the longer side are of photos that are well apart.
+/// A spread of displacements, over the longer side, that shows that photos are well apart.
 const WIDE: f64 = 0.04;
-/// Another focal length is tried that this part of the support speaks for.
+/// Another peak is tried if it has at least this part of the best support.
 const RIVAL: f64 = 0.985;
 /// Cost of an unusual focal length: matches for the square of its logarithm.
 const UNUSUAL: f64 = 2.0;
 
-/// Focal lengths over what is usual that pairs of photos have their greatest support with, the best first; `cameras` have the
-/// usual one, and only their intrinsics count. Nothing where no pair tells.
+/// Focal lengths over the usual one at which pairs of photos have their greatest support, the best first; `cameras`
+/// have the usual one, and only their intrinsics count. Empty if no pair decides.
 ///
-/// For each pair and focal length, the pose is found that most matches agree with; the sums over pairs are compared. Pairs that
-/// stand nearly still agree with any focal length, so those vote whose displacements differ most.
+/// For each pair and focal length, the pose with the most agreeing matches is found; the sums over pairs are compared.
+/// Pairs that stand nearly still agree with any focal length, so the pairs with the largest spread of displacements
+/// vote.
 pub(crate) fn voted(
     features: &[Features],
     cameras: &[Camera],
@@ -60,7 +61,7 @@ fn factor(number: usize) -> f64 {
     SHORTEST * RATIO.powi(number as i32) / USUAL
 }
 
-/// Where between its neighbors a peak is.
+/// Position of a peak between its neighbors.
 fn between([before, here, after]: [f64; 3]) -> f64 {
     let by = 0.5 * (after - before) / (2.0 * here - before - after);
     if by.is_finite() { by.clamp(-0.5, 0.5) } else { 0.0 }
@@ -123,7 +124,7 @@ impl Pixels {
     }
 }
 
-/// The pairs that vote: those with most matches that are well apart, not all of the same photos.
+/// The pairs that vote: well apart, with the most matches, and not all of the same photos.
 fn voters(pixels: &[Pixels], matched: &[([usize; 2], Vec<Match>)]) -> Vec<usize> {
     let value = |i: usize| (pixels[i].matches.len() as f64).sqrt() * (pixels[i].spread / WIDE).min(1.0);
     let mut order: Vec<usize> = (0..matched.len()).filter(|i| matched[*i].1.len() >= FEWEST).collect();

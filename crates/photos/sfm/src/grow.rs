@@ -13,17 +13,17 @@ use weaver_kernels::parallel;
 /// Scales of an adjustment while the scene grows and in the end, in deviations of keypoints, and its steps.
 const GROWING: [(f64, usize); 1] = [(4.0, 8)];
 const GROWN: [(f64, usize); 2] = [(4.0, STEPS), (2.0, STEPS)];
-/// Cameras join together that see at least this part of what the best one sees.
+/// Cameras join together if their inlier count is at least this part of the best one's.
 const TOGETHER: f64 = 0.4;
-/// Where the matches of some photos agree with their places by this share, others wait.
+/// If some photos' matches agree with their places by this share, other photos wait.
 const CLEAR: f64 = 0.8;
-/// A camera that sees fewer points is lost again.
+/// A camera that sees fewer points loses its place again.
 const LOST: usize = 6;
-/// Number of times that photos are taken out again that most of their matches speak against.
+/// Number of times that photos are taken out again because most of their matches contradict their place.
 const RETRACTIONS: usize = 5;
 /// The share of its matches that must agree with a photo's pose in the end.
 const MOST: f64 = 0.5;
-/// Angles between rays that are wide enough to begin with, radians.
+/// Angle between rays that is wide enough for an initial pair, radians.
 const WIDE: f64 = 0.1;
 
 /// A scene with the cameras that have a place in it.
@@ -31,11 +31,11 @@ const WIDE: f64 = 0.1;
 pub(crate) struct Grown {
     pub bundle: Bundle,
     pub placed: Vec<bool>,
-    /// Explained part of the observations.
+    /// Support: the sum of the observations' weights by their residuals.
     pub support: f64,
 }
 
-/// The pairs to begin with, the best first: many matches, seen from different places.
+/// Initial pairs, the best first: many matches, seen from different places.
 pub(crate) fn beginnings(evidence: &Evidence<'_>) -> Vec<usize> {
     let value = |pair: &Pair| pair.score * (pair.parallax / WIDE).min(1.0) * (1.0 - pair.turned);
     let present = |i: &usize| evidence.pairs[*i].photos.iter().all(|p| !evidence.absent[*p]);
@@ -46,7 +46,7 @@ pub(crate) fn beginnings(evidence: &Evidence<'_>) -> Vec<usize> {
 }
 
 impl Grown {
-    /// Two photos with their relative pose. `bundle` has a camera for each photo, of which the poses do not count.
+    /// Two photos with their relative pose. `bundle` has a camera for each photo; their poses are ignored.
     pub fn new(mut bundle: Bundle, [a, b]: [usize; 2], pose: &Pose) -> Self {
         let mut placed = vec![false; bundle.cameras.len()];
         (placed[a], placed[b]) = (true, true);
@@ -55,14 +55,14 @@ impl Grown {
         Self { bundle, placed, support: 0.0 }
     }
 
-    /// Places photo after photo, as long as one sees enough of what there is.
+    /// Places photo after photo, as long as one sees enough points of the scene.
     pub fn grow(&mut self, evidence: &Evidence<'_>) {
         let Self { bundle, placed, support } = self;
         let mut refused = evidence.absent.to_vec();
         let mut retractions = RETRACTIONS;
         let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();
         loop {
-            // Two cameras hardly say what their focal length is.
+            // Two cameras hardly determine their focal length.
             let several = placed.iter().filter(|p| **p).count() > 2;
             let freed: Vec<bool> = free.iter().map(|free| *free && several).collect();
             bundle.free_focal(&freed, placed);
@@ -109,7 +109,7 @@ impl Grown {
         self.join(&Evidence { absent: &absent, ..*evidence });
     }
 
-    /// Places, once, every photo that sees enough of what there is; nothing else moves.
+    /// Places, once, every photo that sees enough points of the scene; nothing else moves.
     pub fn join(&mut self, evidence: &Evidence<'_>) {
         let missing: Vec<bool> = self.placed.iter().map(|placed| !placed).collect();
         let all = self.bundle.observe(evidence.features, evidence.tracks, &missing, 2.0 * FITS);
@@ -119,7 +119,7 @@ impl Grown {
     }
 }
 
-/// Finds points and adjusts them with the cameras; returns what all photos see of them.
+/// Finds points and adjusts them with the cameras; returns the observations of the points in all photos.
 fn adjusted(
     evidence: &Evidence<'_>,
     bundle: &mut Bundle,
@@ -144,7 +144,7 @@ fn lost(bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
     (0..placed.len()).filter(|i| placed[*i] && seen[*i] < LOST).collect()
 }
 
-/// Photos that most of their matches with other placed ones speak against.
+/// Photos whose matches with other placed ones mostly contradict their place.
 fn contradicted(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
     let wrong = |photo: &usize| {
         let [agree, all] = tally(evidence, bundle, placed, &bundle.cameras[*photo].pose, *photo);
@@ -153,7 +153,7 @@ fn contradicted(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> Ve
     (0..placed.len()).filter(wrong).collect()
 }
 
-/// Exactly explained part, less the cost of an unexpected focal length.
+/// Support: the exactly fitting part of the observations, less the cost of an unexpected focal length.
 pub(crate) fn explained(bundle: &Bundle) -> f64 {
     let agreed = bundle.agreed();
     let value = |(o, fit): (&Observation, f64)| if agreed[o.point] { fit } else { 0.0 };
@@ -174,7 +174,7 @@ fn join(
     let agreed = bundle.agreed();
     let mut seen: Vec<Vec<Observation>> = vec![Vec::new(); placed.len()];
     all.iter().filter(|o| agreed[o.point]).for_each(|o| seen[o.camera].push(*o));
-    // By pixel, so that what a keypoint shows is found fast.
+    // By pixel, so that the points of a keypoint are found fast.
     seen.iter_mut().for_each(|seen| seen.sort_by(|a, b| by_pixel(a.pixel, b.pixel)));
     let mut found: Vec<Option<Place>> = vec![None; placed.len()];
     parallel::for_chunks(&mut found, 1, |photo, found| {
@@ -182,7 +182,7 @@ fn join(
             found[0] = place(evidence, bundle, placed, &seen, photo);
         }
     });
-    // Those first of which nothing speaks against the place: what they add tells where the others belong.
+    // Photos without contradicting matches come first: the points that they add decide the places of the others.
     let clear = found.iter().flatten().any(|f| f.share >= CLEAR);
     found.iter_mut().for_each(|found| *found = found.filter(|f| !clear || f.share >= CLEAR));
     let most = found.iter().flatten().map(|f| f.count).max().unwrap_or(0);

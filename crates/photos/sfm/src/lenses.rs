@@ -1,4 +1,4 @@
-//! The lenses that photos were taken with, and how long their focal lengths are before anything is seen.
+//! The lenses that photos were taken with, and their focal lengths before any matching.
 
 use crate::bundle::{Bundle, Lens};
 use crate::photo::{EstimateOptions, Photo};
@@ -33,25 +33,26 @@ impl Taken {
     }
 }
 
-/// Expected focal length where nothing is known, over the longer side, and the standard deviation of its logarithm.
+/// Expected focal length without any other information, over the longer side, and the standard deviation of its
+/// logarithm.
 pub(crate) const USUAL: f64 = 0.9;
 const UNKNOWN: f64 = 0.4;
-/// Standard deviation of where a keypoint is found, pixels.
+/// Standard deviation of a keypoint's position, pixels.
 pub(crate) const PIXEL: f64 = 0.5;
-/// Ratios of sensors' sides: from those of phones to those of cameras. Other proportions are crops.
+/// Ratios of sensors' sides, from phones to cameras. Other proportions are crops.
 const SENSOR: [f64; 2] = [4.0 / 3.0, 1.5];
 
-/// Exactness of keypoints, pixels of the photo that has most.
+/// Exactness of keypoints, in pixels of the largest photo.
 pub(crate) fn tau(photos: &[Taken]) -> f64 {
     photos.iter().map(|p| p.size[1] as f64 / 384.0).fold(0.5, f64::max)
 }
 
-/// Which lens took which photo, numbered without gaps.
+/// The lenses of photos, numbered without gaps.
 struct Lenses {
     /// The lens of each photo.
     of: Vec<usize>,
-    /// Of each lens, what part of the sensor's longer side its photos are expected to show: the largest crops of their
-    /// proportions do. Proportions are all that is left of a crop once a photo is resized.
+    /// For each lens, the part of the sensor's longer side that its photos are expected to show, as for the largest
+    /// crop of their proportions. Proportions are all that is left of a crop once a photo is resized.
     shown: Vec<f64>,
     /// The lens that most photos have.
     common: usize,
@@ -87,9 +88,9 @@ fn median(mut of: Vec<f64>) -> Option<f64> {
 }
 
 impl EstimateOptions {
-    /// Cameras without poses. A photo that does not tell its focal length has that of the others of its lens. Where these do
-    /// not either, it has that of all others or, where none does, this factor of the longer side; what of the sensor it shows
-    /// is taken into account.
+    /// Cameras without poses. A photo without a focal length takes the median of its lens's others. If these have none
+    /// either, it takes the median of all photos or, if none has one, this factor of the longer side; the part of the
+    /// sensor that it shows is taken into account.
     pub(crate) fn bundle(&self, photos: &[Taken], factor: f64) -> Bundle {
         let lenses = Lenses::new(photos);
         let each = || photos.iter().zip(&lenses.of);
@@ -128,8 +129,9 @@ impl EstimateOptions {
 }
 
 impl Bundle {
-    /// The cameras of `photos`, of which those with these numbers, ascending, are this bundle's. The others have the lens of one of
-    /// these where they share it, with the focal length that they tell; or one of their own, as long as they tell or as these are.
+    /// The cameras of `photos`; this bundle holds the cameras with these numbers, ascending. The others share the lens
+    /// of one of these if it is the same, with their given focal length; else they have one of their own, with their
+    /// given focal length or the median of these.
     pub(crate) fn among(self, numbers: &[usize], photos: &[Taken]) -> Self {
         let lenses = Lenses::new(photos);
         let of_longer = |i: usize| self.camera(i).intrinsics.fx / photos[numbers[i]].longer();
@@ -163,15 +165,15 @@ impl Bundle {
         all
     }
 
-    /// Of each lens, whether a photo with a place has it.
+    /// True for lenses of photos with a place.
     fn in_use(&self, placed: &[bool]) -> Vec<bool> {
         let mut used = vec![false; self.lenses.len()];
         self.lens_of.iter().zip(placed).for_each(|(lens, placed)| used[*lens] |= placed);
         used
     }
 
-    /// Frees the focal lengths of lenses that are `free` and in use. The others' are not adjusted, as nothing is seen through
-    /// them: those that are free follow the lenses in use.
+    /// Frees the focal lengths of lenses that are `free` and in use. Others are not adjusted, as they have no
+    /// observations: `free` ones follow the lenses in use.
     pub(crate) fn free_focal(&mut self, free: &[bool], placed: &[bool]) {
         let of_placed = self.lens_of.iter().zip(placed).filter(|(_, placed)| **placed);
         let middle = median(of_placed.map(|(lens, _)| self.lenses[*lens].log_focal).collect()).unwrap_or(0.0);

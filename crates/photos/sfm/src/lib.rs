@@ -1,11 +1,12 @@
 //! Structure from motion: cameras and points from photos, by features and least squares alone.
 //!
-//! - [`Features`]: keypoints of a photo and what they look like. [`matches()`]: which of two photos are the same. [`tracks`]:
-//!   which of many.
-//! - [`candidates`]: which photos may show the same things, of up to thousands; [`expansion`]: which others then may.
-//! - [`two_view`]: how two cameras stand to each other, from matches.
-//! - [`Bundle`]: cameras, lenses and points adjusted to all that was seen.
-//! - [`estimate()`]: all of it for photos of which nothing else is known.
+//! - [`Features`]: keypoints of a photo and their descriptors. [`matches()`]: matches between two photos. [`tracks`]:
+//!   matches joined over many photos.
+//! - [`candidates`]: pairs among thousands of photos that may show the same things; [`expansion`]: further pairs after
+//!   a first round.
+//! - [`two_view`]: the relative pose of two cameras, from matches.
+//! - [`Bundle`]: cameras, lenses and points adjusted to all observations.
+//! - [`estimate()`]: all of it for photos without any other information.
 //! - [`refine`]: all of it for cameras that are nearly right.
 //!
 //! The same bits at any number of threads.

@@ -1,4 +1,4 @@
-//! Photos that are only located, in what the others found.
+//! Photos that are only located, in the scene of the others.
 
 use crate::bundle::Bundle;
 use crate::evidence::{Evidence, Trust};
@@ -10,11 +10,11 @@ use crate::passes::{Pass, near};
 use crate::photo::EstimateOptions;
 use crate::retrieval::candidates;
 
-/// Largest error of a photo that pairs put in its place, in deviations of keypoints.
+/// Largest error of a place by pairs alone, in deviations of keypoints.
 const ASTRAY: f64 = 32.0;
 
-/// The cameras of all photos, those of `numbers` with the cameras and points of `scene`, as they are; which have a place; and
-/// what pairs say, those of photos that are only located too.
+/// The cameras of all photos, for `numbers` with the cameras and points of `scene`, as they are; the photos that have a
+/// place; and all pairs, including the photos that are only located.
 pub(crate) fn locate(
     taken: &[Taken],
     features: &[Features],
@@ -36,7 +36,7 @@ pub(crate) fn locate(
     pairs.posed.extend(pairs::posed(features, &cameras, &matched, tau(taken)));
     pairs.matched.extend(matched);
     let tracks = linked(features, &pairs.posed);
-    // Of the others those without a place get none here.
+    // Other photos without a place get none here.
     let evidence = Evidence { features, pairs: &pairs.posed, tracks: &tracks, absent: &others, trust: Trust::PAIRS };
     let before = placed.clone();
     let mut found = Grown { bundle: bundle.clone(), placed: before.clone(), support: 0.0 };
@@ -45,7 +45,7 @@ pub(crate) fn locate(
     let near = near(&found.bundle, &found.placed, settings.candidates);
     let located: Vec<bool> = before.iter().map(|placed| !placed).collect();
     found.bundle.fixed = before;
-    // Pairs alone can put a photo a few degrees off: what is right is then far from epipolar lines.
+    // Pairs alone can put a photo a few degrees off: right matches are then far from epipolar lines.
     let passes = std::iter::once(Pass::wide(ASTRAY)).chain(Pass::FINE);
     passes.for_each(|pass| found.bundle.pass(features, &near, &located, &pass));
     bundle.cameras = found.bundle.cameras;

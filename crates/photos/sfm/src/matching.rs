@@ -1,4 +1,4 @@
-//! Which keypoints of two photos are the same.
+//! Matches between the keypoints of two photos.
 
 mod near;
 
@@ -8,20 +8,20 @@ use crate::features::Features;
 use near::Near;
 use weaver_kernels::byte_products::{TopTwo, chosen_products, top_products};
 
-/// Largest distance to the best keypoint over that to the second best.
+/// Largest distance to the best keypoint over the distance to the second best.
 const RATIO: f32 = 0.85;
-/// Similarity of keypoints that have nothing to do with each other: the second best is taken to be as similar at least, where
-/// few come into question.
+/// Similarity of unrelated keypoints: the second best is taken to be at least as similar, where few candidates are
+/// left.
 const STRANGERS: f32 = 0.3;
 
-/// Two keypoints that look alike.
+/// Two similar keypoints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Match {
     /// Number of the keypoint in the first photo.
     pub first: u32,
     /// Number of the keypoint in the second photo.
     pub second: u32,
-    /// Distance over that to the second best keypoint; the smaller, the less is it to be mistaken.
+    /// Distance over the distance to the second best keypoint; the smaller, the less ambiguous.
     pub ratio: f32,
 }
 
@@ -35,8 +35,8 @@ impl Match {
 /// The pairs of keypoints that are each other's best, and in the second photo clearly better than all others (distance
 /// below 0.85 of the second smallest); the clearest first.
 ///
-/// Products of descriptors are whole numbers, so that the matches are the same with every instruction set. Where two keypoints of
-/// the first photo have the same best one, as similar to both, the first of them is taken.
+/// Products of descriptors are whole numbers, so that the matches are the same with every instruction set. Where two
+/// keypoints of the first photo have the same best one, as similar to both, the first of them is taken.
 ///
 /// Source: Lowe, Distinctive image features from scale-invariant keypoints, 2004, section 7.1.
 pub fn matches(first: &Features, second: &Features) -> Vec<Match> {
@@ -46,7 +46,8 @@ pub fn matches(first: &Features, second: &Features) -> Vec<Match> {
     mutual(&best, of_second)
 }
 
-/// Matches as [`matches()`] finds them, among the keypoints near each other's epipolar lines alone: what cameras rule out is no rival.
+/// Matches as [`matches()`] finds them, among the keypoints near each other's epipolar lines alone: keypoints that the
+/// cameras rule out are no rivals.
 pub fn matches_along(first: &Features, second: &Features, epipolar: &Epipolar) -> Vec<Match> {
     let near = Near::new(second);
     let mut best = vec![TopTwo::default(); first.keypoints.len()];
@@ -57,7 +58,7 @@ pub fn matches_along(first: &Features, second: &Features, epipolar: &Epipolar) -
         let count = near.band(epipolar.line(keypoint.pixel), epipolar.farthest(), &mut candidates);
         let (candidates, products) = (&candidates[..count], &mut products[..count]);
         chosen_products(descriptor, &near.descriptors, candidates, products);
-        // The larger of two keys is that of the larger product, or of the first of equal ones.
+        // The larger of two keys belongs to the larger product, or to the first of equal ones.
         let mut top = [0_u64; 2];
         for (at, product) in candidates.iter().zip(products) {
             let number = near.numbers[*at as usize];
@@ -90,7 +91,7 @@ fn mutual(best: &[TopTwo], mut of_second: Vec<u32>) -> Vec<Match> {
         }
     }
     matches.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
-    // Of a thousand photos, room that is not used is some of all that there is.
+    // With a thousand photos, unused capacity would be a good part of all memory.
     matches.shrink_to_fit();
     matches
 }

@@ -1,4 +1,4 @@
-//! Minimal solvers: the poses that as few observations as possible leave.
+//! Minimal solvers: poses from as few observations as possible.
 
 mod five_points;
 mod polynomial;

@@ -1,4 +1,4 @@
-//! Points of tracks, and where photos see them.
+//! Points of tracks, and their observations.
 
 use crate::bundle::{Bundle, Lens, Observation};
 use crate::features::{Features, Keypoint};
@@ -12,15 +12,15 @@ use weaver_kernels::parallel;
 /// Tracks of a task.
 const GRAIN: usize = 64;
 
-/// Cameras that look for points.
+/// Cameras that observe points.
 pub(crate) struct Observers<'a> {
     features: &'a [Features],
-    /// With their focal lengths, and as they were told.
+    /// With their focal lengths, and as given.
     cameras: Vec<Camera>,
     told: &'a [Camera],
     lenses: Vec<Lens>,
     sharpest: Vec<f64>,
-    /// Which find no points.
+    /// True for photos that find no points.
     located: &'a [bool],
     /// Largest error of a point's observation, pixels.
     farthest: f64,
@@ -40,12 +40,12 @@ impl<'a> Observers<'a> {
         self.features[photo].keypoints[number]
     }
 
-    /// Where a camera without distortion would see a keypoint.
+    /// The pixel of a keypoint in a camera without distortion.
     fn undistorted(&self, photo: usize, pixel: DVec2) -> DVec2 {
         self.lenses[photo].undistort(&self.told[photo], pixel)
     }
 
-    /// The point of each track that most photos which are not located agree about.
+    /// The point of each track that agrees with the most photos, located ones left out.
     pub fn points<T: AsRef<[(usize, usize)]> + Sync>(&self, tracks: &[T]) -> Vec<Option<DVec3>> {
         let mut points: Vec<Option<DVec3>> = vec![None; tracks.len()];
         parallel::for_chunks(&mut points, GRAIN, |chunk, points| {
@@ -61,7 +61,8 @@ impl<'a> Observers<'a> {
         points
     }
 
-    /// Where photos see the point of a track, which has this number. Cameras that are located only now may still be far off.
+    /// The observations of the point of a track, which gets the number `point`. Cameras that are located only now may
+    /// still be far off.
     pub fn observations(&self, track: &Track, position: DVec3, point: usize) -> impl Iterator<Item = Observation> {
         let near = move |(photo, k): &(usize, Keypoint)| {
             self.located[*photo]
@@ -78,7 +79,8 @@ impl<'a> Observers<'a> {
 }
 
 impl Bundle {
-    /// Triangulates tracks from the photos that are not located, and returns what all photos see of the points.
+    /// Triangulates tracks from the photos that are not located, and returns the observations of the points in all
+    /// photos.
     pub(crate) fn observe(
         &mut self,
         features: &[Features],

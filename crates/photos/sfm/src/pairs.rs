@@ -1,4 +1,4 @@
-//! Which photos show the same things, and how two that do stand to each other.
+//! Pairs of photos that show the same things, and their relative poses.
 
 use crate::features::Features;
 use crate::matching::{Match, matches};
@@ -8,9 +8,9 @@ use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::parallel;
 
-/// Matches, the clearest, from which a pose is found; it is judged by all.
+/// The clearest matches, from which a pose is found; all of them judge it.
 const CLEAREST: usize = 200;
-/// The share of matches from which on a mere turn explains a pair.
+/// The share of matches from which on a pure rotation explains a pair.
 const TURNED: f64 = 0.95;
 /// Matches of a pair that is certain.
 const CERTAIN: usize = 20;
@@ -45,7 +45,7 @@ pub(crate) struct Pairs {
 }
 
 impl Pairs {
-    /// The same, where the photos have these numbers, ascending.
+    /// The same with the photos numbered by `numbers`, ascending.
     pub fn renumbered(mut self, numbers: &[usize]) -> Self {
         self.matched.iter_mut().for_each(|(photos, _)| *photos = photos.map(|p| numbers[p]));
         self.posed.iter_mut().for_each(|pair| pair.photos = pair.photos.map(|p| numbers[p]));
@@ -68,25 +68,27 @@ pub(crate) struct Pair {
     /// Median angle between rays, radians.
     pub parallax: f64,
     pub score: f64,
-    /// The share of matches that a mere turn explains.
+    /// The share of matches that a pure rotation explains.
     pub turned: f64,
-    /// The share of what looked alike that agrees with the pose.
+    /// The share of the candidate matches that agrees with the pose.
     pub share: f64,
 }
 
 impl Pair {
-    /// True if a mere turn explains nearly all: how far anything is away is then unknown.
+    /// True if a pure rotation explains nearly all: depths are then undetermined.
     pub fn turned(&self) -> bool {
         self.turned > TURNED
     }
 
-    /// True if enough matches, and such a share of them, agree with the pose that it is not chance: repeated patterns and many photos make some pairs that are.
+    /// True if enough matches, and this share of them, agree with the pose that it is not chance: among repeated
+    /// patterns and many photos some pairs are.
     pub fn certain(&self, share: f64) -> bool {
         self.matches.len() >= CERTAIN && self.share >= share
     }
 }
 
-/// The relative poses of pairs, for cameras of which only the intrinsics count; `tau` is how exact keypoints are, pixels.
+/// The relative poses of pairs; only the intrinsics of the cameras are used. `tau` is the exactness of keypoints,
+/// pixels.
 pub(crate) fn posed(
     features: &[Features],
     cameras: &[Camera],
@@ -130,7 +132,8 @@ fn pose(
     apart.or_else(|| turned(*photos, found, &rays, tau))
 }
 
-/// Two photos of which a mere turn explains most. In copies of one nothing has a depth, so that no pose has anything in front.
+/// Two photos whose matches a pure rotation mostly explains. Copies of one photo have no depths, so that no pose has
+/// points in front.
 fn turned(photos: [usize; 2], found: &[Match], rays: &[[DVec2; 2]], tau: f64) -> Option<Pair> {
     let (rotation, explained) = rotation_only(rays, tau);
     if explained < FEWEST || 2 * explained < found.len() {
@@ -157,7 +160,7 @@ mod tests {
     use crate::features::Keypoint;
     use weaver_geometry::{Intrinsics, so3};
 
-    /// Two photos, the second of which shows the keypoints of the first after a turn; one match in `wrong` is none.
+    /// Two photos, the second with the keypoints of the first after a rotation; one match in `wrong` is none.
     fn pair(angle: f64, wrong: usize) -> Option<Pair> {
         let intrinsics = Intrinsics { fx: 170.0, fy: 170.0, cx: 96.0, cy: 72.0 };
         let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 192, height: 144 };

@@ -1,4 +1,4 @@
-//! Matching and adjusting by turns, with cameras that are nearly right.
+//! Matching and adjusting in turns, with cameras that are nearly right.
 
 use crate::bundle::{Bundle, Observation};
 use crate::epipolar::Epipolar;
@@ -11,8 +11,8 @@ use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
 use weaver_kernels::parallel;
 
-/// Differences, in pixels, beyond which observations count for less and less, one adjustment after the other: while cameras
-/// are wrong, once they are adjusted, in the end, and where a camera is located. What is off by three of them is then left out.
+/// Scales of the robust loss, one adjustment after the other: while cameras are wrong, once they are adjusted, in the
+/// end, and where a camera is located. Observations off by more than `FARTHEST` times a scale are then left out.
 const WIDE: [f64; 4] = [16.0, 8.0, 4.0, 2.0];
 const NARROW: [f64; 1] = [2.0];
 const LAST: [f64; 2] = [2.0, 1.0];
@@ -22,10 +22,10 @@ const FARTHEST: f64 = 3.0;
 const STEPS: usize = 40;
 /// Cosine of the largest angle between the axes of two cameras whose photos are compared.
 const ANGLE: f64 = 0.5;
-/// Pixels from the epipolar line at which a match is believed once cameras are adjusted.
+/// Pixels from the epipolar line up to which a match counts once cameras are adjusted.
 const CERTAIN: f64 = 3.0;
-/// Least deviation of keypoints in photos of this width or wider, pixels: smaller ones are no more exact. Narrower photos are
-/// enlarged before keypoints are looked for.
+/// Least deviation of keypoints in photos of this width or wider, pixels: keypoints of smaller scale are no more exact.
+/// Narrower photos are enlarged before keypoints are found.
 const SHARPEST: f64 = 1.0;
 const WIDTH: f64 = 384.0;
 const NARROWEST: f64 = 1.0 / 3.0;
@@ -44,12 +44,14 @@ pub(crate) struct Pass {
     scales: &'static [f64],
     farthest: f64,
     find: Find,
-    /// True if cameras were adjusted before: then only the last adjustment must be exact, as the others but choose what is left out.
+    /// True if cameras were adjusted before: then only the last adjustment must be exact, as the earlier ones only
+    /// choose the outliers.
     adjusted: bool,
 }
 
 impl Pass {
-    /// For cameras as wrong as this, in deviations of keypoints: what is clear in a whole photo is clearer than in a wide band.
+    /// For cameras as wrong as this, in deviations of keypoints: a match that is unambiguous in a whole photo is more
+    /// certain than one within a wide band.
     pub fn wide(farthest: f64) -> Self {
         Self { scales: &WIDE, farthest, find: |a, b, _| matches(a, b), adjusted: false }
     }
@@ -62,8 +64,8 @@ impl Pass {
 }
 
 impl Bundle {
-    /// Finds points anew with the cameras as they are, and adjusts both. Cameras that are `located` find no points: they
-    /// move to where they see those of the others.
+    /// Finds points anew with the cameras as they are, and adjusts both. Cameras that are `located` find no points:
+    /// they move to fit the points of the others.
     pub(crate) fn pass(&mut self, features: &[Features], near: &[[usize; 2]], located: &[bool], pass: &Pass) {
         let straight = self.straight(features);
         let pairs = paired(self, &straight, near, pass);
@@ -85,7 +87,7 @@ impl Bundle {
         self.locate(located, all);
     }
 
-    /// Keypoints where cameras without distortion would see them.
+    /// Keypoints with distortion undone.
     fn straight<'a>(&self, features: &'a [Features]) -> Cow<'a, [Features]> {
         if self.lenses.iter().all(|lens| lens.k1 == 0.0 && lens.k2 == 0.0) {
             return Cow::Borrowed(features);
@@ -98,12 +100,12 @@ impl Bundle {
         Cow::Owned(straight)
     }
 
-    /// Leaves out what is not certain in the end.
+    /// Leaves out uncertain observations in the end.
     pub(crate) fn finish(&mut self) {
         self.prune(FARTHEST * LAST[1]);
     }
 
-    /// Moves located cameras to where they see points that stay.
+    /// Moves located cameras to fit the points, which stay.
     fn locate(&mut self, located: &[bool], all: Vec<Observation>) {
         if !located.contains(&true) {
             return;
@@ -116,7 +118,8 @@ impl Bundle {
             observations: all.into_iter().filter(|o| located[o.camera] && agreed[o.point]).collect(),
             ..self.clone()
         };
-        // Where a camera stands wrong only wide scales reach what is right; once it stands right they let what is wrong pull.
+        // Where a camera stands wrong only wide scales reach the right observations; once it stands right, wide scales
+        // let wrong ones pull.
         let mut most = vec![0.0; self.cameras.len()];
         for scales in [&ALL[..], &NARROW, &LAST] {
             let mut tried = locating.clone();
@@ -166,7 +169,7 @@ pub(crate) fn neighbors(cameras: &[Camera], most: usize) -> Vec<[usize; 2]> {
         let mut near: Vec<usize> = (0..cameras.len()).filter(|j| *j != i && axis(i).dot(axis(*j)) > ANGLE).collect();
         let far = |j: &usize| centers[i].distance(centers[*j]);
         near.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        // The nearest half, and of the others some all over: long links hold the shape.
+        // The nearest half, and some spread evenly over the others: long links hold the shape.
         let close = near.len().min(most.div_ceil(2));
         let (rest, more) = (near.len() - close, (most - close).min(near.len() - close));
         let chosen = (0..close).chain((0..more).map(|k| close + k * rest / more.max(1)));

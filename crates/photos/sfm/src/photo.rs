@@ -1,4 +1,4 @@
-//! Photos whose cameras are estimated, and how.
+//! Photos to estimate cameras of, and the settings.
 
 use crate::features::{Features, gray};
 use std::borrow::Cow;
@@ -6,25 +6,25 @@ use std::borrow::Cow;
 /// A photo without a camera.
 #[derive(Clone, Debug)]
 pub struct Photo<'a> {
-    /// sRGB, `[height, width, 3]`. The mean of its colors is what is looked at.
+    /// sRGB, `[height, width, 3]`. Keypoints are found in the mean of its colors.
     pub rgb: Cow<'a, [u8]>,
     /// Height and width.
     pub size: [usize; 2],
-    /// Which pixels count, `[height, width]`; `None` if all do.
+    /// Mask of the pixels that count, `[height, width]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
-    /// The focal length, pixels, as far as it is told. Where others tell theirs, it is taken to be as theirs: those of the same
-    /// lens or, where these do not, all.
+    /// The focal length, pixels, if it is given. Without one, it takes the focal length of the others: of the same lens
+    /// or, if these have none, of all.
     pub focal: Option<f64>,
-    /// Number of the lens that took it; numbers may have gaps. Photos of one lens share one factor of their focal lengths,
-    /// distortion and principal point. Those of one lens that were cropped to other proportions count as of another lens: of a
-    /// crop, the longer side is another part of the sensor.
+    /// Number of the lens that took it; numbers may have gaps. Photos of one lens share one factor of their focal
+    /// lengths, distortion and principal point. Photos of one lens that were cropped to other proportions count as of
+    /// another lens: the longer side of a crop is another part of the sensor.
     pub lens: usize,
-    /// True if the other cameras and the points are found without it: it is located in what they found.
+    /// True if the other cameras and the points are found without it: it is then located in their scene.
     pub located: bool,
 }
 
 impl<'a> Photo<'a> {
-    /// A photo in sRGB, `[height, width, 3]`, of which nothing else is told.
+    /// A photo in sRGB, `[height, width, 3]`, without any other information.
     pub fn new(rgb: impl Into<Cow<'a, [u8]>>, size: [usize; 2]) -> Self {
         Self { rgb: rgb.into(), size, mask: None, focal: None, lens: 0, located: false }
     }
@@ -35,12 +35,14 @@ impl<'a> Photo<'a> {
     }
 }
 
-/// Which radial distortion is found: a point at distance r from the axis, over its depth, is seen at `r (1 + k1 r^2 + k2 r^4)`.
+/// The radial distortion to find: a point at distance r from the axis, over its depth, is seen at `r (1 + k1 r^2 + k2
+/// r^4)`.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Find {
     /// None: both are 0.
     Off,
-    /// k1, and of many photos k2, where photos tell them: where they are several of their standard deviations from 0.
+    /// k1, and of many photos k2, where photos determine them: where they are several of their standard deviations from
+    /// 0.
     #[default]
     Told,
     /// k1.
@@ -54,13 +56,13 @@ pub enum Find {
 pub struct EstimateOptions {
     /// Keypoints of a photo, at most.
     pub keypoints: usize,
-    /// Photos that each is compared with, at most: those that look most alike.
+    /// Photos that each is compared with, at most: the most similar ones.
     pub candidates: usize,
     /// True if photos were taken one after the other: each is then compared with its neighbors too.
     pub sequence: bool,
     /// Expected error of known focal lengths, as a part of them; 0 keeps them.
     pub focal_deviation: f64,
-    /// Which radial distortion is found.
+    /// The radial distortion to find.
     pub distortion: Find,
 }
 

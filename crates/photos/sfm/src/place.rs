@@ -1,4 +1,4 @@
-//! Where a photo belongs in a scene that others made.
+//! Pose of a photo in a scene made by others.
 
 mod resection;
 
@@ -14,14 +14,14 @@ use std::cmp::Ordering;
 use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Pose};
 
-/// Scales by which a camera is brought to the points that it sees.
+/// Scales of the robust loss when a camera is fitted to the points that it sees.
 const LOCATING: [f64; 4] = [16.0, 8.0, 4.0, 2.0];
-/// Poses that are tried for a camera, the best of those that points and pairs suggest.
+/// Poses that are tried for a camera: the best by points and by pairs.
 const TRIED: usize = 4;
 /// The share of its matches with placed photos that must agree with a pose.
 const ENOUGH: f64 = 0.35;
 
-/// The order in which what a photo sees is looked up.
+/// The order in which the observations of a photo are looked up.
 pub(crate) fn by_pixel(a: DVec2, b: DVec2) -> Ordering {
     a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y))
 }
@@ -30,14 +30,14 @@ pub(crate) fn by_pixel(a: DVec2, b: DVec2) -> Ordering {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub pose: Pose,
-    /// Evidence for it.
+    /// Inlier count of points, or of matches.
     pub count: usize,
     /// The share of the photo's matches with placed ones that agree with it.
     pub share: f64,
 }
 
-/// The pose of a photo and how much speaks for it: points that it sees where they are or, where it sees too few, matches
-/// with photos that have a place. What each photo has `seen` is in the order of pixels.
+/// The pose of a photo and its inlier count: of points or, if it sees too few, of matches with placed photos. The
+/// observations `seen` of each photo are in the order of pixels.
 pub(crate) fn place(
     evidence: &Evidence<'_>,
     bundle: &Bundle,
@@ -68,7 +68,7 @@ pub(crate) fn place(
         .or_else(of_matches)
 }
 
-/// The suggestion that brings most points to where the photo sees them, adjusted to them.
+/// The candidate that fits the points best, adjusted to them.
 fn by_points(bundle: &Bundle, seen: &[Observation], suggestions: &[Pose], photo: usize) -> Option<(Pose, usize)> {
     let Lens { k1, k2, .. } = bundle.lenses[bundle.lens_of[photo]];
     let lens = Lens { k1, k2, ..Lens::default() };
@@ -103,7 +103,7 @@ fn by_points(bundle: &Bundle, seen: &[Observation], suggestions: &[Pose], photo:
     best.map(|(_, pose, count)| (pose, count))
 }
 
-/// The suggestion that most matches with placed photos agree with.
+/// The candidate that most matches with placed photos agree with.
 fn by_matches(
     evidence: &Evidence<'_>,
     bundle: &Bundle,
@@ -116,7 +116,7 @@ fn by_matches(
     (best.1 >= evidence.trust.fewest).then_some(best)
 }
 
-/// Number of a photo's matches with placed ones that agree with a pose, out of how many.
+/// Number of a photo's matches with placed ones that agree with a pose, and of all.
 pub(crate) fn tally(
     evidence: &Evidence<'_>,
     bundle: &Bundle,
@@ -132,12 +132,12 @@ pub(crate) fn tally(
     })
 }
 
-/// Weight of the observations that fit, and number of observations.
+/// Sum of the weights of fitting observations, and their number.
 fn fitting(bundle: &Bundle, within: f64) -> (f64, usize) {
     bundle.fits(within).into_iter().fold((0.0, 0), |(sum, count), x| (sum + x, count + usize::from(x > 0.0)))
 }
 
-/// Where a camera stands that a pair puts beside another one: in the same place, and as far as points say that the other sees.
+/// Poses of a camera by a pair with a placed one: at the same place, and at the distance by points that the other sees.
 fn suggested(
     bundle: &Bundle,
     seen_by_other: &[Observation],

@@ -6,9 +6,10 @@ use crate::passes::{Pass, neighbors, sharpest};
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec3};
 
-/// Factor on cameras' expected errors up to which a match is believed.
+/// Factor on cameras' expected errors up to which a match counts.
 const BELIEVED: f64 = 3.0;
-/// Standard deviation of where a keypoint is found, pixels, beside that of cameras: twice that of one alone, as neighbors err alike.
+/// Standard deviation of a keypoint's position, pixels, beside the cameras' deviations: twice the deviation of a single
+/// keypoint, as neighbors err alike.
 const PIXEL: f64 = 1.0;
 
 /// A photo and its camera, which may be a little wrong.
@@ -18,9 +19,9 @@ pub struct View<'a> {
     pub camera: Camera,
     /// The photo, gray from 0 to 1, `[height, width]`.
     pub gray: Vec<f32>,
-    /// Which pixels count, `[height, width]`; `None` if all do.
+    /// Mask of the pixels that count, `[height, width]`; `None` if all do.
     pub mask: Option<&'a [bool]>,
-    /// True if the other cameras and the points are found without it: it is located in what they found.
+    /// True if the other cameras and the points are found without it: it is then located in their scene.
     pub located: bool,
 }
 
@@ -40,7 +41,7 @@ pub struct RefineSettings {
     pub distortion: bool,
     /// Keypoints of a photo, at most.
     pub keypoints: usize,
-    /// Photos that each is compared with, at most: those from nearby.
+    /// Photos that each is compared with, at most: nearby ones.
     pub neighbors: usize,
     /// Expected errors of cameras, independent of one another: degrees, and part of the distance.
     pub expected: [f64; 2],
@@ -52,27 +53,27 @@ impl Default for RefineSettings {
     }
 }
 
-/// Refined cameras, and what they were refined by.
+/// Refined cameras, and the evidence behind them.
 #[derive(Clone, Debug)]
 pub struct Refined {
-    /// The cameras, in the order of the views; one that shares too few points with others is as it was.
+    /// The cameras, in the order of the views; a camera that shares too few points with others stays.
     pub cameras: Vec<Camera>,
     /// Radial distortion.
     pub k1: f64,
     /// The points that photos agree about.
     pub points: Vec<DVec3>,
-    /// Where they were seen.
+    /// Their observations.
     pub observations: Vec<Observation>,
-    /// Median difference between where points are and were seen, pixels.
+    /// Median residual, pixels.
     pub error: f64,
     /// Points that each photo sees.
     pub seen: Vec<usize>,
 }
 
-/// Matches photos that nearly right cameras say to overlap, and adjusts cameras and points.
+/// Matches photos that overlap by nearly right cameras, and adjusts cameras and points.
 ///
-/// Each given camera counts as a measurement of itself, as wrong as [`RefineSettings::expected`] says: of all scenes
-/// that explain the photos, which a similarity at least takes to one another, the nearest to the given cameras is found.
+/// Each given camera counts as a measurement with the errors of [`RefineSettings::expected`]: of all scenes that
+/// explain the photos, equal up to a similarity at least, the one nearest to the given cameras is found.
 pub fn refine(views: &[View<'_>], settings: &RefineSettings) -> Refined {
     let features: Vec<Features> = views
         .iter()
@@ -97,9 +98,9 @@ pub fn refine(views: &[View<'_>], settings: &RefineSettings) -> Refined {
     }
 }
 
-/// A point moved with the cameras that see it: the mean of where each takes it, at the same pixel and depth.
+/// A point moved with the cameras that see it: the mean of the points at the same pixel and depth in each moved camera.
 ///
-/// A point that was found with wrong cameras is thereby nearly right for those that were refined.
+/// A point that was found with wrong cameras is then nearly right for the refined ones.
 ///
 /// # Panics
 /// When the numbers of cameras differ.
@@ -128,7 +129,8 @@ impl RefineSettings {
     fn bundle(&self, views: &[View<'_>]) -> Bundle {
         let [degrees, part] = self.expected;
         let expected = |(view, depth): (&View<'_>, &f64)| {
-            // Beside observations, whose differences are divided by deviations; the variances are those of three numbers together.
+            // Beside observations, whose differences are divided by deviations; each variance is the sum over three
+            // numbers.
             let pixel = PIXEL / sharpest(&view.camera);
             let weight = |deviation: f64| 3.0 * (pixel / deviation).powi(2);
             let (turn, shift) = (weight(degrees.to_radians()), weight(part * depth));
@@ -145,8 +147,8 @@ impl RefineSettings {
     }
 }
 
-/// Distance of what each camera looks at: the point nearest to all axes or, where they are nearly parallel, some times
-/// the distance between cameras.
+/// Distance of each camera's subject: the point nearest to all axes or, where they are nearly parallel, some times the
+/// distance between cameras.
 fn distances(views: &[View<'_>]) -> Vec<f64> {
     let (mut matrix, mut sum) = (DMat3::ZERO, DVec3::ZERO);
     let centers: Vec<DVec3> = views.iter().map(|v| v.camera.pose.center()).collect();
@@ -159,7 +161,7 @@ fn distances(views: &[View<'_>]) -> Vec<f64> {
     let n = views.len().max(1) as f64;
     let middle = centers.iter().sum::<DVec3>() / n;
     let spread = centers.iter().map(|c| c.distance(middle)).sum::<f64>() / n;
-    // Where all stand in one place, nothing is known of distances: any unit will do.
+    // If all stand in one place, distances are undetermined: any unit will do.
     let spread = if spread > 0.0 { spread } else { 1.0 };
     let point = matrix.inverse() * sum;
     let depth = |view: &View<'_>| {

@@ -1,11 +1,11 @@
-//! Which photos may show the same things, for any number of photos.
+//! Photos that may show the same things, for any number of photos.
 //!
-//! What keypoints look like is put into words of a [`Vocabulary`] made for these very photos; photos that share rare words come
-//! first. The largest keypoints of those are then matched, which tells chance from the same place.
+//! Descriptors of keypoints are quantized to words of a [`Vocabulary`] made for these very photos; photos that share
+//! rare words come first. The largest keypoints of those are then matched, which separates chance from the same place.
 //!
 //! Sources: Sivic and Zisserman, Video Google: a text retrieval approach to object matching in videos, 2003; Nistér and
-//! Stewénius, Scalable recognition with a vocabulary tree, 2006, for the words in two steps; Jégou, Douze and Schmid, On the
-//! burstiness of visual elements, 2009, for the square roots of counts.
+//! Stewénius, Scalable recognition with a vocabulary tree, 2006, for the words in two steps; Jégou, Douze and Schmid,
+//! On the burstiness of visual elements, 2009, for the square roots of counts.
 
 #[cfg(test)]
 mod tests;
@@ -20,18 +20,18 @@ use vocabulary::Vocabulary;
 use weaver_kernels::parallel;
 use words::Index;
 
-/// Keypoints of a photo, the largest, by which photos are compared roughly.
+/// The largest keypoints of a photo, by which photos are compared roughly.
 const COARSE: usize = 300;
-/// Photos that are compared roughly, over those that are chosen.
+/// Photos that are compared roughly, over the number of chosen ones.
 const SHORTLIST: usize = 2;
-/// Distances in a sequence at which photos are compared whatever they look like.
+/// Distances in a sequence at which photos are compared regardless of their similarity.
 const STEPS: [usize; 4] = [1, 2, 4, 8];
 
-/// Pairs of photos that may show the same things, ascending: all of them, or each photo with the `most` that look most alike.
+/// Pairs of photos that may show the same things, ascending: all of them, or each photo with the `most` similar ones.
 ///
-/// Photos that are not `present` are compared with those that are, and change nothing for them. In a `sequence`, each photo is
-/// compared with the ones 1, 2, 4 and 8 before and after it, and the rest of its `most` are chosen beyond them: that is where a
-/// path comes back to.
+/// Photos that are not `present` are compared with the others, and change nothing for them. In a `sequence`, each photo
+/// is compared with the ones 1, 2, 4 and 8 before and after it, and the rest of its `most` are chosen beyond them,
+/// where a path may come back to the same place.
 ///
 /// ```
 /// use weaver_sfm::{Features, candidates};
@@ -64,9 +64,9 @@ pub fn candidates(features: &[Features], present: &[bool], most: usize, sequence
     pairs.into_iter().collect()
 }
 
-/// Further pairs, ascending, for a second round: of photos that have `verified` pairs with the same third one. At most `most`
-/// for each photo, those with the most matches on their way (the fewer of the two, summed over the ways) first; none that was
-/// `tried`.
+/// Further pairs, ascending, for a second round: of photos that have `verified` pairs with the same third one. At most
+/// `most` for each photo, by falling number of matches (the fewer of both pairs with the third photo, summed over third
+/// photos); none that was `tried`.
 ///
 /// As in [`candidates`], photos that are not `present` change nothing for those that are.
 ///
@@ -111,7 +111,7 @@ pub fn expansion(
     pairs.into_iter().collect()
 }
 
-/// The photos that are present, and whether they follow one another.
+/// The photos that are present, and a flag for a sequence.
 struct Order<'a> {
     inside: &'a [usize],
     sequence: bool,
@@ -132,7 +132,8 @@ impl Order<'_> {
             .filter_map(|rank| self.inside.get(rank?).copied())
     }
 
-    /// True if a photo of a rank is chosen for what it looks like: not the photo itself nor, in a sequence, one that is near.
+    /// True if a photo of a rank may be chosen by similarity: not the photo itself nor, in a sequence, one that is
+    /// near.
     fn may_choose(&self, photo: usize, rank: usize) -> bool {
         let [behind, before] = self.around(photo);
         let reach = if self.sequence { STEPS[STEPS.len() - 1] } else { 0 };
@@ -140,7 +141,7 @@ impl Order<'_> {
     }
 }
 
-/// For each photo the `wanted` ones that look most like it.
+/// For each photo the `wanted` most similar ones.
 fn alike(features: &[Features], order: &Order<'_>, wanted: &[usize]) -> Vec<Vec<usize>> {
     let (n, inside) = (features.len(), order.inside);
     let vocabulary = Vocabulary::of(inside.iter().map(|i| &features[*i]));

@@ -6,14 +6,14 @@ use filters::{blur, enlarged};
 use weaver_kernels::pages;
 use weaver_kernels::parallel::for_chunks;
 
-/// Scales of an octave in which extrema are looked for.
+/// Scales of an octave in which extrema are searched.
 pub(crate) const SCALES: usize = 3;
 /// Images of an octave.
 pub(crate) const IMAGES: usize = SCALES + 3;
-/// Blur of the first image of an octave, pixels of the octave, beyond what the photo has: photos that were shrunk have
+/// Blur of the first image of an octave, pixels of the octave, beyond the photo's own: photos that were shrunk have
 /// little, and taking them for blurred costs a tenth of the pairs.
 pub(crate) const SIGMA: f32 = 1.6;
-/// Photos are enlarged by powers of two until their longer side is this long; all but large ones once at least, for the sake of
+/// Photos are enlarged by powers of two until their longer side is this long; all but large ones at least once, for
 /// small detail: without it, three quarters of the matches are missing.
 const LEAST_SIDE: usize = 512;
 const LARGE: usize = 1024;
@@ -51,8 +51,8 @@ pub(crate) struct Gradients {
 }
 
 impl Gradients {
-    /// Becomes the differences of the pixels to the right and left of each, and of those below and above; at the border, of
-    /// what there is.
+    /// Becomes the differences between the pixels to the right and left of each, and between the pixels below and
+    /// above; one-sided at the border.
     pub fn set(&mut self, image: Image) {
         let (width, height) = (image.width, image.height);
         if self.values.len() < width * height {
@@ -86,7 +86,7 @@ pub(crate) struct Octave {
     values: Vec<f32>,
     /// Pixels of the photo from one pixel to the next.
     pub step: f64,
-    /// Where the center of the first pixel lies, pixels of the photo.
+    /// Center of the first pixel, in pixels of the photo.
     pub origin: f64,
 }
 
@@ -107,7 +107,8 @@ impl Octave {
         octave
     }
 
-    /// Every second pixel of every second row of the image that is blurred twice as much as the first, and what follows from it.
+    /// Every second pixel of every second row of the image that is blurred twice as much as the first, and the images
+    /// that follow from it.
     fn next(&self) -> Self {
         let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
         // The first pixel stays where it is.

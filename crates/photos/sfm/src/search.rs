@@ -1,4 +1,4 @@
-//! Scenes that explain photos, of which the best is taken.
+//! Search for the scene that explains the photos best.
 
 mod many;
 mod settle;
@@ -16,41 +16,45 @@ use crate::retrieval::candidates;
 use crate::ties::untied;
 use crate::turning::turning;
 
-/// Points that a photo with a camera must see at least.
+/// Points that a photo with a camera must see at least, as many as [`Trust::POINTS`] takes to place it.
 const LEAST_SEEN: usize = 25;
-/// Focal lengths that are tried where nothing is known.
+/// Focal lengths, the best by the votes of pairs, that are tried if none is given.
 const FOCAL_LENGTHS: usize = 2;
-/// Photos of which many beginnings can be tried.
+/// Photos up to which pairs with any share of agreeing matches take part, and up to which each placed photo is
+/// reconsidered.
 const FEW: usize = 8;
-/// Focal lengths by which photos without a scene may turn out to be turned.
+/// Focal lengths by which photos without a scene are checked for a rotation on the spot.
 const POSSIBLE: [f64; 6] = [0.5, 0.65, 0.8, USUAL, 1.2, 1.6];
-/// Beginnings that are tried, and the most photos of which more than one is where the first reaches all.
+/// Initial pairs that are tried, and the most photos for which further ones are tried after the first has reached all.
 const BEGINNINGS: usize = 6;
 const SEVERAL: usize = 12;
-/// Focal lengths are tried until none is found that is by such a part another one, and at most so many.
+/// Further focal lengths are tried as long as the best scene's own differs from every tried one by more than this, in
+/// the logarithm; and the most that are tried.
 const ANOTHER: f64 = 0.04;
 const TRIED: usize = 4;
-/// The part of what another scene explains that one explains from which on they confirm each other.
+/// Two scenes confirm each other if the support of the lesser is at least this part of the better one's.
 const ALIKE: f64 = 0.9;
-/// The share of the matches of a pair that must agree where there are many photos. What leads one scene astray need not lead the
-/// other.
+/// Shares of the matches of a pair that must agree where there are many photos. Without the lower one, the first growth
+/// led kitchen 20 degrees astray in place of 0.2. Two shares, since a wrong pair that misleads one scene need not be
+/// part of the other.
 const CERTAIN: [f64; 2] = [0.5, 0.65];
-/// Rotations farther apart than this are different, radians: while scenes grow, and once they are settled. Explanations are in which
-/// one of so many photos differs.
+/// Rotations farther apart than this are different, radians: while scenes grow, adjusted only roughly, and once they
+/// are settled. Two explanations differ if one of so many photos does: a single wrong photo is no other explanation.
 const GROWN_APART: f64 = 0.1;
 const DIFFERENT: f64 = 0.035;
 const ONE_IN: usize = 8;
 
 /// The scene that was found.
 pub(crate) struct Scene {
-    /// Cameras and points, and which photos have a place.
+    /// Cameras and points, and a mask of the photos that have a place.
     pub found: Option<(Bundle, Vec<bool>)>,
     pub pairs: Pairs,
-    /// Explained part of the best explanation that is different, over that of the one that was taken.
+    /// Support of the best explanation that differs, over the support of the chosen one.
     pub rival: f64,
-    /// Photos that only what may be chance ties to the rest, or whose place matches with the rest contradict.
+    /// Photos tied to the rest only by pairs that may be chance, or whose place is contradicted by matches with the
+    /// rest.
     pub untied: Vec<usize>,
-    /// True if there is no scene because the photos were taken by turning on the spot.
+    /// True if there is no scene because the photos were taken by rotating on the spot.
     pub one_place: bool,
 }
 
@@ -60,7 +64,7 @@ impl Scene {
     }
 }
 
-/// A search for it.
+/// A search for the best scene.
 pub(crate) struct Search<'a> {
     taken: &'a [Taken],
     features: &'a [Features],
@@ -69,7 +73,7 @@ pub(crate) struct Search<'a> {
     pairs: Pairs,
     /// The scenes that were grown.
     found: Vec<Grown>,
-    /// Explained part of the best of those that were given up while they were small, over that of the one that was not.
+    /// Support of the best of the scenes that were given up while they were small, over the support of the kept one.
     given_up: f64,
 }
 
@@ -86,18 +90,21 @@ impl<'a> Search<'a> {
         Self { taken, features, photos, settings, pairs, found: Vec::new(), given_up: 0.0 }
     }
 
-    /// The scene that explains most.
+    /// The scene with the largest support.
     pub fn scene(mut self) -> Scene {
         self.run();
         let mut settled: Vec<Grown> = self.different().into_iter().map(|i| self.settled(&self.found[i])).collect();
         let Some(best) = best(&settled) else { return self.without_cameras() };
+        // Settling can bring different beginnings to the same end.
         let others = settled.iter().filter(|other| settled[best].differs(other, DIFFERENT));
         let rival = others.map(|other| other.support / settled[best].support).fold(self.given_up, f64::max);
         let Grown { mut bundle, mut placed, .. } = settled.swap_remove(best);
         self.finish(&mut bundle, &placed);
+        // Photos from one place can make a scene, too, but its depths are undetermined.
         if self.one_place(&bundle, &placed) {
             return Scene { one_place: true, ..Scene::none(self.pairs) };
         }
+        // The last passes may have left a camera with too few observations.
         placed.iter_mut().zip(bundle.seen()).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
         bundle.observations.retain(|o| placed[o.camera]);
         if !placed.contains(&true) {
@@ -109,14 +116,14 @@ impl<'a> Search<'a> {
         Scene { found: Some((bundle, placed)), rival, untied, ..Scene::none(self.pairs) }
     }
 
-    /// No scene. Nothing has told the focal length then, so that each that is possible may explain turns.
+    /// No scene. Without a scene the focal length is unknown, so that a rotation by any possible one counts.
     fn without_cameras(self) -> Scene {
         let all = vec![true; self.taken.len()];
         let of = |factor: &f64| self.one_place(&self.settings.bundle(self.taken, *factor), &all);
         Scene { one_place: POSSIBLE.iter().any(of), ..Scene::none(self.pairs) }
     }
 
-    /// True if photos with a place were taken by turning on the spot.
+    /// True if the photos with a place were taken by rotating on the spot.
     fn one_place(&self, bundle: &Bundle, placed: &[bool]) -> bool {
         turning(self.features, &self.pairs.posed, bundle, placed, tau(self.taken))
     }
@@ -130,29 +137,31 @@ impl<'a> Search<'a> {
         let tau = tau(self.taken);
         let mut waiting = self.focal_lengths(tau);
         let mut tried: Vec<f64> = Vec::new();
-        // The focal length that each scene came of.
+        // The focal length that each scene began with.
         let mut began: Vec<f64> = Vec::new();
         while !waiting.is_empty() {
             let factor = waiting.remove(0);
             let bundle = self.settings.bundle(self.taken, factor);
             let posed = pairs::posed(self.features, &bundle.cameras, &self.pairs.matched, tau);
-            // Among many photos, pairs that are chance do more harm than those that are doubtful do good.
+            // Among many photos, pairs by chance do more harm than right but doubtful pairs do good.
             let certain: &[f64] = if few { &[0.0] } else { &CERTAIN };
             certain.iter().for_each(|share| self.grow(&bundle, &posed, *share));
             tried.push(factor);
             let best = best(&self.found);
+            // The pairs that led to the best scene are kept.
             if best.is_none_or(|best| best >= began.len()) {
                 self.pairs.posed = posed;
             }
             began.resize(self.found.len(), factor);
-            // Poses of pairs are as wrong as the focal length that they were found by: the one that came of it does better.
+            // Poses of pairs are as wrong as the focal length that they were found by: the adjusted one of the best
+            // scene may do better.
             let again = !self.focal_known() && waiting.is_empty() && tried.len() < TRIED && self.taken.len() <= SEVERAL;
             let found = best.filter(|_| again).map(|best| began[best] * self.found[best].focal_factor());
             waiting.extend(found.filter(|found| tried.iter().all(|tried| (found / tried).ln().abs() > ANOTHER)));
         }
     }
 
-    /// Grows scenes by pairs of which at least this share of the matches agrees.
+    /// Grows scenes from the pairs with at least this share of agreeing matches.
     fn grow(&mut self, bundle: &Bundle, posed: &[Pair], share: f64) {
         let few = self.taken.len() <= FEW;
         let absent = vec![false; self.taken.len()];
@@ -169,19 +178,22 @@ impl<'a> Search<'a> {
         let first = self.found.len();
         let mut tried = 0;
         for from in beginnings(&evidence).into_iter().map(|i| &certain[i]) {
-            // Of many photos, the next beginning is in what the others did not reach.
+            // Among many photos, the next initial pair is one that the other scenes did not reach.
             let reached = |grown: &Grown| from.photos.iter().all(|p| grown.placed[*p]);
             if tried == BEGINNINGS || self.taken.len() > SEVERAL && self.found[first..].iter().any(reached) {
                 continue;
             }
             tried += 1;
             for pose in std::iter::once(&from.pose).chain(&from.rival) {
+                // Two initial pairs that lead to the same best scene are enough.
                 if confirmed(&self.found, first) {
                     return;
                 }
                 let mut grown = Grown::new(bundle.clone(), from.photos, pose);
                 grown.grow(&evidence);
                 if !few {
+                    // Doubtful pairs join once the certain ones have fixed the scene; they must then agree with its
+                    // points.
                     grown.grow(&all);
                 }
                 self.found.push(grown);
@@ -189,14 +201,16 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// True if a focal length is told.
+    /// True if any photo has a given focal length.
     fn focal_known(&self) -> bool {
         self.taken.iter().any(|t| t.focal.is_some())
     }
 
-    /// Focal lengths to begin with, over the longer side: what is told, or those that pairs vote for.
+    /// Focal lengths to begin with, over the longer side: the usual one if any is given, else the ones that pairs vote
+    /// for.
     fn focal_lengths(&self, tau: f64) -> Vec<f64> {
         if self.focal_known() {
+            // The lenses of all photos then follow from the given focal lengths, and this factor is not used.
             return vec![USUAL];
         }
         let usual = self.settings.bundle(self.taken, USUAL).cameras;
@@ -207,12 +221,12 @@ impl<'a> Search<'a> {
     }
 }
 
-/// The number of the scene that explains most.
+/// The number of the scene with the largest value.
 fn best(scenes: &[Grown]) -> Option<usize> {
     (0..scenes.len()).reduce(|a, b| if scenes[b].value() > scenes[a].value() { b } else { a })
 }
 
-/// True if two scenes, and no better one, say the same; one of them is among those from `first` on.
+/// True if another scene confirms the best one, and one of both is among the scenes from `first` on.
 fn confirmed(found: &[Grown], first: usize) -> bool {
     let Some(best) = best(found) else { return false };
     let alike = |other: &Grown| {
@@ -224,7 +238,7 @@ fn confirmed(found: &[Grown], first: usize) -> bool {
 }
 
 impl Grown {
-    /// Photos with a place, then how well they explain each other.
+    /// Number of photos with a place, then the support.
     fn value(&self) -> (usize, f64) {
         (self.placed.iter().filter(|placed| **placed).count(), self.support)
     }
@@ -235,14 +249,14 @@ impl Grown {
         first.map_or(1.0, |first| self.bundle.lenses[self.bundle.lens_of[first]].log_focal.exp())
     }
 
-    /// True if enough photos are turned another way relative to the rest, by more than this, radians.
+    /// True if enough photos are rotated differently relative to the rest, by more than `least` radians.
     fn differs(&self, other: &Self, least: f64) -> bool {
         let both: Vec<usize> = (0..self.placed.len()).filter(|i| self.placed[*i] && other.placed[*i]).collect();
         let turn =
             |bundle: &Bundle, i: usize, from: usize| bundle.cameras[i].pose.relative_to(&bundle.cameras[from].pose);
         let turned =
             |i: usize, from: usize| turn(&self.bundle, i, from).angle_to(&turn(&other.bundle, i, from)) > least;
-        // Seen from the photo that agrees with most.
+        // Relative to the photo that most others agree with, so that a rotation of the world does not count.
         let fewest = both.iter().map(|from| both.iter().filter(|i| turned(**i, *from)).count()).min();
         fewest.is_some_and(|fewest| fewest > 0 && fewest * ONE_IN >= both.len())
     }
@@ -254,7 +268,7 @@ mod tests {
     use weaver_geometry::glam::{DMat3, DVec3};
     use weaver_geometry::{Camera, Intrinsics, Pose};
 
-    /// Sixteen photos, of which these are turned, in a world that is turned.
+    /// Sixteen photos in a rotated world; the photos in `turned` are rotated in addition.
     fn grown(turned: &[usize], world: f64) -> Grown {
         let camera = |i: usize| {
             let own = if turned.contains(&i) { 2.0 * DIFFERENT } else { 0.0 };

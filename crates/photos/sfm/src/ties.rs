@@ -1,17 +1,18 @@
-//! What ties the photos of a scene to each other, and what speaks against it.
+//! Ties between the photos of a scene, and contradictions of them.
 
 use crate::pairs::Pair;
 
 /// The share of the matches of a pair that must agree with its own pose for it not to be chance.
 const TIED: f64 = 0.35;
-/// The shares of these that agree with the cameras of a scene from which on a pair holds them together, and below which it contradicts them.
+/// Shares of a pair's matches that agree with the cameras of a scene: from the first on the pair holds its photos
+/// together, below the second it contradicts them.
 const HOLDS: f64 = 0.7;
 const CONTRADICTS: f64 = 0.5;
-/// The place of a part is doubtful if this many times as many matches contradict it as hold it. Of the captures that it was chosen on,
-/// right scenes come to 0.45 and most wrong ones to 0.6 and more.
+/// The place of a part is doubtful if the matches that contradict it are more than this part of the ones that hold it.
+/// Of the captures that it was chosen on, right scenes come to 0.45 and most wrong ones to 0.6 and more.
 const DOUBTFUL: f64 = 0.5;
 
-/// Two photos of a scene, and how many of their matches hold them together and contradict that.
+/// Two photos of a scene, and the numbers of matches that hold them together and that contradict it.
 #[derive(Clone, Copy, Debug)]
 struct Tie {
     photos: [usize; 2],
@@ -19,15 +20,17 @@ struct Tie {
     contradicts: f64,
 }
 
-/// A part of a scene, at most half of it, and how doubtful its place is: matches that contradict it over those that hold it.
+/// A part of a scene, at most half of it, and the doubt about its place: matches that contradict it over matches that
+/// hold it.
 type Part = (Vec<usize>, f64);
 
-/// The photos that nothing ties to most of the others; where there are none, those of the part of the scene of whose place there is most
-/// doubt; none where there is little of any.
+/// The photos without any tie to most of the others; if there are none, the photos of the part with the most doubtful
+/// place; empty where no place is doubtful.
 ///
-/// Where things repeat, photos of different ones match, and a part of a scene that is consistent in itself stands wrong. Pairs across that show
-/// the same thing contradict it then. Parts are single photos, and what ties join to them, the strongest first. `agreeing` counts
-/// the matches of a pair that agree with the cameras of the scene.
+/// Where things repeat, photos of different ones match, and a part of a scene that is consistent in itself can stand in
+/// a wrong place. Pairs with the rest that show the same thing then contradict it. Parts are single photos, and the
+/// photos joined to them by ties, the strongest first. `agreeing` counts the matches of a pair that agree with the
+/// cameras of the scene.
 pub(crate) fn untied(pairs: &[Pair], placed: &[bool], agreeing: impl Fn(&Pair) -> usize) -> Vec<usize> {
     let tie = |pair: &Pair| {
         let (agree, all) = (agreeing(pair) as f64, pair.matches.len() as f64);
@@ -76,7 +79,7 @@ mod tests {
     use crate::matching::Match;
     use weaver_geometry::Pose;
 
-    /// A pair with so many matches, of which such a share agree with its own pose.
+    /// A pair with so many matches, and this share of them agreeing with its own pose.
     fn pair(photos: [usize; 2], count: usize, share: f64) -> Pair {
         Pair {
             photos,
@@ -91,7 +94,7 @@ mod tests {
         }
     }
 
-    /// Photos that only chance ties to the others are told.
+    /// Photos that only chance ties to the others are named.
     ///
     /// Promise (figures): photos that nothing ties to the others are named, and a part of a scene whose place matches
     /// contradict.
@@ -114,7 +117,7 @@ mod tests {
         assert_eq!(named([false; 6]), [0; 0]);
     }
 
-    /// Photos are told of which more than half as many matches contradict their place as hold it.
+    /// A photo is named if the matches that contradict its place are more than half as many as the ones that hold it.
     ///
     /// Promise of `photos_tied_by_chance_are_named`.
     #[test]

@@ -2,11 +2,11 @@
 
 use crate::matching::Match;
 
-/// Keypoints of one point: photo and number there, at most one a photo, ascending by photo.
+/// Keypoints of one point: photo and index within it, at most one a photo, ascending by photo.
 pub type Track = Vec<(usize, usize)>;
 
-/// Joins matches of pairs of photos to tracks, the clearest first; a match that would join two keypoints of one photo is
-/// left out. `counts` are the numbers of keypoints of the photos.
+/// Joins matches of pairs of photos to tracks, the clearest first; a match that would join two keypoints of one photo
+/// is left out. `counts` are the numbers of keypoints of the photos.
 ///
 /// ```
 /// use weaver_sfm::{Match, tracks};
@@ -18,7 +18,7 @@ pub fn tracks(counts: &[usize], pairs: &[([usize; 2], Vec<Match>)]) -> Vec<Track
     joined(counts, pairs.iter().map(|(photos, matches)| (*photos, &matches[..])))
 }
 
-/// The same for matches that are elsewhere.
+/// The same for borrowed matches.
 pub(crate) fn joined<'a>(counts: &[usize], pairs: impl Iterator<Item = ([usize; 2], &'a [Match])>) -> Vec<Track> {
     let mut first = vec![0];
     counts.iter().for_each(|n| first.push(first[first.len() - 1] + n));

@@ -1,4 +1,4 @@
-//! Points from where several cameras see them.
+//! Points from observations by several cameras.
 
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
@@ -6,7 +6,7 @@ use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 /// Least sine of the angle between rays of a point.
 const PARALLAX: f64 = 0.005;
 
-/// The point that most observations of a track agree about, to so many pixels; at least two must.
+/// The point that most observations of a track agree on to `farthest` pixels; at least two must.
 pub(crate) fn agreed(seen: &[(Camera, DVec2)], farthest: f64) -> Option<DVec3> {
     const TRIED: usize = 6;
     let near = |point: DVec3| -> Vec<(Camera, DVec2)> {
@@ -19,7 +19,7 @@ pub(crate) fn agreed(seen: &[(Camera, DVec2)], farthest: f64) -> Option<DVec3> {
     triangulated(&best)
 }
 
-/// Distance from a pixel to where a camera sees a point.
+/// Distance from a pixel to the projection of a point.
 pub(crate) fn error(camera: &Camera, point: DVec3, pixel: DVec2) -> f64 {
     let p = camera.pose.apply(point);
     if p.z > 0.0 { camera.intrinsics.project(p).distance(pixel) } else { f64::INFINITY }

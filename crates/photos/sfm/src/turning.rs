@@ -1,4 +1,4 @@
-//! Photos that were taken by turning on the spot.
+//! Photos that were taken by rotating on the spot.
 
 use crate::bundle::Bundle;
 use crate::features::Features;
@@ -8,16 +8,16 @@ use crate::two_view::rotation_only;
 use weaver_geometry::glam::DVec2;
 use weaver_kernels::parallel;
 
-/// The share of matches from which on mere turns explain a whole set of photos.
+/// The share of matches from which on pure rotations explain a whole set of photos.
 const NEARLY_ALL: f64 = 0.9;
-/// Matches of a pair that count, the clearest.
+/// The clearest matches of a pair, which count.
 const CLEAREST: usize = 200;
 
-/// True if the photos with a place were taken by turning on the spot: a turn of each pair alone explains nearly all matches between
-/// them, so that centers and points are where errors of matching have put them.
+/// True if the photos with a place were taken by rotating on the spot: a rotation of each pair alone explains nearly
+/// all matches between them, so that centers and points follow from errors of matching.
 ///
-/// A plane gives a homography, too, but one that is no turn unless its camera stays. All pairs count, as neighbors may stand nearly
-/// still in photos that are far apart otherwise. `tau` is how exact keypoints are, pixels.
+/// A plane gives a homography, too, but not a rotation unless its camera stays. All pairs count, as neighbors may stand
+/// nearly still in photos that are far apart otherwise. `tau` is the exactness of keypoints, pixels.
 ///
 /// Source: Hartley & Zisserman, Multiple View Geometry in Computer Vision, 2004, section 13.1.
 pub(crate) fn turning(features: &[Features], pairs: &[Pair], bundle: &Bundle, placed: &[bool], tau: f64) -> bool {
@@ -28,7 +28,7 @@ pub(crate) fn turning(features: &[Features], pairs: &[Pair], bundle: &Bundle, pl
     all > 0 && turned as f64 > NEARLY_ALL * all as f64
 }
 
-/// Number of matches of a pair that a mere turn explains, and of all.
+/// Number of matches of a pair that a pure rotation explains, and of all.
 fn turned(features: &[Features], pair: &Pair, bundle: &Bundle, tau: f64) -> [usize; 2] {
     let cameras = pair.photos.map(|photo| bundle.camera(photo));
     let ray = |side: usize, keypoint: usize| -> DVec2 {

@@ -1,5 +1,5 @@
-//! Relative pose by robust descent on Sampson's distance, from what samples of five matches suggest: the same matches give
-//! the same pose, bit for bit.
+//! Relative pose by robust descent on Sampson's distance, from candidate poses of samples of five matches: the same
+//! matches give the same pose, bit for bit.
 
 mod normal;
 mod search;
@@ -10,23 +10,23 @@ use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_geometry::{Pose, Similarity, so3};
 use weaver_kernels::parallel;
 
-/// The fewest matches a pose is estimated from: its five unknowns, and some to tell wrong matches by.
+/// The fewest matches a pose is estimated from: its five unknowns, and some to reject wrong matches by.
 const FEWEST: usize = 8;
-/// Gauss-Newton steps from each start, and of a descent to the rotation that explains most.
+/// Gauss-Newton steps from each start, and of the descent to the best rotation.
 const STEPS: usize = 6;
 const TURNING: usize = 14;
 /// Scales that a descent begins with: samples of five lead nearly there.
 const BRIDGED: f64 = 3.0;
 /// Number of the best descents that are carried to their optimum.
 const FINALISTS: usize = 3;
-/// Rotations farther apart than this, radians, and translations three times as far, are different explanations; they are rivals
-/// from this part of the best score.
+/// Rotations farther apart than this, radians, and translations three times as far, are different explanations; they
+/// are rivals from this part of the best score.
 const DIFFERENT: f64 = 0.1;
 const RIVAL: f64 = 0.7;
 /// Residuals are inliers up to this many times their scale.
 const CUTOFF: f64 = 2.0;
 
-/// Evidence of two views about each other.
+/// Relative pose of two views, with its inliers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TwoView {
     /// From camera i to camera j: x_j = R x_i + t with |t| = 1.
@@ -80,7 +80,7 @@ pub fn two_view(matches: &[[DVec2; 2]], tau: f64) -> Option<TwoView> {
         return None;
     }
     let mut suggested: Vec<Pose> = search::hypotheses(&rays, tau).into_iter().map(|(pose, _)| pose).collect();
-    // Of a mere turn, five matches leave too much open.
+    // For a pure rotation, five matches leave the pose undetermined.
     let turn = robust_kabsch(&rays);
     suggested.extend([DVec3::X, DVec3::Y, DVec3::Z].map(|axis| Pose::new(turn, axis)));
     let fits = descents(&suggested, &rays, &annealing::<STEPS>(BRIDGED, tau), tau);
@@ -94,7 +94,7 @@ pub fn two_view(matches: &[[DVec2; 2]], tau: f64) -> Option<TwoView> {
     judge(pose, matches, tau).map(|view| TwoView { rival, ..view })
 }
 
-/// A pose followed to where it explains rays best that differ a little from those it was found by, and its support there.
+/// A pose refined on rays that differ a little from the ones it was found by, and its support there.
 pub(crate) fn followed(pose: &Pose, rays: &[Rays], tau: f64) -> (Pose, f64) {
     facing(&descend(*pose, rays, &[2.0 * tau, tau, tau]), rays, tau)
 }
@@ -104,10 +104,10 @@ fn differ(a: &Pose, b: &Pose) -> bool {
     a.angle_to(b) > DIFFERENT || a.translation.angle_between(b.translation) > 3.0 * DIFFERENT
 }
 
-/// The best pure rotation between two views, and how many matches it explains: x_j is within 2 `tau` of R x_i, projected.
+/// The best pure rotation between two views, and its inlier count: x_j is within 2 `tau` of R x_i, projected.
 ///
-/// Where it explains as many as [`two_view`] has inliers, the direction of translation and all depths are undetermined.
-/// Units are those of [`two_view`]; the identity and its count where the matches determine no rotation.
+/// If it has as many inliers as [`two_view`], the direction of translation and all depths are undetermined. Units as in
+/// [`two_view`]; the identity and its count where the matches determine no rotation.
 ///
 /// Sources: Kabsch, "A solution for the best rotation to relate two sets of vectors" (1976), made robust; Hartley &
 /// Zisserman (2004), section 13.1, for the homography of a rotating camera.
@@ -149,7 +149,7 @@ pub fn rotation_only(matches: &[[DVec2; 2]], tau: f64) -> (DMat3, usize) {
     (rotation, matches.iter().filter(|x| turns(&rotation, x, tau)).count())
 }
 
-/// True if a mere turn explains a match.
+/// True if a pure rotation explains a match.
 pub(crate) fn turns(rotation: &DMat3, x: &[DVec2; 2], tau: f64) -> bool {
     homogeneous(x).is_some_and(|[x, y]| transfer_error(*rotation * x, y).length() < CUTOFF * tau)
 }
@@ -187,8 +187,8 @@ pub(crate) fn homogeneous(x: &[DVec2; 2]) -> Option<Rays> {
     x.iter().all(|x| x.length_squared() < 1e12).then(|| x.map(|x| x.extend(1.0)))
 }
 
-/// The rotation of the unit bearings of view i onto those of view j by iteratively reweighted least squares: bearings
-/// 0.15 apart count a half. The identity where bearings do not determine it.
+/// The rotation of the unit bearings of view i onto the bearings of view j by iteratively reweighted least squares:
+/// bearings 0.15 apart count a half. The identity where bearings do not determine it.
 fn robust_kabsch(rays: &[Rays]) -> DMat3 {
     let mut rotation = None;
     for _ in 0..6 {
@@ -206,7 +206,8 @@ fn robust_kabsch(rays: &[Rays]) -> DMat3 {
     rotation.unwrap_or(DMat3::IDENTITY)
 }
 
-/// The scale of residuals in each step of a descent: from so many tau, which bridges local minima, geometrically to tau.
+/// The scale of residuals in each step of a descent: from so many tau, which bridges local minima, geometrically to
+/// tau.
 fn annealing<const N: usize>(from: f64, tau: f64) -> [f64; N] {
     std::array::from_fn(|k| tau * from.powf(1.0 - k as f64 / (N - 1) as f64))
 }
@@ -242,7 +243,7 @@ fn slopes(pose: &Pose, [d1, d2]: [DVec3; 2], [x, y]: &Rays) -> [f64; 5] {
     [w.x, w.y, w.z, y.cross(d1).dot(p), y.cross(d2).dot(p)]
 }
 
-/// Where the descents from each start end, and the scores there, the best first.
+/// Results of the descents from each start, and their scores, the best first.
 fn descents(starts: &[Pose], rays: &[Rays], scales: &[f64], tau: f64) -> Vec<(Pose, f64)> {
     let mut fits: Vec<(Pose, f64)> = starts.iter().map(|&start| (start, 0.0)).collect();
     parallel::for_chunks(&mut fits, 1, |_, fit| {

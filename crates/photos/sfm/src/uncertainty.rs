@@ -1,4 +1,4 @@
-//! How exact estimated cameras are expected to be.
+//! Expected accuracy of estimated cameras.
 
 mod flat;
 #[cfg(test)]
@@ -11,18 +11,20 @@ use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_kernels::parallel;
 
-/// Standard deviation of a distortion that is expected before anything is seen.
+/// Prior standard deviation of a distortion.
 const BENT: f64 = 0.2;
-/// A distortion is told that is so many of its standard deviations from 0, and moves a corner by so many pixels.
+/// A distortion counts as determined if it is so many of its standard deviations from 0, and moves a corner by so many
+/// pixels.
 const TOLD: f64 = 6.0;
 const MOVED: f64 = 0.3;
-/// Photos from which on one coefficient of it is looked for, and two.
+/// Photos from which on one coefficient of the distortion is tried, and two.
 const SEVERAL: usize = 6;
 const MANY: usize = 20;
-/// Standard deviations of what is held: of the principal point from the middle of photos, over their longer sides, and of k1.
+/// Standard deviations of the parameters held fixed: of the principal point from the middle of photos, over their
+/// longer sides, and of k1.
 const OFF_CENTER: f64 = 0.005;
 const UNSEEN: f64 = 0.01;
-/// Matches of a photo of a plane that count as independent: errors of the others are taken to be in common with theirs.
+/// Matches of a photo of a plane that count as independent: the others share their errors.
 const INDEPENDENT: f64 = 40.0;
 /// Groups of photos that are left out, one after the other.
 const GROUPS: usize = 8;
@@ -31,12 +33,13 @@ const STEPS: usize = 20;
 
 /// Expected errors of cameras: standard deviations, up to the world's place, turn and scale.
 ///
-/// Two parts are added by squares: that of the normal equations of the adjustment, with the noise that its residuals show; and how
-/// much the rest moves where photos are left out, which also shows errors that many observations have in common. The focal length of
-/// a scene that is one plane is told by so little that neither shows its error, and counts as if few matches of a photo were independent.
+/// Two parts are added by squares: the uncertainty by the normal equations of the adjustment, with the noise of its
+/// residuals; and the movement of the rest where photos are left out, which also shows errors that many observations
+/// have in common. The focal length of a scene that is one plane is determined so weakly that neither shows its error,
+/// and counts as if few matches of a photo were independent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Uncertainty {
-    /// Of focal lengths, as a part of them: the lens that is told least; 0 where all were given.
+    /// Of focal lengths, as a part of them: the largest of any lens; 0 where all were given.
     pub focal: f64,
     /// Of rotations, radians, by photo; 0 without a camera.
     pub rotations: Vec<f64>,
@@ -47,11 +50,11 @@ pub struct Uncertainty {
 }
 
 impl Uncertainty {
-    /// That of the cameras that have a place.
+    /// The uncertainty of the cameras that have a place.
     pub(crate) fn of(bundle: &Bundle, placed: &[bool]) -> Option<Self> {
         let bundle = bundle.of_placed(placed);
         let noise = bundle.covariance(1.0)?.sigma;
-        // What is held may yet be off, and the rest with it.
+        // Parameters held fixed may yet be off, and the rest with them.
         let mut freed = bundle.clone();
         for lens in &mut freed.lenses {
             (lens.free_shift, lens.shift_weight) = (true, (noise / OFF_CENTER).powi(2));
@@ -61,12 +64,13 @@ impl Uncertainty {
         }
         let Covariance { focal, rotation, center, .. } = freed.covariance(1.0)?;
         let left_out = left_out(&bundle);
-        // What has no variance although it is adjusted is not known at all.
+        // An adjusted parameter without a variance is not known at all.
         let both = |of_all: f64, of_rest: f64| if of_all.is_nan() { f64::INFINITY } else { of_all.hypot(of_rest) };
         let focals =
             bundle.lenses.iter().zip(focal.into_iter().zip(left_out.focal)).filter(|(lens, _)| lens.free_focal);
         let focal = focals.map(|(_, (of_all, of_rest))| both(of_all, of_rest)).fold(0.0, f64::max);
-        // A plane tells a focal length by second-order effects, which errors that all matches have in common imitate.
+        // A plane determines a focal length by second-order effects, which errors that all matches have in common
+        // imitate.
         let each = bundle.observations.len() as f64 / bundle.cameras.len().max(1) as f64;
         let focal = if bundle.flat() { focal * (each / INDEPENDENT).max(1.0).sqrt() } else { focal };
         let of_photos = |of_all: Vec<f64>, of_rest: Vec<f64>| {
@@ -77,7 +81,7 @@ impl Uncertainty {
         Some(Self { focal, rotations, centers: of_photos(center, left_out.center), spread: spread(&bundle.cameras) })
     }
 
-    /// The same, where the photos have these numbers of so many.
+    /// The same with the photos numbered by `numbers` among `count`.
     pub(crate) fn renumbered(self, numbers: &[usize], count: usize) -> Self {
         let spread_out = |of: Vec<f64>| {
             let mut all = vec![0.0; count];
@@ -87,7 +91,7 @@ impl Uncertainty {
         Self { rotations: spread_out(self.rotations), centers: spread_out(self.centers), ..self }
     }
 
-    /// In units of a world that is so many times as large.
+    /// In units of a world `by` times as large.
     pub(crate) fn scale(&mut self, by: f64) {
         self.spread *= by;
         self.centers.iter_mut().for_each(|c| *c *= by);
@@ -100,17 +104,17 @@ impl Uncertainty {
     }
 }
 
-/// Where cameras and lenses end.
+/// Cameras and lenses at the end of an adjustment.
 type Ended = (Vec<Camera>, Vec<Lens>);
 
-/// Movement where groups of photos are left out.
+/// Movement of the rest where groups of photos are left out.
 struct LeftOut {
     focal: Vec<f64>,
     rotation: Vec<f64>,
     center: Vec<f64>,
 }
 
-/// The deviations that leaving out each of some groups of photos shows.
+/// The deviations by leaving out groups of photos, one at a time.
 ///
 /// Source: Efron, The jackknife, the bootstrap and other resampling plans, 1982, chapter 3.
 fn left_out(bundle: &Bundle) -> LeftOut {
@@ -123,7 +127,7 @@ fn left_out(bundle: &Bundle) -> LeftOut {
         let agreed = rest.agreed();
         rest.observations.retain(|o| agreed[o.point]);
         rest.adjust(1.0, STEPS);
-        // Of hundreds of photos, all that eight times would not find room.
+        // With hundreds of photos, eight copies of everything would not fit in memory.
         without[0] = Some((rest.cameras, rest.lenses));
     });
     let mut squares = LeftOut { focal: vec![0.0; bundle.lenses.len()], rotation: vec![0.0; n], center: vec![0.0; n] };
@@ -178,7 +182,7 @@ impl Bundle {
         }
     }
 
-    /// Frees the distortion of lenses as far as it is asked for and told; returns whether any is.
+    /// Frees the distortion of lenses as far as it is requested and determined; returns whether any is.
     pub(crate) fn free_distortion(&mut self, find: Find, placed: &[bool]) -> bool {
         let count = placed.iter().filter(|placed| **placed).count();
         let [first, second] = match find {

@@ -1,4 +1,4 @@
-//! What photos agree about.
+//! Agreement of photos on depth.
 
 use crate::picture::Picture;
 use crate::search::Found;
@@ -15,19 +15,19 @@ pub(crate) struct Map {
     pub slope: Vec<[f32; 2]>,
 }
 
-/// A photo agrees if its own depth leads back to within so many pixels of where it was asked from ...
+/// A photo agrees if its own depth leads back to within so many pixels of the start ...
 const AWAY: f32 = 1.0;
 /// ... and inverse depths differ by no more than this part of them, or of the largest there is.
 const DIFFERENT: f32 = 0.01;
 const OF_RANGE: f32 = 0.002;
-/// Photos that must agree, and with how little cost; from so many on whatever the cost.
+/// Photos that must agree at a low cost, and the limit of the cost; from `MANY` on, photos agree at any cost.
 const TWO: u8 = 2;
 const COST: f32 = 0.5;
 const MANY: u8 = 3;
 /// Depths that differ by less go into the mean.
 const ALIKE: f32 = 0.015;
 
-/// The maps of photos of which each is compared with these neighbors.
+/// The maps of photos, each compared with its neighbors here.
 pub(crate) fn agree(pictures: &[Picture], found: &[Found], near: &[&[usize]]) -> Vec<Map> {
     let mut maps: Vec<Map> = vec![Map::default(); pictures.len()];
     parallel::for_chunks(&mut maps, 1, |n, to| to[0] = map(n, pictures, found, near[n]));

@@ -20,7 +20,8 @@ pub(crate) struct Cell {
 
 /// Side of the cells in the beginning, pixels.
 const SIDE: usize = 16;
-/// Error of a cell beside that of its colors, over the square of the number of its pixels: large ones are divided even where they are plain.
+/// Error of a cell beside the error of its colors, over the square of the number of its pixels: large ones are divided
+/// even where they are plain.
 const PLAIN: f64 = 1e-4 / 16.0;
 
 /// A square of a photo.
@@ -40,7 +41,8 @@ struct Node {
     number: usize,
 }
 
-/// Owned pixels of a square: their number, the sums of colors, places and logarithms of inverse depth, and of the squares of colors and logarithms.
+/// Owned pixels of a square: their number, the sums of colors, places and logarithms of inverse depth, and of the
+/// squares of colors and logarithms.
 #[derive(Default)]
 struct Sums {
     pixels: f64,
@@ -50,7 +52,8 @@ struct Sums {
     squares: f64,
 }
 
-/// At most `count` cells of the owned pixels: the square that is worst described by one color and one depth is divided until there are enough.
+/// At most `count` cells of the owned pixels: the square that is worst described by one color and one depth is divided
+/// until there are enough.
 pub(crate) fn cells(pictures: &[Picture], maps: &[Map], owned: &[Vec<bool>], count: usize) -> Vec<Cell> {
     let view = View { pictures, maps, owned };
     let mut made = 0;
@@ -131,7 +134,7 @@ impl View<'_> {
 }
 
 impl Sums {
-    /// Squared deviations from the mean, and a little for what is plain.
+    /// Squared deviations from the mean, and a little for plain cells.
     fn error(&self) -> f64 {
         let means = self.color.iter().map(|c| c * c).sum::<f64>() + self.log_w * self.log_w;
         (self.squares - means / self.pixels).max(0.0) + PLAIN * self.pixels * self.pixels

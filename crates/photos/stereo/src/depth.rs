@@ -40,7 +40,7 @@ pub struct Stereo {
     points: PointCloud,
 }
 
-/// Rounds of the first pass, and of the second, which looks at what the first found for the other photos.
+/// Rounds of the first pass, and of the second, which uses the first one's results for the other photos.
 const ROUNDS: [usize; 2] = [6, 2];
 /// Size of random changes in the first round of a pass, pixels between photos, and its factor from round to round.
 const SIZES: [[f32; 2]; 2] = [[4.0, 0.6], [0.5, 0.5]];
@@ -48,11 +48,12 @@ const SIZES: [[f32; 2]; 2] = [[4.0, 0.6], [0.5, 0.5]];
 const FRESH: usize = 2;
 /// The largest inverse depth that is tried, over the one that 99 of 100 points stay below.
 const MARGIN: f32 = 3.0;
-/// Photos that are asked whether they agree.
+/// Photos that are checked for agreement.
 const WITNESSES: usize = 8;
 
 impl Stereo {
-    /// The depth of photos, of which each sees the points of these indices. Photos without neighbors, or without points, have none.
+    /// The depth of photos; each sees the points of these indices. Photos without neighbors, or without points, have
+    /// none.
     ///
     /// Cost: 250 planes tried in each pixel at [`StereoSettings::long_side`]. The same bits at any number of threads.
     ///
@@ -85,7 +86,8 @@ impl Stereo {
         Self { pictures, maps, neighbors, visible: visible.to_vec(), points: points.clone() }
     }
 
-    /// Bytes that finding the depth of photos of these widths and heights takes at most, but for what threads have of their own.
+    /// Upper bound in bytes on the memory for the depth of photos of these widths and heights, without the threads' own
+    /// memory.
     ///
     /// ```
     /// use weaver_stereo::{Stereo, StereoSettings};
@@ -95,7 +97,7 @@ impl Stereo {
     /// assert_eq!(bytes(1), Stereo::bytes(&[[400, 300]], &StereoSettings::default()));
     /// ```
     pub fn bytes(sizes: &[[usize; 2]], settings: &StereoSettings) -> u64 {
-        // Of a pixel: what the pictures have, and planes and costs of two passes.
+        // Bytes of a pixel: its share of the pictures, and planes and costs of two passes.
         const OF_PIXEL: usize = 3 + 1 + 1 + 2 * 16;
         let picture = |[width, height]: &[usize; 2]| {
             let factor = width.max(height).div_ceil(settings.long_side.clamp(1, LONGEST));
@@ -110,8 +112,8 @@ impl Stereo {
         self.maps.iter().map(part).collect()
     }
 
-    /// Depth along the optical axis for each pixel of a photo, as it was shrunk, `[height, width]`, with its size: infinite where photos agree that
-    /// it is, not a number where they do not agree.
+    /// Depth along the optical axis for each pixel of a photo, as it was shrunk, `[height, width]`, with its size:
+    /// infinite where photos agree that it is, not a number where they do not agree.
     pub fn depth(&self, photo: usize) -> (Vec<f32>, [usize; 2]) {
         let camera = &self.pictures[photo].camera;
         (self.maps[photo].w.iter().map(|w| 1.0 / w).collect(), [camera.height, camera.width])
@@ -173,7 +175,8 @@ struct OnePhoto<'a> {
 }
 
 impl OnePhoto<'_> {
-    /// The planes of the photo: from points and chance, or, with what was found `before` for all photos, from that.
+    /// The planes of the photo: from points and chance, or, in the second pass, from the planes that the first found
+    /// `before` for all photos.
     fn find(&self, before: Option<&[Found]>) -> Found {
         let Photos { pictures, neighbors, settings, .. } = &self.all;
         let picture = &pictures[self.photo];

@@ -1,4 +1,4 @@
-//! What surrounds a pixel, and how like it is to a part of another photo.
+//! The patch around a pixel, and its similarity to a part of another photo.
 
 use crate::picture::Picture;
 use weaver_kernels::lanes::{LANES, Lanes};
@@ -42,7 +42,8 @@ impl<V: Lanes<Scalar = f32>> Offsets<V> {
     }
 }
 
-/// The surroundings of a pixel: weights of the samples, which sum to 1, and those times the differences of their luma from its mean.
+/// The surroundings of a pixel: weights of the samples, which sum to 1, and those times the differences of their luma
+/// from its mean.
 #[derive(Clone, Debug)]
 pub(crate) struct Patch {
     weights: [[f32; LANES]; 2],
@@ -81,8 +82,8 @@ pub(crate) fn patches(picture: &Picture) -> Vec<Patch> {
     (0..width * height).map(patch).collect()
 }
 
-/// 1 - ZNCC of a patch and what another photo shows at `p + dx gx + dy gy` (homogeneous) for the samples' offsets: 0 where both are
-/// alike, 1 where they have nothing in common, 2 where one is the other's negative.
+/// 1 - ZNCC between a patch and another photo at `p + dx gx + dy gy` (homogeneous) for the samples' offsets: 0 where
+/// both are alike, 1 where they have nothing in common, 2 where one is the other's negative.
 ///
 /// Samples outside repeat the border.
 #[inline(always)]
@@ -93,7 +94,7 @@ pub(crate) fn dissimilarity<V: Lanes<Scalar = f32>>(
     other: &Picture,
 ) -> f32 {
     let (width, height) = (other.camera.width, other.camera.height);
-    // Numbers so large that what is added to them is rounded to a whole, in the lowest bits.
+    // Numbers so large that an addend is rounded to a whole, in the lowest bits.
     let (whole, integers) = (V::splat(1.5 * 8_388_608.0), V::splat(8_388_608.0));
     let (right, bottom) = (V::splat((width - 1) as f32), V::splat((height - 1) as f32));
     let (half, width) = (V::splat(0.5), V::splat(width as f32));
@@ -218,7 +219,7 @@ mod tests {
         1.0 - covariance / ((aa + 2.0) * (bb + 2.0)).sqrt()
     }
 
-    /// All instruction sets compute what the slow version does, in the middle, at borders and beyond them.
+    /// All instruction sets compute the same as the slow version, in the middle, at borders and beyond them.
     #[test]
     fn lanes_agree_with_the_slow_version() {
         let (picture, other) = (noise(1), noise(2));

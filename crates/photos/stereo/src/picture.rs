@@ -17,16 +17,17 @@ pub(crate) struct Picture {
     pub colors: Vec<[u8; 3]>,
     /// Luma.
     pub gray: Vec<u8>,
-    /// The luma of each pixel and of the ones right of it, below it and below right of it, from the lowest byte on: what one bilinear
-    /// sample needs, in one load. Of the last column and row the neighbors are repeated.
+    /// The luma of each pixel and of the pixels right of it, below it and below right of it, from the lowest byte on:
+    /// all that one bilinear sample needs, in one load. Of the last column and row the neighbors are repeated.
     pub quads: Box<[u32; PIXELS]>,
-    /// Which pixels count.
+    /// Mask of the pixels that count.
     pub counts: Vec<bool>,
 }
 
 impl Picture {
-    /// The photo, shrunk by the smallest whole factor that brings its longer side to `long_side` or below. Rows and columns that are left over
-    /// at the right and the bottom are cut off, so that pixels stay where they were. A pixel counts if none of its parts is masked.
+    /// The photo, shrunk by the smallest whole factor that brings its longer side to `long_side` or below. Rows and
+    /// columns that are left over at the right and the bottom are cut off, so that pixels stay where they were. A pixel
+    /// counts if none of its parts is masked.
     pub fn of(photo: &Photo, long_side: usize) -> Self {
         let full = &photo.camera;
         let factor = full.width.max(full.height).div_ceil(long_side.clamp(1, LONGEST));

@@ -6,8 +6,8 @@ use crate::warp::Warp;
 use weaver_kernels::lanes::{LaneKernel, Lanes};
 use weaver_kernels::random::Stream;
 
-/// The plane that a pixel shows: its inverse depth there, and how much that grows for each pixel to the right and down. A plane of the
-/// world has an inverse depth that is affine in pixels; at 0 it is infinitely far.
+/// The plane that a pixel shows: its inverse depth there, and how much that grows for each pixel to the right and down.
+/// A plane of the world has an inverse depth that is affine in pixels; at 0 it is infinitely far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Plane {
     pub w: f32,
@@ -15,7 +15,7 @@ pub(crate) struct Plane {
 }
 
 impl Plane {
-    /// The same plane as a pixel that far away has it.
+    /// The same plane at a pixel at this offset.
     #[inline(always)]
     fn moved(self, dx: isize, dy: isize) -> Self {
         Self { w: self.w + self.slope[0] * dx as f32 + self.slope[1] * dy as f32, ..self }
@@ -61,8 +61,8 @@ pub(crate) struct Search<'a> {
     pub stream: Stream,
     pub planes: Vec<Plane>,
     pub costs: Vec<f32>,
-    /// The half round in which the plane of each pixel last changed, and in which it last tried those of its neighbors: what was refused once
-    /// is refused again.
+    /// The half round in which the plane of each pixel last changed, and in which it last tried its neighbors' planes:
+    /// a plane that was refused once is refused again.
     pub history: Vec<[i32; 2]>,
     pub now: i32,
 }
@@ -172,7 +172,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Half of the pixels, those of one color of a chessboard.
+    /// Half of the pixels, one color of a chessboard.
     #[inline(always)]
     fn half<V: Lanes<Scalar = f32>>(&mut self, offsets: &Offsets<V>, round: Round, color: usize) {
         let (width, height) = (self.picture.camera.width, self.picture.camera.height);

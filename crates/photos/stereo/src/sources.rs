@@ -1,18 +1,18 @@
-//! Which photos the depth of a photo is found by.
+//! Choice of the photos by which the depth of a photo is found.
 
 use std::collections::BTreeMap;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_scene::PointCloud;
 
-/// The angle between the rays of two photos at which depth is told best, radians, and how fast that falls below it and above.
+/// The angle between the rays of two photos at which depth is measured best, radians, and the decay below it and above.
 const ANGLE: f64 = 8.0_f64.to_radians();
 const NARROW: f64 = 4.0_f64.to_radians();
 const WIDE: f64 = 12.0_f64.to_radians();
 /// Photos that share less are no neighbors.
 const LEAST_SCORE: f64 = 5.0;
 
-/// The neighbors of each photo, the best first: those that share points with it under angles that tell depth.
+/// The neighbors of each photo, the best first: photos that share points with it under angles good for depth.
 pub(crate) fn neighbors(poses: &[Pose], points: &PointCloud, visible: &[Vec<u32>]) -> Vec<Vec<usize>> {
     let mut seen_by: Vec<Vec<usize>> = vec![Vec::new(); points.len()];
     for (photo, seen) in visible.iter().enumerate() {

@@ -7,8 +7,8 @@ const WITNESSES: u8 = 3;
 /// Logarithm of the ratio of inverse depths from which neighboring pixels are of different patches.
 const JUMP: f32 = 0.05;
 
-/// Makes inverse depths not a number in small patches that only two photos agree about, anywhere in them: that happens by chance. `witnesses` are
-/// the photos that agree, for each pixel.
+/// Makes inverse depths not a number in small patches that only two photos agree about, anywhere in them: that happens
+/// by chance. `witnesses` are the photos that agree, for each pixel.
 pub(crate) fn remove(w: &mut [f32], witnesses: &[u8], width: usize) {
     let mut seen = vec![false; w.len()];
     let mut patch = Vec::new();

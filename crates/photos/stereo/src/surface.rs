@@ -50,8 +50,8 @@ impl<'a> Surface<'a> {
         self.len() == 0
     }
 
-    /// At most so many flat Gaussians of degree 0 that cover the surface, small where its color or depth varies: one for each cell of
-    /// quadtrees over the photos.
+    /// At most so many flat Gaussians of degree 0 that cover the surface, small where its color or depth varies: one
+    /// for each cell of quadtrees over the photos.
     pub fn gaussians(&self, count: usize) -> Gaussians {
         let mut gaussians = Gaussians::default();
         for cell in cells(&self.stereo.pictures, &self.stereo.maps, &self.owned, count) {
@@ -86,14 +86,15 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// The normal of a plane in the camera's frame, from its inverse depth `w` at a ray (of depth 1) and its slope per pixel:
-/// `w = n . ray` with n along `(a fx, b fy, w - a fx x - b fy y)`.
+/// The normal of a plane in the camera's frame, from its inverse depth `w` at a ray (of depth 1) and its slope per
+/// pixel: `w = n . ray` with n along `(a fx, b fy, w - a fx x - b fy y)`.
 fn normal(ray: DVec3, w: f64, slope: [f64; 2], focal: [f64; 2]) -> DVec3 {
     let (a, b) = (slope[0] * focal[0], slope[1] * focal[1]);
     DVec3::new(a, b, w - a * ray.x - b * ray.y).try_normalize().unwrap_or(DVec3::Z)
 }
 
-/// Pixels for each unit of length of the surface, at each pixel of a photo; 0 at infinity, not a number where photos do not agree.
+/// Pixels for each unit of length of the surface, at each pixel of a photo; 0 at infinity, not a number where photos do
+/// not agree.
 fn density(stereo: &Stereo, photo: usize) -> Vec<f32> {
     let (camera, map) = (&stereo.pictures[photo].camera, &stereo.maps[photo]);
     let intrinsics = &camera.intrinsics;
@@ -112,7 +113,7 @@ fn owned(stereo: &Stereo, density: &[Vec<f32>], photo: usize) -> Vec<bool> {
     let back = camera.pose.inverse();
     let own = |at: usize| {
         let w = map.w[at];
-        // What is infinitely far has no place.
+        // A point at infinity has no place.
         if w.is_nan() || w <= 0.0 {
             return false;
         }

@@ -3,8 +3,8 @@
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec3};
 
-/// The way of a pixel into another photo: `p = A (u, v, 1) + t w`, homogeneous, with `w` the inverse depth at the pixel. Its third
-/// component is the depth in the other photo over the depth in this one.
+/// The way of a pixel into another photo: `p = A (u, v, 1) + t w`, homogeneous, with `w` the inverse depth at the
+/// pixel. Its third component is the depth in the other photo over the depth in this one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Warp {
     /// Columns of `A = K' R K^-1`.
@@ -43,7 +43,8 @@ impl Warp {
         place
     }
 
-    /// Change of the homogeneous place for each pixel along an axis, 0 or 1, along which the inverse depth has this slope.
+    /// Change of the homogeneous place for each pixel along an axis, 0 or 1, along which the inverse depth has this
+    /// slope.
     #[inline(always)]
     pub fn along(&self, axis: usize, slope: f32) -> [f32; 3] {
         let mut change = self.columns[axis];

@@ -1,7 +1,8 @@
 //! Bits a Gaussian, and quality of pictures, of a scene at the four settings: `playbot FILE.ply`.
 //!
-//! Pictures are six views of an orbit, 256 pixels square, over white, against those of the scene as it was read. `without contexts` is the
-//! code length of the same symbols by adaptive models of order 0, `equal steps` is the setting without adaptation.
+//! Pictures are six views of an orbit, 256 pixels square, over white, compared with the scene as read. `without
+//! contexts` is the code length of the same symbols by adaptive models of order 0, `equal steps` is the setting without
+//! adaptation.
 
 use std::error::Error;
 use std::time::Instant;

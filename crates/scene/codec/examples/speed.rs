@@ -1,7 +1,8 @@
 //! Time to encode and to decode a million Gaussians: `speed FILE [THREADS]`.
 //!
-//! The scene is put side by side with copies of itself, whose numbers differ by a thousandth, until there are a million. Beside seconds on the
-//! clock there are seconds of processors (Linux), which other work on the machine changes little.
+//! The scene is put side by side with copies of itself, whose numbers differ by a thousandth, until there are a
+//! million. Beside seconds on the clock there are seconds of processors (Linux), which other work on the machine
+//! changes little.
 
 use std::error::Error;
 use std::time::Instant;

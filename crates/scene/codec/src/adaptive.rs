@@ -2,7 +2,8 @@
 
 use crate::range::{Coder, Slices, WHOLE};
 
-/// Frequencies of symbols so far, each with ½ added (Krichevsky and Trofimov): nothing has to be sent before the symbols.
+/// Frequencies of symbols so far, each with ½ added (Krichevsky and Trofimov): nothing has to be sent before the
+/// symbols.
 ///
 /// Of `N` symbols over an alphabet of `n`, with counts `c_i`, the code length is
 /// `-log2(Γ(n/2) / Γ(N + n/2) · Π Γ(c_i + ½) / Γ(½))`, but for the rounding to parts of 2^16.

@@ -31,9 +31,9 @@ pub struct Codebook {
 impl Codebook {
     /// Fits codes to vectors, `[N, D]`, that matter as much as `importance`, `[N]`, says.
     ///
-    /// In each round every vector belongs to the nearest code, the first of equally near ones. Mass and sum of a code are moving averages
-    /// with decay 0.8 of those of its vectors, and the code is their quotient. Codes without mass become the most important vectors that are
-    /// not met exactly. The same bits at any number of threads.
+    /// In each round every vector belongs to the nearest code, the first of equally near ones. Mass and sum of a code
+    /// are moving averages with decay 0.8 over its vectors, and the code is their quotient. Codes without mass become
+    /// the most important vectors that are not met exactly. The same bits at any number of threads.
     ///
     /// # Errors
     /// When lengths do not fit, there is no vector or no code, or a number is not finite or an importance negative.

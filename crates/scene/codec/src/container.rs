@@ -9,7 +9,7 @@ pub const MAGIC: [u8; 4] = *b"WVSZ";
 /// The version that is written.
 pub const VERSION: u8 = 1;
 
-/// Gaussians that a byte may stand for: what bounds the memory that a small file can ask for.
+/// Gaussians that a byte may stand for: a bound on the memory that a small file can request.
 pub const GAUSSIANS_PER_BYTE: u64 = 8;
 
 /// A part of a container: symbols of one kind, coded together.
@@ -71,7 +71,8 @@ impl<'a> Container<'a> {
     /// Reads a whole container.
     ///
     /// # Errors
-    /// When bytes are of something else or of a later version, are missing, left over or changed, or are fewer than one for eight Gaussians.
+    /// When bytes are of something else or of a later version, are missing, left over or changed, or are fewer than one
+    /// for eight Gaussians.
     pub fn read(bytes: &'a [u8]) -> Result<Self, CodecError> {
         let (container, missing) = Self::parse(bytes)?;
         let least = container.gaussians.div_ceil(GAUSSIANS_PER_BYTE);
@@ -82,7 +83,7 @@ impl<'a> Container<'a> {
         missing.map_or(Ok(container), Err)
     }
 
-    /// Reads the streams of which all bytes are there, from the first one on: `bytes` are the beginning of a container.
+    /// Reads the complete streams, from the first one on: `bytes` are the beginning of a container.
     ///
     /// # Errors
     /// As [`Container::read`], but for bytes that are missing behind the header.
@@ -90,7 +91,7 @@ impl<'a> Container<'a> {
         Ok(Self::parse(bytes)?.0)
     }
 
-    /// The streams that are there, and what is missing.
+    /// The complete streams, and the error of the first incomplete one.
     fn parse(bytes: &'a [u8]) -> Result<(Self, Option<CodecError>), CodecError> {
         let Layout { gaussians, coefficients, streams, end } = Layout::read(bytes)?;
         let mut container = Self { gaussians, coefficients, streams: Vec::new() };
@@ -104,7 +105,7 @@ impl<'a> Container<'a> {
             extent.check(part)?;
             container.streams.push(Stream { name: extent.name, symbols: extent.symbols, bytes: part.into() });
         }
-        // What is left over may only fill up to the least size.
+        // Remaining bytes may only fill up to the least size.
         let rest = &bytes[end as usize..];
         let least = gaussians.div_ceil(GAUSSIANS_PER_BYTE);
         if !rest.is_empty() && (bytes.len() as u64 > least || rest.iter().any(|&byte| byte != 0)) {
@@ -159,7 +160,8 @@ impl Layout {
     /// Reads a header from the beginning of a container.
     ///
     /// # Errors
-    /// Bytes of something else, of a later version or changed; [`CodecError::Ended`] where there are fewer than the header has.
+    /// Bytes of something else, of a later version or changed; [`CodecError::Ended`] where there are fewer than the
+    /// header has.
     pub fn read(start: &[u8]) -> Result<Self, CodecError> {
         let mut header = Header { bytes: start, at: 0 };
         if !start.starts_with(&MAGIC) {

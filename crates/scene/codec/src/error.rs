@@ -1,4 +1,4 @@
-//! What can be wrong with streams and scenes.
+//! Errors of streams and scenes.
 
 /// Why something could not be encoded or decoded.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -17,7 +17,7 @@ pub enum CodecError {
     Version {
         /// The one that is known.
         expected: u8,
-        /// That of the stream.
+        /// The stream's version.
         found: u8,
     },
     /// Bytes that end too early.
@@ -37,7 +37,7 @@ pub enum CodecError {
         place: String,
         /// The checksum that is written there.
         expected: u32,
-        /// That of the bytes.
+        /// The checksum of the bytes.
         found: u32,
     },
     /// Content that does not make sense.

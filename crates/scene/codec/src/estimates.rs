@@ -1,8 +1,8 @@
 //! Decisions that are predicted together: estimates in several contexts, mixed for all lanes of a vector at once.
 //!
-//! Everything is sums, products, quotients and bits of `f32` in the order that is written, so that a decoder finds the probabilities of the
-//! encoder on any machine. There is no table and no branch: inside of [`simd::dispatch`](weaver_kernels::simd::dispatch) a line is an
-//! instruction for eight decisions.
+//! Everything is sums, products, quotients and bits of `f32` in the order that is written, so that a decoder finds the
+//! probabilities of the encoder on any machine. There is no table and no branch: inside of
+//! [`simd::dispatch`](weaver_kernels::simd::dispatch) a line is an instruction for eight decisions.
 
 use crate::range::WHOLE;
 
@@ -30,8 +30,8 @@ pub(crate) struct Estimates<const L: usize> {
 impl<const L: usize> Estimates<L> {
     pub(crate) const UNKNOWN: Self = Self { odds: [1.0; L], shares: [0.5; L] };
 
-    /// Moves the probability of each decision that was made by a share of the way to its outcome. In odds `o`, with the share `r`, these
-    /// are `(o + r) / (1 - r)` and `o (1 - r) / (1 + o r)`.
+    /// Moves the probability of each decision that was made by a share of the way to its outcome. In odds `o`, with the
+    /// share `r`, these are `(o + r) / (1 - r)` and `o (1 - r) / (1 + o r)`.
     #[inline(always)]
     fn learn(&mut self, made: &[u32; L], ones: &[u32; L]) {
         for i in 0..L {
@@ -59,7 +59,7 @@ fn within(x: f32, least: f32, most: f32) -> f32 {
     if x > most { most } else { x }
 }
 
-/// Which of `L` decisions were made, and which of them came out `true`: a bit for each.
+/// The decisions made among `L`, and the ones that came out `true`: a bit for each.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Outcomes {
     pub(crate) made: u32,
@@ -68,8 +68,8 @@ pub(crate) struct Outcomes {
 
 /// Weights of `K` contexts in each of `L` decisions.
 ///
-/// The logits of a decision are added with weights that descend on the code length (Mahoney's logistic mixing), so that a context that predicts
-/// well is soon the one that counts.
+/// The logits of a decision are added with weights that descend on the code length (Mahoney's logistic mixing), so that
+/// a context that predicts well is soon the one that counts.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(crate) struct Mixer<const K: usize, const L: usize> {
@@ -82,7 +82,8 @@ impl<const K: usize, const L: usize> Mixer<K, L> {
         Self { weights: [[0.7 / (K as f32).sqrt(); L]; K], rates: [FIRST_RATE; L] }
     }
 
-    /// Predicts all decisions, has some of them coded, given the probabilities of `true` in parts of 2^16, and learns from these.
+    /// Predicts all decisions, has some of them coded, given the probabilities of `true` in parts of 2^16, and learns
+    /// from these.
     #[inline(always)]
     pub(crate) fn code(&mut self, contexts: [&mut Estimates<L>; K], walk: impl FnOnce(&[u32; L]) -> Outcomes) {
         let (mut logits, mut sums) = ([[0.0; L]; K], [0.0; L]);
@@ -116,7 +117,8 @@ impl<const K: usize, const L: usize> Mixer<K, L> {
     }
 }
 
-/// The binary logarithm of a positive normal number, within 0.001: its exponent, and a polynomial of its fraction that is exact at 1 and 2.
+/// The binary logarithm of a positive normal number, within 0.001: its exponent, and a polynomial of its fraction that
+/// is exact at 1 and 2.
 #[inline(always)]
 fn log2(x: f32) -> f32 {
     let bits = x.to_bits();

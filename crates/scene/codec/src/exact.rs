@@ -1,4 +1,5 @@
-//! `exp` and `ln`, the same bits on every machine: libraries differ in their last bits, sums, products and quotients do not.
+//! `exp` and `ln`, the same bits on every machine: libraries differ in their last bits, sums, products and quotients do
+//! not.
 
 use std::f64::consts::LN_2;
 

@@ -10,10 +10,11 @@ const WIDEST: usize = 3;
 /// Numbers of a prior: matrices, biases and gates of all layers.
 pub const PRIOR_PARAMETERS: usize = 24 + 10 + 9;
 
-/// A cumulative distribution `c(x) = σ(f_4 ∘ f_3 ∘ f_2 ∘ f_1(x))` of learned shape (Ballé et al., 2018), filters 3, 3, 3.
+/// A cumulative distribution `c(x) = σ(f_4 ∘ f_3 ∘ f_2 ∘ f_1(x))` of learned shape (Ballé et al., 2018), filters 3, 3,
+/// 3.
 ///
-/// `f_k(x) = g(softplus(H) x + b)`, `g(u) = u + tanh(a) tanh(u)`, without `g` in the last layer. Every factor is positive, so that
-/// `c` rises. Parameters of a layer are `H` row by row, `b`, then `a`.
+/// `f_k(x) = g(softplus(H) x + b)`, `g(u) = u + tanh(a) tanh(u)`, without `g` in the last layer. Every factor is
+/// positive, so that `c` rises. Parameters of a layer are `H` row by row, `b`, then `a`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FactorizedPrior {
     /// Parameters, layer by layer.

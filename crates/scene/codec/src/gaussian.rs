@@ -11,11 +11,12 @@ const SYMBOLS: usize = 2 * REACH as usize + 3;
 const LARGEST: i32 = 1 << 24;
 const LOGARITHM: f64 = 20.0;
 
-/// Whole numbers under a normal distribution, integrated over each: what [`gaussian_rate`](crate::gaussian_rate) says that they cost, but for
-/// the rounding to parts of 2^16 and at least one part for each within 40 of the mean.
+/// Whole numbers under a normal distribution, integrated over each: they cost as much as by
+/// [`gaussian_rate`](crate::gaussian_rate), but for the rounding to parts of 2^16 and at least one part for each within
+/// 40 of the mean.
 ///
-/// All arithmetic is exact in the sense that every machine gets the same bits, so that a decoder which predicts the same distributions reads the
-/// same numbers.
+/// All arithmetic is exact in the sense that every machine gets the same bits, so that a decoder which predicts the
+/// same distributions reads the same numbers.
 ///
 /// ```
 /// use weaver_codec::{CodeLength, GaussianModel, gaussian_rate};
@@ -34,7 +35,8 @@ pub struct GaussianModel {
 }
 
 impl GaussianModel {
-    /// A distribution of this mean, and this natural logarithm of the standard deviation; both are clamped to what can be coded, 2^24 and 20.
+    /// A distribution of this mean, and this natural logarithm of the standard deviation; both are clamped to the range
+    /// of the coder, 2^24 and 20.
     pub fn new(mean: f64, log_deviation: f64) -> Self {
         let most = f64::from(LARGEST);
         let mean = if mean.is_nan() { 0.0 } else { mean.clamp(-most, most) };

@@ -1,11 +1,14 @@
-//! Compression of scenes of Gaussians: quantizers, models, a range coder, transforms, and a container; no tape, no files.
+//! Compression of scenes of Gaussians: quantizers, models, a range coder, transforms, and a container; no tape, no
+//! files.
 //!
-//! - [`Coder`] is a direction: [`RangeEncoder`], [`RangeDecoder`], or [`CodeLength`], which only counts. A stream is described once, for
-//!   all three.
+//! - [`Coder`] is a direction: [`RangeEncoder`], [`RangeDecoder`], or [`CodeLength`], which only counts. A stream is
+//!   described once, for all three.
 //! - [`AdaptiveModel`] codes symbols by their frequencies, [`MixedModel`] numbers by several contexts at once,
 //!   [`GaussianModel`] numbers by a normal distribution that is predicted.
-//! - [`Quantizer`] makes numbers symbols. [`gaussian_rate`], [`bernoulli_rate`] and [`FactorizedPrior`] say what symbols cost.
-//! - [`morton3`], [`code_octree`], [`Raht`] and [`Codebook`] are for positions, and for what varies slowly in space.
+//! - [`Quantizer`] makes numbers symbols. [`gaussian_rate`], [`bernoulli_rate`] and [`FactorizedPrior`] give the costs
+//!   of symbols.
+//! - [`morton3`], [`code_octree`], [`Raht`] and [`Codebook`] are for positions, and for values that vary slowly in
+//!   space.
 //! - [`Container`] holds streams, with sizes and checksums.
 
 mod adaptive;

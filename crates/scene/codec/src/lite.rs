@@ -1,9 +1,11 @@
 //! `lite`: scenes of Gaussians in some hundred bits each.
 //!
-//! Positions lie on a grid and are coded as an octree. Everything else is rounded, in larger steps where a Gaussian shows less, and coded
-//! by [mixed models](crate::MixedModel) with contexts of neighbors and of what is known of the same Gaussian. Colors are transformed in
-//! space before ([`Raht`](crate::Raht)). Axes are exchanged and turned so that of the 24 rotations of one ellipsoid a single one remains. Large scenes are cut into blocks, which are coded and decoded
-//! at the same time; the first ones hold the Gaussians that show most, so that the beginning of a stream is a picture of the scene.
+//! Positions lie on a grid and are coded as an octree. Everything else is rounded, in larger steps where a Gaussian is
+//! less visible, and coded by [mixed models](crate::MixedModel) with contexts of neighbors and of earlier symbols of
+//! the same Gaussian. Colors are transformed in space before ([`Raht`](crate::Raht)). Axes are exchanged and turned so
+//! that a single one of the 24 rotations of an ellipsoid remains. Large scenes are cut into blocks, which are coded and
+//! decoded at the same time; the first ones hold the Gaussians that show most, so that the beginning of a stream is a
+//! picture of the scene.
 
 mod blocks;
 mod colors;
@@ -31,7 +33,7 @@ use weaver_scene::Gaussians;
 pub use control::order_zero_bits;
 pub use quality::Quality;
 
-/// Name of the stream of what a decoder has to be told first.
+/// Name of the stream that a decoder reads first.
 const HEAD: [u8; 4] = *b"head";
 
 /// Encodes Gaussians.
@@ -85,8 +87,8 @@ pub fn rounded(gaussians: &Gaussians, quality: &Quality) -> Result<Gaussians, Co
     Ok(restore(&head, &blocks, gaussians.degree))
 }
 
-/// Gaussians of the same pictures as those of [`rounded`], in the order and with the axes of those that are given: what training with
-/// quantization draws in their place.
+/// Gaussians of the same pictures as by [`rounded`], in the order and with the axes of the given ones: training with
+/// quantization draws these in their place.
 ///
 /// # Errors
 /// As [`encode`].
@@ -107,7 +109,7 @@ pub fn rounded_in_place(gaussians: &Gaussians, quality: &Quality) -> Result<Gaus
     Ok(placed)
 }
 
-/// Decodes Gaussians. Their order is that of the blocks, within one Morton order.
+/// Decodes Gaussians. Their order follows the blocks, within one Morton order.
 ///
 /// # Errors
 /// When bytes are of something else, are missing or changed, or decode to other than the Gaussians that are announced.
@@ -123,7 +125,7 @@ pub fn decode(bytes: &[u8]) -> Result<Gaussians, CodecError> {
 /// Decodes the blocks that are complete in the beginning of a stream: those that show most come first.
 ///
 /// # Errors
-/// As [`decode`], but for what is missing at the end.
+/// As [`decode`], without the missing streams at the end.
 pub fn decode_start(bytes: &[u8]) -> Result<Gaussians, CodecError> {
     let mut container = Container::read_start(bytes)?;
     let complete = 1 + container.streams.len().saturating_sub(1) / blocks::STREAMS.len() * blocks::STREAMS.len();
@@ -148,7 +150,7 @@ fn decode_streams(container: &Container) -> Result<Gaussians, CodecError> {
     };
     let head = Head::read(&first.bytes)?;
     let blocks: Vec<&[Stream]> = streams.chunks(blocks::STREAMS.len()).collect();
-    // What all blocks announce, before any of it is allocated.
+    // The total that all blocks announce, before any of it is allocated.
     let announced = blocks.iter().fold(0_u64, |sum, block| sum.saturating_add(block[0].symbols));
     if announced > container.gaussians {
         return Err(CodecError::invalid("blocks", format!("{} Gaussians", container.gaussians), announced));

@@ -9,19 +9,20 @@ const BITS: usize = 24;
 /// Decisions that are predicted together.
 const LANES: usize = 8;
 
-/// Groups of decisions that have estimates in all contexts: is a magnitude longer than 0, 1, ... 7 bits? Then, for a length of 1, 2, ... 6, the
-/// sign and the three bits behind the highest.
+/// Groups of decisions that have estimates in all contexts: is a magnitude longer than 0, 1, ... 7 bits? Then, for a
+/// length of 1, 2, ... 6, the sign and the three bits behind the highest.
 const GROUPS: usize = 7;
 
-/// Further ones, which are rare, have estimates in one context only: is it longer than 8, 9, ... 23 bits? Then, for a length of 7, 8, ... 24,
-/// as above.
+/// Further ones, which are rare, have estimates in one context only: is it longer than 8, 9, ... 23 bits? Then, for a
+/// length of 7, 8, ... 24, as above.
 const LENGTHS: usize = BITS / LANES;
 const FURTHER: usize = LENGTHS - 1 + BITS - (GROUPS - 1);
 
 /// A model of whole numbers below 2^24 in magnitude, by `K` contexts that are mixed.
 ///
-/// A number is a path of decisions: its length in bits, one at a time, its sign, the bits behind the highest one, of which the fourth and
-/// further ones are equally probable. Every decision has an estimate in each context, and the mixture of these is its probability.
+/// A number is a path of decisions: its length in bits, one at a time, its sign, and the bits behind the highest one,
+/// equally probable from the fourth on. Every decision has an estimate in each context, and the mixture of these is its
+/// probability.
 ///
 /// ```
 /// use weaver_codec::{CodeLength, MixedModel};

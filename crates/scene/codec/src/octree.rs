@@ -14,8 +14,8 @@ const NONE: u32 = u32::MAX;
 
 /// Codes points on the grid of an octree, as Morton codes in ascending order, equal ones for equal points.
 ///
-/// Children of a cell are coded in two halves. Each is predicted by the faces of the cell behind which there are others, and by the
-/// parent's children. An encoder takes the points, a decoder any slice; both return the points.
+/// Children of a cell are coded in two halves. Each is predicted by the faces of the cell behind which there are
+/// others, and by the parent's children. An encoder takes the points, a decoder any slice; both return the points.
 ///
 /// # Errors
 /// When a stream has other than `count` points, or ends.
@@ -52,7 +52,7 @@ fn code(coder: &mut impl Coder, depth: u32, count: usize, points: &[u64]) -> Res
     let mut cells = vec![Cell { code: 0, brothers: 0, neighbors: [NONE; 6] }];
     for level in 0..depth {
         let mut ahead = Ahead { points, shift: 3 * (depth - level - 1), next: 0 };
-        // Where the children of each cell begin, and which there are.
+        // Start of the children of each cell, and a mask of them.
         let mut families = Vec::with_capacity(cells.len());
         let mut children = 0;
         for cell in &cells {
@@ -79,7 +79,7 @@ struct Cell {
 }
 
 impl Cell {
-    /// Faces behind which there are cells, one bit for each.
+    /// Mask of the faces with a neighboring cell, one bit for each.
     #[inline(always)]
     fn faces(&self) -> usize {
         (0..6).fold(0, |faces, face| faces | usize::from(self.neighbors[face] != NONE) << face)
@@ -152,7 +152,7 @@ impl Children {
         Self { first: MixedNibble::new([4, 64, 256]), second: MixedNibble::new([16 * 4, 64 * 16, 256 * 4]) }
     }
 
-    /// Codes which of eight children there are, at least one.
+    /// Codes a mask of the eight children, at least one.
     #[inline(always)]
     fn code(&mut self, coder: &mut impl Coder, cell: &Cell, occupancy: u8) -> u8 {
         let (faces, brothers) = (cell.faces(), usize::from(cell.brothers));

@@ -1,6 +1,6 @@
 //! Uniform quantizer with a dead zone, and the binary one.
 
-/// Largest magnitude of a symbol: what [`crate::MixedModel`] codes.
+/// Largest magnitude of a symbol that [`crate::MixedModel`] codes.
 pub const LARGEST_SYMBOL: i32 = (1 << 24) - 1;
 
 /// A uniform quantizer, `sign(x) ⌊|x| / Q + ½ - z⌋`.
@@ -41,7 +41,7 @@ pub fn binary(x: f64) -> f64 {
     if x < 0.0 { -1.0 } else { 1.0 }
 }
 
-/// The derivative that stands in for that of [`binary`] in training: 1 within `(-1, 1)`, 0 elsewhere.
+/// The derivative that stands in for the derivative of [`binary`] in training: 1 within `(-1, 1)`, 0 elsewhere.
 pub fn binary_slope(x: f64) -> f64 {
     if x.abs() < 1.0 { 1.0 } else { 0.0 }
 }

@@ -15,9 +15,10 @@ struct Merge {
 
 /// The transform of a set of voxels (de Queiroz and Chou, 2016).
 ///
-/// Bottom-up, neighbors `a1`, `a2` become `(√w1 a1 + √w2 a2, √w1 a2 - √w2 a1) / √(w1 + w2)`, the first with weight `w1 + w2`. Energy is
-/// kept, and constant values end up in the first coefficient alone. Values are `[N, C]`, in place: the coefficient at 0 is the mean of all,
-/// each other one the difference between its own region and the one before.
+/// Bottom-up, neighbors `a1`, `a2` become `(√w1 a1 + √w2 a2, √w1 a2 - √w2 a1) / √(w1 + w2)`, the first with weight
+/// `w1 + w2`. Energy is kept, and constant values end up in the first coefficient alone. Values are `[N, C]`, in
+/// place: the coefficient at 0 is the mean of all, each other one the difference between its own region and the one
+/// before.
 ///
 /// ```
 /// use weaver_codec::Raht;

@@ -1,4 +1,4 @@
-//! A range coder, and what it codes by: slices of 2^16.
+//! A range coder, and its divisions: slices of 2^16.
 
 /// Logarithm of the whole that probabilities are parts of.
 pub const PRECISION: u32 = 16;
@@ -9,10 +9,10 @@ pub const WHOLE: u32 = 1 << PRECISION;
 /// Below this the range gets a further byte.
 const SMALLEST: u32 = 1 << 24;
 
-/// Bytes of the range: what the decoder reads ahead, and what the encoder may leave out at the end where they are zero.
+/// Bytes of the range: the look-ahead of the decoder, and trailing zeros that the encoder may leave out.
 const AHEAD: usize = 4;
 
-/// A division of 2^16 among symbols, each of which has at least one part.
+/// A division of 2^16 among symbols, with at least one part for each.
 pub trait Slices {
     /// First part and number of parts of a symbol.
     fn slice(&self, symbol: usize) -> (u32, u32);
@@ -41,9 +41,9 @@ impl Slices for Uniform {
 
 /// A direction of coding: one description of a stream serves for writing, reading and measuring it.
 ///
-/// An encoder takes the symbol that it is handed and returns it. A decoder ignores it and returns the one of the stream.
+/// An encoder takes the symbol that it is handed and returns it. A decoder ignores it and returns the stream's symbol.
 pub trait Coder {
-    /// Codes one of two outcomes; `probability` is that of `true` in parts of 2^16, neither none nor all of them.
+    /// Codes one of two outcomes; `probability` belongs to `true`, in parts of 2^16, neither none nor all of them.
     fn bit(&mut self, probability: u32, bit: bool) -> bool;
 
     /// Codes a symbol by the slice that it has.
@@ -67,7 +67,7 @@ pub trait Coder {
 
 /// A writer of symbols, 32-bit range with carry.
 ///
-/// Bytes are those of a number in `[low, low + range)`. A byte that a carry may still change is held back.
+/// Bytes stand for a number in `[low, low + range)`. A byte that a carry may still change is held back.
 ///
 /// ```
 /// use weaver_codec::{Coder, RangeDecoder, RangeEncoder};
@@ -114,7 +114,7 @@ impl RangeEncoder {
     fn narrow(&mut self, first: u32, size: u32) {
         let part = self.range >> PRECISION;
         self.low += u64::from(part) * u64::from(first);
-        // What the division leaves over belongs to the last symbol.
+        // The remainder of the division belongs to the last symbol.
         self.range = if first + size == WHOLE { self.range - part * first } else { part * size };
         while self.range < SMALLEST {
             self.range <<= 8;
@@ -154,7 +154,7 @@ impl Coder for RangeEncoder {
     }
 }
 
-/// A reader of what [`RangeEncoder`] has written.
+/// A reader of [`RangeEncoder`]'s output.
 ///
 /// Behind the end it reads zeros, so that nothing panics; [`RangeDecoder::is_whole`] says whether the stream fits.
 #[derive(Clone, Debug)]

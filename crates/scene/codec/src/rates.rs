@@ -30,7 +30,8 @@ pub(crate) fn bits(probability: f64) -> (f64, f64) {
     (-bounded.log2(), -1.0 / (bounded * LN_2))
 }
 
-/// Bits of a number `x`, rounded with step `Q`, under a normal distribution of mean `m` and standard deviation `s`, at least 1e-9.
+/// Bits of a number `x`, rounded with step `Q`, under a normal distribution of mean `m` and standard deviation `s`, at
+/// least 1e-9.
 ///
 /// ```
 /// use weaver_codec::gaussian_rate;

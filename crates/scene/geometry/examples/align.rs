@@ -1,7 +1,8 @@
 //! Lays one camera path over another: `cargo run --release -p weaver-geometry --example align`.
 //!
-//! Reconstructions of one place differ by a similarity: where the origin is, which way is up, how long a meter is. An orbit is
-//! turned, shrunk, moved and shaken by 1 %; the similarity is found again from the camera centers. Prints the errors.
+//! Reconstructions of one place differ by a similarity: where the origin is, which way is up, how long a meter is. An
+//! orbit is turned, shrunk, moved and shaken by 1 %; the similarity is found again from the camera centers. Prints the
+//! errors.
 
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Pose, Similarity, trajectory::orbit};

@@ -46,12 +46,13 @@ impl Similarity {
         Some(Self { scale, rotation, translation: to_mean - rotation * from_mean * scale })
     }
 
-    /// The transform without rotation that minimizes `sum weight_i |to_i - (scale from_i + translation)|^2 + ridge (scale^2 +
+    /// The transform without rotation that minimizes `sum weight_i |to_i - (scale from_i + translation)|^2 + ridge
+    /// (scale^2 +
     /// |translation|^2)`.
     ///
-    /// `None` when it is not determined, as by a single point without ridge, or when a number is not finite. The scale may come out
-    /// negative. Source: Fujimura et al., WildSplatter, arXiv 2604.21182, which lays predicted points over those of the data with a
-    /// ridge of 1e-6.
+    /// `None` when it is not determined, as by a single point without ridge, or when a number is not finite. The scale
+    /// may come out negative. Source: Fujimura et al., WildSplatter, arXiv 2604.21182, which lays predicted points over
+    /// the data's with a ridge of 1e-6.
     ///
     /// # Panics
     /// When the numbers of points and weights differ.
@@ -74,7 +75,7 @@ impl Similarity {
         let to_sum: DVec3 = all().map(|(_, to, w)| to * w).sum();
         let spread = all().map(|(from, _, w)| w * from.length_squared()).sum::<f64>() + ridge;
         let along: f64 = all().map(|(from, to, w)| w * from.dot(to)).sum();
-        // The shift is eliminated: what is left is one equation for the scale.
+        // The shift is eliminated, which leaves one equation for the scale.
         let left = spread - from_sum.length_squared() / weight;
         let scale = (along - from_sum.dot(to_sum) / weight) / left;
         let translation = (to_sum - from_sum * scale) / weight;
@@ -85,8 +86,8 @@ impl Similarity {
     /// The transform from one reconstruction's world to another's, found from the poses of their cameras: the rotation
     /// minimizes `sum |R_to rotation - R_from|^2`, scale and translation then lay the centers on one another.
     ///
-    /// Axes say far better than centers how a world is turned where cameras stand close together, and two cameras are enough.
-    /// `None` when all centers are the same, or there are none.
+    /// Axes say far better than centers how a world is turned where cameras stand close together, and two cameras are
+    /// enough. `None` when all centers are the same, or there are none.
     ///
     /// # Panics
     /// When the numbers of poses differ.
@@ -96,7 +97,7 @@ impl Similarity {
         assert_eq!(from.len(), to.len(), "as many poses from as to");
         let mut covariance = DMat3::ZERO;
         for (f, t) in from.iter().zip(to) {
-            // Sum over axes of the outer products of what they are in both worlds.
+            // Sum over axes of the outer products of their directions in both worlds.
             covariance += f.rotation.transpose() * t.rotation;
         }
         let rotation = nearest_rotation(&covariance)?;

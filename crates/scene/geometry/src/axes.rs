@@ -1,7 +1,7 @@
 //! Conversion between OpenGL (NeRF) camera-to-world poses and the OpenCV world-to-camera poses used everywhere else.
 //!
-//! OpenGL cameras look along -z with y up; OpenCV cameras look along +z with y down. The two differ by half
-//! a turn about the camera's x axis, `F = diag(1, -1, -1)`, applied in camera coordinates. World coordinates do not change.
+//! OpenGL cameras look along -z with y up; OpenCV cameras look along +z with y down. The two differ by half a turn
+//! about the camera's x axis, `F = diag(1, -1, -1)`, applied in camera coordinates. World coordinates do not change.
 
 use crate::Pose;
 use glam::{DMat3, DVec3};

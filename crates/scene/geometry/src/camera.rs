@@ -35,7 +35,7 @@ impl Intrinsics {
         [fov(self.fy, height), fov(self.fx, width)]
     }
 
-    /// Projects a point in camera coordinates to pixels: `(fx x / z + cx, fy y / z + cy)`, whatever the sign of z.
+    /// Projects a point in camera coordinates to pixels: `(fx x / z + cx, fy y / z + cy)`, for any sign of z.
     pub fn project(&self, p: DVec3) -> DVec2 {
         DVec2::new(self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy)
     }
@@ -83,7 +83,7 @@ impl Camera {
         Self { intrinsics: self.intrinsics.resized(sx, sy), width, height, ..*self }
     }
 
-    /// The camera that takes the mirror image of what this one takes, if the world is mirrored at its plane x = 0.
+    /// The camera that takes the mirror image of this one's photo, if the world is mirrored at its plane x = 0.
     ///
     /// ```
     /// use weaver_geometry::glam::{DMat3, DVec3};

@@ -3,8 +3,8 @@
 use glam::{DMat2, DVec2};
 use std::f64::consts::FRAC_PI_2;
 
-/// Distortion of a pinhole camera's rays by a lens: where it sees what a pinhole camera of the same intrinsics sees at (x, y), both in
-/// coordinates over depth, `(u - cx) / fx` and `(v - cy) / fy`.
+/// Distortion of a pinhole camera's rays by a lens: the image of the point that a pinhole camera of the same intrinsics
+/// sees at (x, y), both in coordinates over depth, `(u - cx) / fx` and `(v - cy) / fy`.
 ///
 /// Cropping or resizing a photo changes its intrinsics and leaves its distortion as it is.
 ///
@@ -19,16 +19,16 @@ use std::f64::consts::FRAC_PI_2;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Distortion {
-    /// OpenCV's default model. With `r^2 = x^2 + y^2` and `s = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)`,
-    /// a point goes to `(x s + 2 p1 x y + p2 (r^2 + 2 x^2), y s + p1 (r^2 + 2 y^2) + 2 p2 x y)`.
+    /// OpenCV's default model. With `r^2 = x^2 + y^2` and `s = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 +
+    /// k6 r^6)`, a point goes to `(x s + 2 p1 x y + p2 (r^2 + 2 x^2), y s + p1 (r^2 + 2 y^2) + 2 p2 x y)`.
     Radial {
         /// k1 to k6.
         k: [f64; 6],
         /// p1 and p2, tangential.
         p: [f64; 2],
     },
-    /// OpenCV's fisheye model, of Kannala and Brandt. With `r = tan(a)`, a the angle to the optical axis, a point goes to its
-    /// direction times `a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8)`.
+    /// OpenCV's fisheye model, of Kannala and Brandt. With `r = tan(a)`, a the angle to the optical axis, a point goes
+    /// to its direction times `a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8)`.
     Fisheye {
         /// k1 to k4.
         k: [f64; 4],
@@ -63,7 +63,7 @@ impl Distortion {
         }
     }
 
-    /// Where the lens sees a point.
+    /// The image of a point through the lens.
     pub fn distort(&self, point: DVec2) -> DVec2 {
         let DVec2 { x, y } = point;
         let (scale, _) = self.scale(point.length_squared());
@@ -73,7 +73,8 @@ impl Distortion {
         point * scale + shift
     }
 
-    /// The point that the lens sees at a place, by Newton's method; `None` where it sees none, as beyond the circle of a fisheye.
+    /// The point that the lens sees at a place, by Newton's method; `None` where it sees none, as beyond the circle of
+    /// a fisheye.
     pub fn undistort(&self, seen: DVec2) -> Option<DVec2> {
         let far = seen.length();
         let last = self.last_angle();
@@ -86,19 +87,19 @@ impl Distortion {
         for _ in 0..STEPS {
             point -= self.jacobian(point).inverse() * (self.distort(point) - seen);
         }
-        // Both are also false for what is not a number.
+        // Both are also false for NaN.
         let found = self.distort(point).distance(seen) <= TOLERANCE * (1.0 + far) && point.length() <= last.tan();
         found.then_some(point)
     }
 
-    /// The tangent of the angle to the optical axis up to which what is farther from the axis is seen farther from it. Beyond it,
-    /// coefficients that were fitted to a photo say nothing.
+    /// The tangent of the angle to the optical axis up to which the distorted radius grows with the undistorted one.
+    /// Beyond it, coefficients that were fitted to a photo say nothing.
     pub fn reach(&self) -> f64 {
         self.last_angle().tan()
     }
 
-    /// The distortion with which a lens of a focal length times `factor` takes the same photo: `d(factor point) / factor`. `None` for a
-    /// fisheye, which no other is the same as.
+    /// The distortion with which a lens of a focal length times `factor` takes the same photo: `d(factor point) /
+    /// factor`. `None` for a fisheye, for which no other focal length gives the same photo.
     pub fn refocused(&self, factor: f64) -> Option<Self> {
         let Self::Radial { k, p } = self else { return None };
         let k = std::array::from_fn(|i| k[i] * factor.powi(2 * (i as i32 % 3 + 1)));
@@ -121,7 +122,7 @@ impl Distortion {
             }
             Self::Fisheye { k: [k1, k2, k3, k4] } => {
                 let r = r2.sqrt();
-                // The limit at the axis, where what follows is 0 / 0.
+                // The limit at the axis, where the expression below is 0 / 0.
                 if r < 1e-4 {
                     let slope = k1 - 1.0 / 3.0;
                     return (1.0 + slope * r2, slope);

@@ -30,7 +30,8 @@ impl Pose {
         Self { rotation, translation }
     }
 
-    /// The pose with the world and the camera's own axes mirrored at their planes x = 0: `M R M` and `M t`, M = diag(-1, 1, 1).
+    /// The pose with the world and the camera's own axes mirrored at their planes x = 0: `M R M` and `M t`, M =
+    /// diag(-1, 1, 1).
     #[must_use]
     pub fn mirrored(&self) -> Self {
         let mirror = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
@@ -98,7 +99,8 @@ impl Pose {
         }
     }
 
-    /// The pose of this camera in the frame of another: `self * reference^-1`, which is the identity for `reference` itself.
+    /// The pose of this camera in the frame of another: `self * reference^-1`, which is the identity for `reference`
+    /// itself.
     pub fn relative_to(&self, reference: &Self) -> Self {
         self.compose(&reference.inverse())
     }

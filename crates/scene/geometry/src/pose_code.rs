@@ -8,8 +8,8 @@ use crate::fov::focal_length;
 use crate::{Camera, Intrinsics, Pose};
 use glam::DVec3;
 
-/// The offset that published weights expect on the tangent of half the field of view; it keeps focal lengths finite at a
-/// field of view of 0.
+/// The offset that published weights expect on the tangent of half the field of view; it keeps focal lengths finite at
+/// a field of view of 0.
 pub const TANGENT_OFFSET: f64 = 1e-3;
 
 /// The pose code of a camera, its quaternion of unit length with w not negative.

@@ -12,7 +12,8 @@ pub const MAX_DEGREE: usize = 4;
 /// Number of basis functions up to the largest degree.
 pub const MAX_COEFFICIENTS: usize = coefficients(MAX_DEGREE);
 
-/// The basis function of degree 0, `1 / (2 sqrt(pi))`: a color that is the same from all sides is `0.5 + DC * coefficient`.
+/// The basis function of degree 0, `1 / (2 sqrt(pi))`: a color that is the same from all sides is `0.5 + DC *
+/// coefficient`.
 pub const DC: f64 = 0.282_094_791_773_878_14;
 
 /// Number of basis functions up to a degree, `(degree + 1)^2`.
@@ -22,8 +23,8 @@ pub const fn coefficients(degree: usize) -> usize {
 
 /// The basis functions of degree 0 to `degree` at a unit direction.
 ///
-/// They are the first [`coefficients`]`(degree)` entries of the array; the others are zero. `X` is any type of number, such
-/// as a float, a SIMD vector or a dual number; `c` makes a constant of that type.
+/// They are the first [`coefficients`]`(degree)` entries of the array; the others are zero. `X` is any type of number,
+/// such as a float, a SIMD vector or a dual number; `c` makes a constant of that type.
 ///
 /// Sources: Ramamoorthi and Hanrahan, "An efficient representation for irradiance environment maps" (degrees to
 /// 2); Sloan, "Efficient spherical harmonic evaluation" (beyond).
@@ -84,11 +85,11 @@ where
     b
 }
 
-/// The derivatives of all basis functions along the sphere, `[MAX_COEFFICIENTS, 3]`; each row is tangent to the sphere at
-/// the unit direction `d`.
+/// The derivatives of all basis functions along the sphere, `[MAX_COEFFICIENTS, 3]`; each row is tangent to the sphere
+/// at the unit direction `d`.
 ///
-/// They are `(1 - d d^T)` times the gradients of the polynomials, which is the gradient with respect to `v` of the basis at
-/// `d = v / |v|`, at `|v| = 1`.
+/// They are `(1 - d d^T)` times the gradients of the polynomials, which is the gradient with respect to `v` of the
+/// basis at `d = v / |v|`, at `|v| = 1`.
 pub fn gradient(direction: [f64; 3]) -> [[f64; 3]; MAX_COEFFICIENTS] {
     let axis = |i: usize| {
         let mut slope = [0.0; 3];
@@ -101,8 +102,8 @@ pub fn gradient(direction: [f64; 3]) -> [[f64; 3]; MAX_COEFFICIENTS] {
     })
 }
 
-/// The sign by which each coefficient is multiplied when the world turns half about a coordinate axis, 0 to 2: [`rotation`] by 180
-/// degrees, which is diagonal.
+/// The sign by which each coefficient is multiplied when the world turns half about a coordinate axis, 0 to 2:
+/// [`rotation`] by 180 degrees, which is diagonal.
 ///
 /// # Panics
 /// When `axis` is above 2.
@@ -121,11 +122,12 @@ pub fn half_turn_signs(axis: usize) -> [f32; MAX_COEFFICIENTS] {
     std::array::from_fn(|i| if before[i] * after[i] < 0.0 { -1.0 } else { 1.0 })
 }
 
-/// Matrices that rotate coefficients with the world, degree by degree: `[2 l + 1, 2 l + 1]` row by row for l from 1
-/// to `degree`, such that the rotated scene has, along a rotated direction, the color that the scene had along the direction.
+/// Matrices that rotate coefficients with the world, degree by degree: `[2 l + 1, 2 l + 1]` row by row for l from 1 to
+/// `degree`, such that the rotated scene has, along a rotated direction, the color that the scene had along the
+/// direction.
 ///
-/// `basis(R d) . (M c) = basis(d) . c` for every direction d. Found from the basis at directions all over the sphere by least
-/// squares, which are exact because degrees do not mix.
+/// `basis(R d) . (M c) = basis(d) . c` for every direction d. Found from the basis at directions all over the sphere by
+/// least squares, which are exact because degrees do not mix.
 pub fn rotation(degree: usize, rotation: &DMat3) -> Vec<Vec<f64>> {
     /// More than the coefficients of the largest degree, and well spread.
     const DIRECTIONS: usize = 64;

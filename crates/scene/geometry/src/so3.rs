@@ -13,7 +13,8 @@ pub fn exp(omega: DVec3) -> DMat3 {
 
 /// The rotation vector of a rotation, of length at most pi; the inverse of [`exp`].
 ///
-/// Accurate at every angle, because it is computed from the quaternion, whose vector part is small only near the identity.
+/// Accurate at every angle, because it is computed from the quaternion, whose vector part is small only near the
+/// identity.
 pub fn log(rotation: &DMat3) -> DVec3 {
     let q = DQuat::from_mat3(rotation);
     let q = if q.w < 0.0 { -q } else { q };

@@ -33,8 +33,8 @@ pub fn orbit(eye: DVec3, target: DVec3, up: DVec3, count: usize) -> Vec<Pose> {
     (0..count).map(camera).collect()
 }
 
-/// The camera between `a` (`t` = 0) and `b` (`t` = 1): its center is interpolated linearly, its rotation spherically along
-/// the shorter turn.
+/// The camera between `a` (`t` = 0) and `b` (`t` = 1): its center is interpolated linearly, its rotation spherically
+/// along the shorter turn.
 pub fn between(a: &Pose, b: &Pose, t: f64) -> Pose {
     let quat = |p: &Pose| DQuat::from_mat3(&p.rotation);
     let rotation = DMat3::from_quat(quat(a).slerp(quat(b), t).normalize());

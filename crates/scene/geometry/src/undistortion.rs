@@ -12,10 +12,11 @@ const HALVINGS: usize = 40;
 /// Places of each side of a photo that must come from within it.
 const PLACES: usize = 64;
 
-/// Conversion of a photo to one of a lens without distortion: as large, from the same place, with the same principal point, and with the
-/// smallest focal length, at least half of the distorted one, at which nothing of it is blank.
+/// Conversion of a photo to one of a lens without distortion: as large, from the same place, with the same principal
+/// point, and with the smallest focal length, at least half of the distorted one, at which nothing of it is blank.
 ///
-/// The factor on the focal length does not depend on the photo's size: it is the same for a photo that was shrunk before.
+/// The factor on the focal length does not depend on the photo's size: it is the same for a photo that was shrunk
+/// before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Undistortion {
     /// The camera with distortion.
@@ -63,13 +64,13 @@ impl Undistortion {
         border.all(within)
     }
 
-    /// Where the lens with distortion sees what the other one sees at a pixel.
+    /// The pixel of the lens with distortion for a pixel of the lens without.
     pub fn distorted(&self, pixel: DVec2) -> DVec2 {
         let at = self.to.intrinsics.unproject(pixel, 1.0).truncate();
         self.from.intrinsics.project(self.distortion.distort(at).extend(1.0))
     }
 
-    /// Where the lens without distortion sees what the other one sees at a pixel; `None` where the latter sees nothing.
+    /// The pixel of the lens without distortion for a pixel of the lens with it; `None` where the latter sees nothing.
     pub fn undistorted(&self, pixel: DVec2) -> Option<DVec2> {
         let seen = self.from.intrinsics.unproject(pixel, 1.0).truncate();
         Some(self.to.intrinsics.project(self.distortion.undistort(seen)?.extend(1.0)))

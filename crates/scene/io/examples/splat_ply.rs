@@ -1,7 +1,7 @@
 //! Writes Gaussians that any 3DGS viewer opens: `cargo run --release -p weaver-io --example splat_ply`.
 //!
 //! A trefoil knot of 6000 Gaussians that shrink toward its outside, as PLY in stored form: log scales, logit opacities,
-//! wxyz. Reads the file back and prints what is in it.
+//! wxyz. Reads the file back and prints its content.
 
 use std::f32::consts::TAU;
 use weaver_geometry::sh;

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-/// Remedy for an error: the last `source()` of one that has a remedy, whatever wraps it.
+/// Remedy for an error: the last `source()` of an error that has a remedy, below any wrapper.
 ///
 /// ```
 /// use weaver_io::{Advice, check_output_file};
@@ -31,6 +31,9 @@ pub enum Advice {
         /// True if the Gaussians can be left out.
         gaussians: bool,
     },
+    /// A smaller network.
+    #[error("smaller sizes of the network need less memory")]
+    SmallerNetwork,
 }
 
 impl Advice {

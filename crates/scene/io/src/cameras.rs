@@ -15,8 +15,8 @@ use weaver_scene::Frame;
 
 /// Reads the cameras of photos from a transforms.json, from a folder with a COLMAP model, or from a RealEstate10K file.
 ///
-/// A folder may hold the model itself or in `sparse/0` or `sparse`; RealEstate10K files are known by `.txt`. Frames keep the
-/// order of the file, but those of COLMAP are sorted by name. The images need not exist.
+/// A folder may hold the model itself or in `sparse/0` or `sparse`; RealEstate10K files are known by `.txt`. Frames
+/// keep the order of the file; COLMAP's are sorted by name. The images need not exist.
 ///
 /// A RealEstate10K file does not contain the size of its images. Its cameras are for an image of 1 x 1 pixel;
 /// [`Intrinsics::resized`](weaver_geometry::Intrinsics::resized) gives those for any other size.

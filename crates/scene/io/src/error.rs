@@ -20,7 +20,7 @@ pub enum Error {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// The content is not what the format or the caller expects.
+    /// The content is not as the format or the caller expects.
     #[error("{}: {place}: expected {expected}, found {found}", path.display())]
     Invalid {
         /// The file.
@@ -40,15 +40,15 @@ pub enum Error {
         /// Name of the format.
         kind: &'static str,
     },
-    /// A compressed scene is not what its format asks for.
+    /// A compressed scene does not follow its format.
     #[error("{}: {source}", path.display())]
     Codec {
         /// The file.
         path: PathBuf,
-        /// The place in it, what was expected and what was found.
+        /// The place in it, the expected and the found content.
         source: weaver_codec::CodecError,
     },
-    /// Results cannot be written where they are asked for: something would be lost.
+    /// Results cannot be written at the requested place: something would be lost.
     #[error("{}: output: expected {expected}, found {found}", path.display())]
     Output {
         /// The file or folder.

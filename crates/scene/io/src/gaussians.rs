@@ -28,7 +28,7 @@ use std::io::Write;
 use std::path::Path;
 use weaver_scene::Gaussians;
 
-/// Reads a file of Gaussians in one of the [formats](SCENE_FORMATS), and what it says about how they are to be drawn; its name
+/// Reads a file of Gaussians in one of the [formats](SCENE_FORMATS), with its settings for drawing them; its name
 /// selects the format.
 ///
 /// # Errors
@@ -40,8 +40,8 @@ pub fn read_scene(path: impl AsRef<Path>) -> Result<SceneFile> {
 /// Opens a file of Gaussians, as [`read_scene`] reads it, a block at a time where its format allows that.
 ///
 /// # Errors
-/// On any other extension; when the file cannot be read or is malformed. What is wrong with some Gaussians is said when they are asked
-/// for.
+/// On any other extension; when the file cannot be read or is malformed. Faults of single Gaussians are reported when
+/// they are read.
 ///
 /// ```
 /// use weaver_io::{Blocks, open_scene, write_gaussians};
@@ -86,8 +86,8 @@ pub fn read_gaussians(path: impl AsRef<Path>) -> Result<Gaussians> {
 /// PLY and glTF keep every bit of numbers, the other formats round.
 ///
 /// # Errors
-/// On any other extension, and on one that is only read; when the fields' lengths disagree, a value is not finite where the format
-/// has no place for that, or the file cannot be written.
+/// On any other extension, and on one that is only read; when the fields' lengths disagree, a value is not finite where
+/// the format has no place for that, or the file cannot be written.
 pub fn write_gaussians(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<()> {
     write_scene(path, gaussians, Drawing::default())
 }
@@ -108,7 +108,7 @@ pub fn write_scene(path: impl AsRef<Path>, gaussians: &Gaussians, drawing: Drawi
 pub fn write_blocks(path: impl AsRef<Path>, gaussians: &dyn Blocks, drawing: Drawing) -> Result<()> {
     write_blocks_checked(path, gaussians, drawing, |written| {
         let read = |rows| written.gaussians.block(rows).map(drop);
-        // Of what keeps every bit, values were checked on their way.
+        // A lossless format keeps every bit, and its values were checked on their way.
         if written.format.is_exact() { Ok(()) } else { written.gaussians.blocks().try_for_each(read) }
     })
 }
@@ -127,11 +127,11 @@ impl std::fmt::Debug for WrittenScene {
     }
 }
 
-/// Writes Gaussians as [`write_blocks`], and reads them again: what `check` says of them decides whether the file takes its name. Where
-/// it fails, or the file cannot be read, `path` holds what it held before.
+/// Writes Gaussians as [`write_blocks`], and reads them again: the file takes its name only if `check` accepts them.
+/// Where it fails, or the file cannot be read, `path` keeps its old content.
 ///
 /// # Errors
-/// As [`write_blocks`]; those of reading and of `check`.
+/// As [`write_blocks`]; and the errors of reading and of `check`.
 pub fn write_blocks_checked<T>(
     path: impl AsRef<Path>,
     gaussians: &dyn Blocks,
@@ -140,7 +140,7 @@ pub fn write_blocks_checked<T>(
 ) -> Result<T> {
     let path = path.as_ref();
     let format = SceneFormat::of(path)?;
-    // Messages call the file what it will be called.
+    // Messages call the file by its final name.
     let again = |file: &Path| -> Result<WrittenScene> {
         let gaussians = match format.read {
             Reader::Blocks(open) => open(path, Content::open(file)?)?.gaussians,
@@ -207,7 +207,8 @@ pub fn read_gaussians_from(bytes: &[u8], format: SceneFormat) -> Result<Gaussian
 /// Writes Gaussians in this format to a stream.
 ///
 /// # Errors
-/// As [`write_gaussians`]; messages name the format in place of a file. A format of several files cannot be written to a stream.
+/// As [`write_gaussians`]; messages name the format in place of a file. A format of several files cannot be written to
+/// a stream.
 pub fn write_gaussians_to(w: &mut dyn Write, format: SceneFormat, gaussians: &Gaussians) -> Result<()> {
     let path = Path::new(format.extension);
     check_lengths(path, gaussians)?;

@@ -1,10 +1,11 @@
-//! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ, SOG, glTF, ksplat), COLMAP, transforms.json, RealEstate10K, LLFF, Nerfies, safetensors,
-//! NPY; scans of lidars (KITTI .bin, PLY, PCD, NPY) and trajectories (KITTI, TUM).
+//! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ, SOG, glTF, ksplat), COLMAP, transforms.json,
+//! RealEstate10K, LLFF, Nerfies, safetensors, NPY; scans of lidars (KITTI .bin, PLY, PCD, NPY) and trajectories (KITTI,
+//! TUM).
 //!
 //! [`read_gaussians`] and [`read_cameras`] read every supported format of scenes and of cameras into the types of
-//! `weaver-scene`. Poses are world-to-camera with OpenCV axes, intrinsics are in pixels with pixel centers at half-integers.
-//! Every failure is an [`Error`] that names the file and the place in it; malformed files never cause a panic. Files are
-//! written atomically ([`atomic_write`]).
+//! `weaver-scene`. Poses are world-to-camera with OpenCV axes, intrinsics are in pixels with pixel centers at
+//! half-integers. Every failure is an [`Error`] that names the file and the place in it; malformed files never cause a
+//! panic. Files are written atomically ([`atomic_write`]).
 
 mod advice;
 mod cameras;

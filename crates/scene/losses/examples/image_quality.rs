@@ -1,7 +1,7 @@
-//! What the metrics see: `cargo run --release -p weaver-losses --example image_quality`.
+//! Distortions as the metrics see them: `cargo run --release -p weaver-losses --example image_quality`.
 //!
-//! A picture is spoilt in four ways, each until its mean squared error is the same. PSNR cannot tell them apart; SSIM can. Writes
-//! image_quality.png (the picture, then brighter, shifted, noisy, blurred) and prints both.
+//! A picture is spoilt in four ways, each until its mean squared error is the same. PSNR rates them equal; SSIM does
+//! not. Writes image_quality.png (the picture, then brighter, shifted, noisy, blurred) and prints both.
 
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Image;
@@ -26,13 +26,13 @@ fn filtered(image: &Image, f: impl Fn(&dyn Fn(isize, isize) -> f32) -> f32) -> I
     Image { pixels, ..*image }
 }
 
-/// The picture moved toward a spoilt one, or beyond it, until the error is that of `decibels`.
+/// The picture moved toward a spoilt one, or beyond it, until the error reaches `decibels`.
 fn spoilt(image: &Image, by: &Image, decibels: f64) -> Image {
     let difference = |a: &Image, b: &Image| a.pixels.iter().zip(&b.pixels).map(|(a, b)| b - a).collect::<Vec<_>>();
     let delta = difference(image, by);
     let squares: f64 = delta.iter().map(|d| f64::from(d * d)).sum::<f64>() / delta.len() as f64;
     let factor = (10_f64.powf(-0.1 * decibels) / squares).sqrt() as f32;
-    // Values stay what they are beyond [0, 1]: the metrics clamp.
+    // Values stay beyond [0, 1]: the metrics clamp.
     Image { pixels: image.pixels.iter().zip(&delta).map(|(p, d)| p + factor * d).collect(), ..*image }
 }
 

@@ -19,8 +19,9 @@ pub fn share_budget<'t, T: Real>(choice: Var<'t, T>, targets: &[f64]) -> Var<'t,
 
 /// The squared excess of the number of Gaussians per pixel over `tau`, a scalar.
 ///
-/// It is max(0, mean_p sum_e e c_pe - tau)^2. `choice` c is `[P, E]`; expert e makes e Gaussians. Differentiable in the choice, with gradient 0 below the budget, so
-/// that simple scenes may use less. Source: the global budget of Wan et al., SplatWeaver, arXiv 2605.07287.
+/// It is max(0, mean_p sum_e e c_pe - tau)^2. `choice` c is `[P, E]`; expert e makes e Gaussians. Differentiable in the
+/// choice, with gradient 0 below the budget, so that simple scenes may use less. Source: the global budget of Wan et
+/// al., SplatWeaver, arXiv 2605.07287.
 ///
 /// ```
 /// use weaver_autograd::Tape;

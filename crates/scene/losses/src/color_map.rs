@@ -1,4 +1,4 @@
-//! Affine maps of colors: what exposure, white balance and a tone curve's slope do to a photo.
+//! Affine maps of colors: the effect of exposure, white balance and a tone curve's slope on a photo.
 
 use weaver_autograd::Real;
 
@@ -25,7 +25,7 @@ impl ColorMap {
     /// The map that changes nothing.
     pub const IDENTITY: Self = Self([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
 
-    /// The map that brings the colors of an image nearest to those of another, in the mean square over the pixels of a mask
+    /// The map that brings the colors of an image nearest to another's, in the mean square over the pixels of a mask
     /// `[H, W]`, or over all. Images are `[3, H, W]`; a pixel that is not finite in both does not count.
     ///
     /// Panics unless sizes agree.

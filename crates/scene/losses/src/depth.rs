@@ -53,8 +53,8 @@ pub fn masked_depth_mse<'t, T: Real>(
 /// The L1 distance of log depth at the pixels whose depth is known, for instance from triangulated points, a scalar.
 ///
 /// It is the sum over known pixels of |log_depth - ln(scale * target)|, divided by the number of known pixels plus 1.
-/// `log_depth` and `target` are `[V, H, W]`; a target of 0 means unknown; `scale` turns the target's units into those
-/// of the prediction. The 1 in the denominator bounds the influence of each point where there are few. Differentiable in
+/// `log_depth` and `target` are `[V, H, W]`; a target of 0 means unknown; `scale` turns the target's units into the
+/// prediction's. The 1 in the denominator bounds the influence of each point where there are few. Differentiable in
 /// `log_depth`, with derivative 0 where the two are equal.
 #[track_caller]
 pub fn sparse_log_depth_l1<'t, T: Real>(log_depth: Var<'t, T>, target: Var<'t, T>, scale: f64) -> Var<'t, T> {

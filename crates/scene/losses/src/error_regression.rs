@@ -6,8 +6,8 @@ use weaver_kernels::parallel;
 /// Added to the squared error before the logarithm: errors well below 1/100 count as none.
 const FLOOR: f64 = 1e-4;
 
-/// Writes 0.5 ln(smoothed squared error + 1e-4) of every pixel, centered over the scene, to `target`: large where the render
-/// is worst.
+/// Writes 0.5 ln(smoothed squared error + 1e-4) of every pixel, centered over the scene, to `target`: large where the
+/// render is worst.
 ///
 /// `squared_error` `[V, H, W]` is the mean over the channels of (render - image)^2 in the views of one scene; it is
 /// smoothed by a 3x3 mean of the pixels inside the image. `target` gets the same shape and mean 0.
@@ -30,10 +30,10 @@ pub fn error_target<T: Real>(squared_error: &[T], size: [usize; 2], target: &mut
 
 /// The mean squared difference between the router's score and the [`error_target`] of each pixel, a scalar.
 ///
-/// `score` `[V, H, W]` (or `[P]` with as many pixels) is the router's logit of expert 1 minus that of expert 0;
+/// `score` `[V, H, W]` (or `[P]` with as many pixels) is the router's logit of expert 1 minus the logit of expert 0;
 /// `squared_error` `[V, H, W]` belongs to the context views of the same scene. Differentiable in the score; the error
-/// is held constant. Give one scene at a time: the target is centered over all pixels given; with `among`, over these alone, which
-/// then are all that count.
+/// is held constant. Give one scene at a time: the target is centered over all pixels given; with `among`, over these
+/// alone, which then are all that count.
 #[track_caller]
 pub fn error_regression<'t, T: Real>(
     score: Var<'t, T>,

@@ -84,14 +84,14 @@ impl Network {
     }
 }
 
-/// Weights that are not those of the network.
+/// Weights that do not fit the network.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{file}: `{key}`: expected a tensor of shape {expected:?}, found {}", match found {
     Some(shape) => format!("one of shape {shape:?}"),
     None => "none".to_owned(),
 })]
 pub struct LpipsError {
-    /// Where the tensors came from.
+    /// Source of the tensors.
     pub file: String,
     /// The tensor's name.
     pub key: String,
@@ -143,7 +143,8 @@ pub(crate) fn take<T: Real>(
 #[derive(Debug)]
 pub struct Lpips<T: Real = f32> {
     network: Network,
-    /// Weight and bias of the 1x1 convolution that brings images in [0, 1] to the range that the network was trained on.
+    /// Weight and bias of the 1x1 convolution that brings images in [0, 1] to the range that the network was trained
+    /// on.
     scaling: [Weight<T>; 2],
     /// Weight and bias of every convolution, in order.
     convolutions: Vec<[Weight<T>; 2]>,
@@ -185,10 +186,10 @@ impl<T: Real> Lpips<T> {
 
     /// The perceptual distance of each pair of images: 0 for equal ones.
     ///
-    /// It is the sum over five layers l of the mean over pixels of sum_c w_lc (f_lc(a)/|f_l(a)| - f_lc(b)/|f_l(b)|)^2. Images `[N, 3, H, W]` with
-    /// values in [0, 1] give `[N]`. Differentiable in both images, with gradient 0 where all features of a
-    /// pixel vanish; the weights are constants. Panics when a side of the images is below [`least_side`](Self::least_side).
-    /// Source: Zhang et al., The unreasonable effectiveness of deep features as a
+    /// It is the sum over five layers l of the mean over pixels of sum_c w_lc (f_lc(a)/|f_l(a)| - f_lc(b)/|f_l(b)|)^2.
+    /// Images `[N, 3, H, W]` with values in [0, 1] give `[N]`. Differentiable in both images, with gradient 0 where all
+    /// features of a pixel vanish; the weights are constants. Panics when a side of the images is below
+    /// [`least_side`](Self::least_side). Source: Zhang et al., The unreasonable effectiveness of deep features as a
     /// perceptual metric, 2018.
     #[track_caller]
     pub fn distance<'t>(&self, a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {

@@ -1,4 +1,4 @@
-//! Images of which some pixels do not count.
+//! Images with pixels that do not count.
 
 use crate::mse;
 use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
@@ -53,7 +53,7 @@ impl<T: Real> Op<T> for InsideOf {
     }
 }
 
-/// Images `[N, C, H, W]` where a mask `inside` `[N, H, W]` is true, and 0 elsewhere, whatever was there, NaN included.
+/// Images `[N, C, H, W]` where a mask `inside` `[N, H, W]` is true, and 0 elsewhere, even in place of NaN.
 ///
 /// Differentiable in the images; outside the gradient is exactly 0. Panics unless the mask has a value for each pixel.
 ///
@@ -73,9 +73,9 @@ pub fn inside_of<'t, T: Real>(images: Var<'t, T>, inside: &[bool]) -> Var<'t, T>
 
 /// The mean over *all* elements of (M render - M target)^2, a scalar, where M is 1 inside a mask and 0 elsewhere.
 ///
-/// Both images are `[N, C, H, W]`, the mask `inside` is `[N, H, W]`. Differentiable in both; what lies outside has no influence and no
-/// gradient, NaN included. With a mask that is true everywhere, [`mse`] to the bit. Source: Fujimura et al., WildSplatter, arXiv
-/// 2604.21182 (as released: the mean does not know how much of an image counts).
+/// Both images are `[N, C, H, W]`, the mask `inside` is `[N, H, W]`. Differentiable in both; pixels outside have no
+/// influence and no gradient, NaN included. With a mask that is true everywhere, [`mse`] to the bit. Source: Fujimura
+/// et al., WildSplatter, arXiv 2604.21182 (as released: the mean ignores the size of the mask).
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -7,7 +7,7 @@ use weaver_kernels::parallel;
 struct MaxPool2d {
     size: usize,
     stride: usize,
-    /// Where in its plane each output was found.
+    /// The place of each output's maximum in its plane.
     winners: Option<Buffer<u32>>,
 }
 
@@ -71,8 +71,8 @@ impl<T: Real> Op<T> for MaxPool2d {
 /// The largest number of each `size` x `size` window of feature maps, windows `stride` apart, without padding.
 ///
 /// x `[N, C, H, W]` gives `[N, C, floor((H - size) / stride) + 1, floor((W - size) / stride) + 1]`. Differentiable: the
-/// gradient goes to the largest number of a window, the first one in reading order if several are equal. Panics when the
-/// image is smaller than a window.
+/// gradient goes to the largest number of a window, the first one in reading order if several are equal. Panics when
+/// the image is smaller than a window.
 #[track_caller]
 pub fn max_pool2d<T: Real>(x: Var<'_, T>, size: usize, stride: usize) -> Var<'_, T> {
     assert!(size > 0 && stride > 0, "max_pool2d: size and stride are at least 1");

@@ -6,8 +6,8 @@ use weaver_autograd::{Real, Tape};
 
 /// The peak signal-to-noise ratio of two images in dB.
 ///
-/// It is -10 log10 of the mean squared difference, after clamping both images to [0, 1] without rounding; infinite for equal
-/// images. Panics unless the images have the same size and are not empty.
+/// It is -10 log10 of the mean squared difference, after clamping both images to [0, 1] without rounding; infinite for
+/// equal images. Panics unless the images have the same size and are not empty.
 ///
 /// ```
 /// assert_eq!(weaver_losses::metrics::psnr(&[0.5_f32, 1.5], &[0.4, 1.0]).round(), 23.0);
@@ -39,11 +39,12 @@ pub fn psnr_masked<T: Real>(a: &[T], b: &[T], mask: &[bool]) -> Option<f64> {
     (count > 0).then(|| decibels(sum / f64::from(count)))
 }
 
-/// The [`psnr`] after the affine map of colors that brings the first image nearest to the second, over the pixels of a mask or
-/// over all; `None` if the mask is empty.
+/// The [`psnr`] after the affine map of colors that brings the first image nearest to the second, over the pixels of a
+/// mask or over all; `None` if the mask is empty.
 ///
-/// Exposure and white balance of the second, a photo, are then not held against the first. Images are `[3, H, W]`, the mask is
-/// `[H, W]`. The map is fitted to the first image as it is drawn, clamped to [0, 1]; what it makes is clamped as by [`psnr`].
+/// Exposure and white balance of the second, a photo, are then not held against the first. Images are `[3, H, W]`, the
+/// mask is `[H, W]`. The map is fitted to the first image as it is drawn, clamped to [0, 1]; its result is clamped as
+/// by [`psnr`].
 pub fn psnr_aligned<T: Real>(a: &[T], b: &[T], mask: Option<&[bool]>) -> Option<f64> {
     let pixels = a.len() / 3;
     let clamped: Vec<f64> = a.iter().map(|x| x.to_f64().clamp(0.0, 1.0)).collect();
@@ -62,8 +63,9 @@ pub fn psnr_aligned<T: Real>(a: &[T], b: &[T], mask: Option<&[bool]>) -> Option<
 
 /// The structural similarity (SSIM) of two images `[C, H, W]` in [0, 1], as scikit-image computes it.
 ///
-/// It is the mean over all channels and over all 11x11 Gaussian windows (sigma 1.5) inside the image, with sample covariances
-/// (a factor of 121/120). `size` is (C, H, W). Panics unless both images have that size and are at least 11 x 11.
+/// It is the mean over all channels and over all 11x11 Gaussian windows (sigma 1.5) inside the image, with sample
+/// covariances (a factor of 121/120). `size` is (C, H, W). Panics unless both images have that size and are at least 11
+/// x 11.
 pub fn ssim<T: Real>(a: &[T], b: &[T], size: [usize; 3]) -> f64 {
     let [channels, height, width] = size;
     let pixels = height * width;
@@ -82,7 +84,8 @@ pub fn ssim<T: Real>(a: &[T], b: &[T], size: [usize; 3]) -> f64 {
 
 /// The structural similarity over the pixels of a mask, or `None` if the mask is empty.
 ///
-/// As [`ssim`], where the mask `[H, W]` is false both are taken to be white, and only windows that hold pixels of the mask count.
+/// As [`ssim`], where the mask `[H, W]` is false both are taken to be white, and only windows that hold pixels of the
+/// mask count.
 pub fn ssim_masked<T: Real>(a: &[T], b: &[T], size: [usize; 3], mask: &[bool]) -> Option<f64> {
     let [_, height, width] = size;
     assert_eq!(mask.len(), height * width, "ssim_masked: a mask of the images' size");
@@ -95,7 +98,8 @@ pub fn ssim_masked<T: Real>(a: &[T], b: &[T], size: [usize; 3], mask: &[bool]) -
 
 /// The perceptual distance over the pixels of a mask, or `None` if the mask is empty.
 ///
-/// As [`lpips`], where the mask `[H, W]` is false both are taken to be white, and the distance is per pixel of the mask.
+/// As [`lpips`], where the mask `[H, W]` is false both are taken to be white, and the distance is per pixel of the
+/// mask.
 pub fn lpips_masked<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2], mask: &[bool]) -> Option<f64> {
     let counted = mask.iter().filter(|inside| **inside).count();
     let distance = || lpips(network, &inside(a, mask), &inside(b, mask), size);
@@ -107,7 +111,8 @@ fn inside<T: Real>(image: &[T], mask: &[bool]) -> Vec<T> {
     image.iter().enumerate().map(|(i, x)| if mask[i % mask.len()] { *x } else { T::ONE }).collect()
 }
 
-/// The perceptual distance of two images `[3, H, W]` in [0, 1], in the network's own precision; see [`Lpips::distance`].
+/// The perceptual distance of two images `[3, H, W]` in [0, 1], in the network's own precision; see
+/// [`Lpips::distance`].
 ///
 /// `size` is (H, W). Panics unless both images have three planes of that size.
 pub fn lpips<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2]) -> f64 {
@@ -118,8 +123,8 @@ pub fn lpips<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2]) ->
 
 /// The mask of a view's energetic pixels: those whose high-frequency energy is at or above its 0.75 quantile.
 ///
-/// It holds the quarter of the pixels with most detail, and all pixels of a view without contrast; with `among`, of these pixels
-/// alone.
+/// It holds the quarter of the pixels with most detail, and all pixels of a view without contrast; with `among`, of
+/// these pixels alone.
 pub fn energetic_mask<T: Real>(energy: &[T], among: Option<&[bool]>) -> Vec<bool> {
     let counts = |i: usize| among.is_none_or(|among| among[i]);
     let mut counted: Vec<T> = energy.iter().enumerate().filter(|(i, _)| counts(*i)).map(|(_, e)| *e).collect();

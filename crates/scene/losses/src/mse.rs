@@ -34,7 +34,8 @@ pub fn mse_per_image<'t, T: Real>(render: Var<'t, T>, target: Var<'t, T>) -> Var
     error.reshape([images, error.shape().len() / images.max(1)]).mean_axis(1)
 }
 
-/// The weighted mean (1/N) sum_i weights_i x_i of x `[N]`, a scalar: the sum is divided by N, not by the sum of the weights.
+/// The weighted mean (1/N) sum_i weights_i x_i of x `[N]`, a scalar: the sum is divided by N, not by the sum of the
+/// weights.
 ///
 /// Differentiable in x; the weights are constants. Panics unless there are N weights.
 #[track_caller]

@@ -10,8 +10,8 @@ const MEAN: [f64; 3] = [123.68, 116.779, 103.939];
 /// Weights of the mean absolute differences of pixels and of five layers, before they are divided by 255.
 const SHARES: [f64; 6] = [1.0, 1.0 / 2.6, 1.0 / 4.8, 1.0 / 3.7, 1.0 / 5.6, 10.0 / 1.5];
 
-/// The convolutions between one compared layer and the next: index in torchvision's `features`, outputs, inputs. A pooling stands before
-/// [`POOLED`].
+/// The convolutions between one compared layer and the next: index in torchvision's `features`, outputs, inputs. A
+/// pooling stands before [`POOLED`].
 const LAYERS: [&[[usize; 3]]; 5] = [
     &[[0, 64, 3], [2, 64, 64]],
     &[[5, 128, 64], [7, 128, 128]],
@@ -25,12 +25,13 @@ const POOLED: [usize; 4] = [5, 10, 19, 28];
 ///
 /// `loss = (e0 + e1 / 2.6 + e2 / 4.8 + e3 / 3.7 + e4 / 5.6 + 10 e5 / 1.5) / 255`
 ///
-/// where e0 is the mean absolute difference of the pixels `255 x - mean` and e1 to e5 are those of the rectified second convolutions of the
-/// five blocks of VGG-19, whose pooling takes means of 2 x 2. Source: Chen and Koltun, Photographic image synthesis with cascaded refinement
-/// networks, 2017; 2Xplat, arXiv 2603.21064.
+/// where e0 is the mean absolute difference of the pixels `255 x - mean` and e1 to e5 are mean absolute differences of
+/// the rectified second convolutions of the five blocks of VGG-19, whose pooling takes means of 2 x 2. Source: Chen and
+/// Koltun, Photographic image synthesis with cascaded refinement networks, 2017; 2Xplat, arXiv 2603.21064.
 #[derive(Debug)]
 pub struct Perceptual<T: Real = f32> {
-    /// Weight and bias of the 1x1 convolution that brings images in [0, 1] to the range that the network was trained on.
+    /// Weight and bias of the 1x1 convolution that brings images in [0, 1] to the range that the network was trained
+    /// on.
     scaling: [Weight<T>; 2],
     /// Weight and bias of every convolution, layer by layer.
     layers: [Vec<[Weight<T>; 2]>; 5],
@@ -40,8 +41,8 @@ impl<T: Real> Perceptual<T> {
     /// The smallest side of an image that four poolings leave something of, pixels.
     pub const LEAST_SIDE: usize = 16;
 
-    /// Takes MatConvNet's weights from tensors with torchvision's names, `features.{0, 2, 5, ..., 30}.weight` and `.bias`. `file` names their
-    /// origin in errors.
+    /// Takes MatConvNet's weights from tensors with torchvision's names, `features.{0, 2, 5, ..., 30}.weight` and
+    /// `.bias`. `file` names their origin in errors.
     ///
     /// # Errors
     /// Names the first tensor that is missing or of another shape.
@@ -59,8 +60,9 @@ impl<T: Real> Perceptual<T> {
         Ok(Self { scaling, layers: [a?, b?, c?, d?, e?] })
     }
 
-    /// The loss of images `[N, 3, H, W]` with values in [0, 1] against others: a scalar, 0 for equal ones. Differentiable in both; the
-    /// weights are constants. Panics when shapes differ or a side is below [`LEAST_SIDE`](Self::LEAST_SIDE).
+    /// The loss of images `[N, 3, H, W]` with values in [0, 1] against others: a scalar, 0 for equal ones.
+    /// Differentiable in both; the weights are constants. Panics when shapes differ or a side is below
+    /// [`LEAST_SIDE`](Self::LEAST_SIDE).
     #[track_caller]
     pub fn loss<'t>(&self, a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
         assert_eq!(a.shape(), b.shape(), "perceptual loss: expected images of one shape");

@@ -19,11 +19,11 @@ const BAND: usize = 64;
 ///
 /// `loss = (1 - w) mean |image - target| + w (1 - SSIM(image, target))`,
 ///
-/// where SSIM is that of [`ssim`](crate::ssim()): the mean over channels and over all 11x11 Gaussian windows inside the image.
-/// An image with fewer than 11 rows or columns has no window; its loss is the mean absolute error, whatever the weight.
+/// where SSIM is [`ssim`](crate::ssim())'s: the mean over channels and over all 11x11 Gaussian windows inside the
+/// image. An image with fewer than 11 rows or columns has no window; its loss is the mean absolute error at any weight.
 ///
-/// Holds the memory of the loss, one workspace per thread, so that a repeated call allocates nothing. Source: Kerbl et al.,
-/// 3D Gaussian splatting, 2023, equation 7, with w = 0.2; Wang et al., Image quality assessment, 2004.
+/// Holds the memory of the loss, one workspace per thread, so that a repeated call allocates nothing. Source: Kerbl et
+/// al., 3D Gaussian splatting, 2023, equation 7, with w = 0.2; Wang et al., Image quality assessment, 2004.
 ///
 /// ```
 /// use weaver_losses::Photometric;
@@ -60,7 +60,7 @@ pub struct PhotometricValue {
     pub l1: f64,
     /// The mean structural similarity; none if the image is smaller than a window.
     pub ssim: Option<f64>,
-    /// The weighted sum, of which the gradient is.
+    /// The weighted sum, which the gradient belongs to.
     pub loss: f64,
 }
 
@@ -79,8 +79,9 @@ impl<T: Real> Photometric<T> {
 
     /// The loss of `image` against `target`; writes its derivative with respect to `image` to `gradient`.
     ///
-    /// All three are `[H, W, 3]` with the channels of a pixel side by side, `size` is (H, W), and colors are in [0, 1]. The
-    /// derivative of |x| at 0 is 0. NaN in an image is NaN in the loss. The bits do not depend on the number of threads.
+    /// All three are `[H, W, 3]` with the channels of a pixel side by side, `size` is (H, W), and colors are in [0, 1].
+    /// The derivative of |x| at 0 is 0. NaN in an image is NaN in the loss. The bits do not depend on the number of
+    /// threads.
     ///
     /// # Panics
     ///

@@ -35,9 +35,9 @@ fn ensure_as_many<T: Real>(a: &[Var<'_, T>], b: &[Var<'_, T>], of: &'static str)
 /// The Huber distance between two sets of pose codes, over the iterations of a camera head, a scalar.
 ///
 /// It is (1/n) sum_i 0.6^(n-1-i) mean Huber(student_i - teacher_i; delta). Each code is `[.., 9]`: translation,
-/// quaternion and field of view weigh the same. Differentiable in both; the signs of quaternions are not aligned. Panics
-/// without iterations, or when the numbers of iterations differ. Source: distillation loss
-/// of the official SplatWeaver code, with delta = 1 and weight 10.
+/// quaternion and field of view weigh the same. Differentiable in both; the signs of quaternions are not aligned.
+/// Panics without iterations, or when the numbers of iterations differ. Source: distillation loss of the official
+/// SplatWeaver code, with delta = 1 and weight 10.
 #[track_caller]
 pub fn huber_pose<'t, T: Real>(student: &[Var<'t, T>], teacher: &[Var<'t, T>], delta: f64) -> Var<'t, T> {
     ensure_as_many(student, teacher, "huber_pose");
@@ -46,19 +46,20 @@ pub fn huber_pose<'t, T: Real>(student: &[Var<'t, T>], teacher: &[Var<'t, T>], d
 
 /// The L1 distance of pose codes to one target, over the iterations of a camera head, a scalar.
 ///
-/// It is (1/n) sum_i 0.6^(n-1-i) mean |code_i - target|. Codes and target are `[.., 9]` (translation, quaternion with w >= 0, field of view in radians). Differentiable in
-/// both. Panics without iterations.
+/// It is (1/n) sum_i 0.6^(n-1-i) mean |code_i - target|. Codes and target are `[.., 9]` (translation, quaternion with w
+/// >= 0, field of view in radians). Differentiable in both. Panics without iterations.
 #[track_caller]
 pub fn l1_pose<'t, T: Real>(codes: &[Var<'t, T>], target: Var<'t, T>) -> Var<'t, T> {
     over_iterations(codes.iter().map(|code| l1(*code, target)))
 }
 
-/// The L1 distance of rotations and translations to poses in the scene's own frame, over the iterations of a camera head, a
-/// scalar.
+/// The L1 distance of rotations and translations to poses in the scene's own frame, over the iterations of a camera
+/// head, a scalar.
 ///
-/// It is (1/n) sum_i 0.6^(n-1-i) (mean |R_i - R| + mean |T_i - T|). Rotations are `[.., 3, 3]`, translations `[.., 3]` in the units of the tuple. This loss fixes the frame
-/// that the network chooses for each scene, so it helps only where the same scenes are seen many times. Differentiable in
-/// all. Panics without iterations, or when there are not as many rotations as translations.
+/// It is (1/n) sum_i 0.6^(n-1-i) (mean |R_i - R| + mean |T_i - T|). Rotations are `[.., 3, 3]`, translations `[.., 3]`
+/// in the units of the tuple. This loss fixes the frame that the network chooses for each scene, so it helps only where
+/// the same scenes are seen many times. Differentiable in all. Panics without iterations, or when there are not as many
+/// rotations as translations.
 #[track_caller]
 pub fn absolute_pose<'t, T: Real>(
     rotations: &[Var<'t, T>],

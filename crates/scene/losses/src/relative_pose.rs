@@ -20,8 +20,9 @@ pointwise!(
 
 /// The angles between rotations, radians: arccos((tr(A^T B) - 1) / 2), the cosine at most 1 - 1e-6 in size.
 ///
-/// Rotations are rows of nine numbers `[.., 9]`; the result is `[..]`. Between equal ones it is the margin's floor, 1.41421e-3, with
-/// gradient 0. Differentiable in both, the nine numbers taken as independent. Source: 2Xplat, Jeong et al., arXiv 2603.21064.
+/// Rotations are rows of nine numbers `[.., 9]`; the result is `[..]`. Between equal ones it is the margin's floor,
+/// 1.41421e-3, with gradient 0. Differentiable in both, the nine numbers taken as independent. Source: 2Xplat, Jeong et
+/// al., arXiv 2603.21064.
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -42,8 +43,8 @@ pub fn rotation_angles<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> 
 
 /// The mean squared error of focal lengths in image widths, a scalar: mean over views and (fx, fy) of ((f - g) / W)^2.
 ///
-/// `predicted` and `truth` are fx, fy, cx, cy in pixels, `[.., 4]`. Differentiable in both; principal points do not count. Source:
-/// 2Xplat, Jeong et al., arXiv 2603.21064.
+/// `predicted` and `truth` are fx, fy, cx, cy in pixels, `[.., 4]`. Differentiable in both; principal points do not
+/// count. Source: 2Xplat, Jeong et al., arXiv 2603.21064.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -11,7 +11,7 @@ const PLANES_AT_ONCE: usize = 8;
 #[derive(Debug)]
 struct Ssim<T> {
     covariance: Covariance,
-    /// Which windows of each image count; empty if all do.
+    /// The windows of each image that count; empty if all do.
     kept: Vec<Kept<T>>,
 }
 
@@ -106,10 +106,10 @@ impl<T: Real> Op<T> for Ssim<T> {
 
 /// The structural similarity (SSIM) of each pair of images: 1 for equal ones.
 ///
-/// It is the mean, over channels and over all 11x11 Gaussian windows (sigma 1.5) inside the image, of
-/// `(2 ma mb + C1) (2 cab + C2) / ((ma^2 + mb^2 + C1) (va + vb + C2))`, C1 = 1e-4, C2 = 9e-4, with population
-/// variances. `a` and `b` `[N, C, H, W]` in [0, 1] give `[N]`; differentiable in both. Panics unless the shapes are equal and
-/// at least 11 x 11. The usual loss is `(1 - ssim) / 2`. Source: Wang et al., Image quality assessment, 2004.
+/// It is the mean, over channels and over all 11x11 Gaussian windows (sigma 1.5) inside the image, of `(2 ma mb +
+/// C1) (2 cab + C2) / ((ma^2 + mb^2 + C1) (va + vb + C2))`, C1 = 1e-4, C2 = 9e-4, with population variances. `a` and
+/// `b` `[N, C, H, W]` in [0, 1] give `[N]`; differentiable in both. Panics unless the shapes are equal and at least
+/// 11 x 11. The usual loss is `(1 - ssim) / 2`. Source: Wang et al., Image quality assessment, 2004.
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -129,8 +129,8 @@ pub fn ssim_with<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>, covariance: Covarian
     similarity
 }
 
-/// The structural similarity of each pair of images over windows around every pixel, with zeros outside the images, as most training code of
-/// Gaussians has it; otherwise as [`ssim`].
+/// The structural similarity of each pair of images over windows around every pixel, with zeros outside the images, as
+/// most training code of Gaussians has it; otherwise as [`ssim`].
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -154,8 +154,9 @@ fn padded<T: Real>(x: Var<'_, T>, axis: usize) -> Var<'_, T> {
 
 /// The structural similarity of each pair of images over the windows all of whose pixels are in a mask, as [`ssim`].
 ///
-/// `a` and `b` `[N, C, H, W]` with a mask `inside` `[N, H, W]` give `[N]`: 1 where no window is whole. Differentiable in both; what lies
-/// outside has no influence and no gradient, NaN included. Panics as [`ssim`], and unless the mask has a value for each pixel.
+/// `a` and `b` `[N, C, H, W]` with a mask `inside` `[N, H, W]` give `[N]`: 1 where no window is whole. Differentiable
+/// in both; pixels outside have no influence and no gradient, NaN included. Panics as [`ssim`], and unless the mask has
+/// a value for each pixel.
 ///
 /// ```
 /// use weaver_autograd::Tape;

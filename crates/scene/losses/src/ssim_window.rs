@@ -31,7 +31,7 @@ pub(crate) struct Windows<T> {
     width: usize,
 }
 
-/// Which windows count.
+/// The windows that count.
 #[derive(Clone, Debug)]
 pub(crate) struct Kept<T> {
     /// 1 for each window that does, `[h, w]`, and 0 for each that does not.
@@ -120,7 +120,8 @@ impl<T: Real> Windows<T> {
         Parts { moments, maps, row, line: &mut rest[..self.width] }
     }
 
-    /// The mean similarity over all windows inside the planes `a` and `b`, each `[H, W]`, or over those of `kept`.
+    /// The mean similarity over all windows inside the planes `a` and `b`, each `[H, W]`, or over the windows in
+    /// `kept`.
     pub fn similarity(&self, a: &[T], b: &[T], kept: Option<&Kept<T>>, workspace: &mut [T]) -> f64 {
         simd::dispatch(
             #[inline(always)]
@@ -175,13 +176,14 @@ impl<T: Real> Windows<T> {
         }
     }
 
-    /// The mean similarity; and, on request, the derivatives of every window's similarity with respect to `E[a]`, `E[aa]`, `E[ab]`.
+    /// The mean similarity; and, on request, the derivatives of every window's similarity with respect to `E[a]`,
+    /// `E[aa]`, `E[ab]`.
     #[inline(always)]
     fn windows(&self, moments: &[T], row: &mut [T], maps: Option<&mut [T]>, kept: Option<&Kept<T>>) -> f64 {
         let [h, w] = self.inside();
         match kept {
             None => self.weighted(moments, row, maps, |_| T::ONE) / (h * w) as f64,
-            // Images of which nothing is kept are as similar as can be.
+            // Images without kept pixels are as similar as can be.
             Some(kept) if kept.count == 0 => self.weighted(moments, row, maps, |_| T::ZERO) + 1.0,
             Some(kept) => self.weighted(moments, row, maps, |i| kept.weights[i]) / kept.count as f64,
         }

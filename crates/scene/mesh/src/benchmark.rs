@@ -17,7 +17,7 @@ pub struct Benchmark {
 }
 
 impl Benchmark {
-    /// Those of DTU (Aanæs et al., 2016), millimeters.
+    /// The sizes of DTU (Aanæs et al., 2016), millimeters.
     pub const DTU: Self = Self { spacing: 0.2, far: 20.0, beyond: [60.0, 120.0] };
 
     /// Points on a unit of area of a mesh, before they are thinned to the spacing.
@@ -39,10 +39,11 @@ pub struct Chamfer {
     pub points: [usize; 2],
 }
 
-/// The Chamfer distance of a mesh to a scan as DTU has it: points of the mesh, its vertices included, in random order and [thinned](spread) to the spacing, those
-/// outside the box left out; means over the distances below [`Benchmark::far`], both ways. The masks of what the scanner saw are not
-/// applied: a mesh that goes on where the scan has nothing is judged there, up to that distance. `None` where nothing is left to compare, as
-/// of a mesh without triangles.
+/// The Chamfer distance of a mesh to a scan as DTU has it: points of the mesh, its vertices included, in random order
+/// and [thinned](spread) to the spacing, those outside the box left out; means over the distances below
+/// [`Benchmark::far`], both ways. The masks of the scanner's view are not applied: a mesh that goes on where the scan
+/// has nothing is judged there, up to that distance. `None` where nothing is left to compare, as of a mesh without
+/// triangles.
 ///
 /// ```
 /// use weaver_mesh::{Benchmark, Mesh, mesh_chamfer};
@@ -76,8 +77,8 @@ pub fn mesh_chamfer(mesh: &Mesh, reference: &[[f32; 3]], sizes: &Benchmark, seed
     })
 }
 
-/// The Chamfer distance of two clouds: of each the point nearest to the middle of every cube of a side of the spacing; means of the
-/// distances, each at most [`Benchmark::far`], both ways. `None` where one has no points.
+/// The Chamfer distance of two clouds: of each the point nearest to the middle of every cube of a side of the spacing;
+/// means of the distances, each at most [`Benchmark::far`], both ways. `None` where one has no points.
 ///
 /// ```
 /// use weaver_mesh::{Benchmark, point_chamfer};
@@ -98,8 +99,7 @@ pub fn point_chamfer(points: &[[f32; 3]], reference: &[[f32; 3]], sizes: &Benchm
     })
 }
 
-/// Points of which none is nearer to another than `spacing`: taken in random order, a point stays if none that stayed before is that
-/// near.
+/// Points at least `spacing` apart: taken in random order, a point stays if none that stayed before is that near.
 pub fn spread(points: &[[f32; 3]], spacing: f64, seed: u64) -> Vec<[f32; 3]> {
     let cube = |p: &[f32; 3]| p.map(|x| (f64::from(x) / spacing).floor() as i64);
     let apart = |a: &[f32; 3], b: &[f32; 3]| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();

@@ -1,4 +1,4 @@
-//! How far a surface is from another.
+//! Distances between surfaces.
 
 use weaver_kernels::nearest_neighbors::nearest_among;
 
@@ -24,8 +24,8 @@ pub struct MeshErrors {
     pub f_score: f64,
 }
 
-/// Compares the points of a surface with those of a reference; `near` is the threshold of the F-score, meters. `None` where one has no
-/// points.
+/// Compares the points of a surface with a reference's; `near` is the threshold of the F-score, meters. `None` where
+/// one has no points.
 ///
 /// ```
 /// let plane = |z: f32| (0..100).map(|i| [i as f32 % 10.0, (i / 10) as f32, z]).collect::<Vec<_>>();
@@ -58,7 +58,7 @@ pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Distances of points to the nearest of others; none where there are no others.
+/// Distances of points to the nearest of `others`; none if there are no others.
 pub(crate) fn distances(of: &[[f32; 3]], to: &[[f32; 3]]) -> Vec<f64> {
     if to.is_empty() {
         return Vec::new();

@@ -8,8 +8,8 @@ use weaver_surfel::SurfelCamera;
 
 /// The most blocks of a field, whose vertices 32 bits can number.
 const MOST_BLOCKS: usize = 1 << 21;
-/// Bytes of a block while a mesh is made of a field: distances and weights of cells, numbers of vertices, and vertices and triangles of the
-/// surface, which crosses about half of the blocks.
+/// Bytes of a block while a mesh is made of a field: distances and weights of cells, numbers of vertices, and vertices
+/// and triangles of the surface, which crosses about half of the blocks.
 const BLOCK_BYTES: u64 = 10_000;
 /// Blocks farther from the origin than this, in blocks, have cells that 32 bits cannot number.
 const FARTHEST: u32 = 1 << 27;
@@ -22,7 +22,7 @@ pub enum MeshError {
     /// A size that makes no sense.
     #[error("{what}: expected meters above 0, found {found}")]
     Size {
-        /// Which size.
+        /// Name of the size.
         what: &'static str,
         /// Its value.
         found: f64,
@@ -30,7 +30,7 @@ pub enum MeshError {
     /// A view whose images do not have its camera's size.
     #[error("view {view}: expected {expected} ranges, and no or as many normals, found {ranges} and {normals}")]
     View {
-        /// Which view.
+        /// Number of the view.
         view: usize,
         /// Pixels.
         expected: usize,
@@ -71,7 +71,8 @@ pub struct RangeView<'a> {
     pub normal: &'a [f32],
 }
 
-/// Means of truncated signed distances, positive before surfaces, in the blocks that lie within the truncation of a range.
+/// Means of truncated signed distances, positive before surfaces, in the blocks that lie within the truncation of a
+/// range.
 #[derive(Clone, Debug, Default)]
 pub struct DistanceField {
     /// Side of a cell, meters.
@@ -85,8 +86,9 @@ pub struct DistanceField {
 impl DistanceField {
     /// Averages range images in cells of side `voxel`, with distances up to `truncation`, both in meters.
     ///
-    /// At a cell's corner p, which a view sees at the range r, the distance is (r - |p|) |n.d|, for the normal n and the direction d: that to
-    /// the plane and not along the ray. What is farther behind a surface than the truncation is left alone. Weights are |n.d|.
+    /// At a cell's corner p, which a view sees at the range r, the distance is (r - |p|) |n.d|, for the normal n and
+    /// the direction d: that to the plane and not along the ray. Space farther behind a surface than the truncation is
+    /// left alone. Weights are |n.d|.
     ///
     /// # Errors
     /// [`MeshError`] where sizes make no sense or do not fit.
@@ -94,10 +96,11 @@ impl DistanceField {
         Self::watched(views, voxel, truncation, |_| Ok(()))
     }
 
-    /// The same, and calls `observe` after every part. Blocks are known, view by view, before memory is taken for their cells.
+    /// The same, and calls `observe` after every part. Blocks are known, view by view, before memory is taken for their
+    /// cells.
     ///
     /// # Errors
-    /// As [`new`](Self::new), and the first of `observe`, which ends it.
+    /// As [`new`](Self::new), and the first error of `observe`, which ends it.
     pub fn watched<E: From<MeshError>>(
         views: &[RangeView<'_>],
         voxel: f64,

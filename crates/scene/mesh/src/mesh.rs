@@ -23,8 +23,8 @@ impl Mesh {
         self.triangles.iter().map(|t| area(self.corners(*t))).sum()
     }
 
-    /// Points on the surface, `per_area` of them on a square meter on average, the same ones for the same seed. Triangles with a corner that is
-    /// not finite have none.
+    /// Points on the surface, `per_area` of them on a square meter on average, the same ones for the same seed.
+    /// Triangles with a corner that is not finite have none.
     pub fn sample(&self, per_area: f64, seed: u64) -> Vec<[f32; 3]> {
         let stream = Stream::new(seed, 0, "mesh");
         let mut points = Vec::new();

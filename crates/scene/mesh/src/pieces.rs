@@ -3,7 +3,8 @@
 use crate::Mesh;
 
 impl Mesh {
-    /// The `most` largest connected pieces that have at least `least` triangles; pieces of equal size in the order of their first triangles.
+    /// The `most` largest connected pieces that have at least `least` triangles; pieces of equal size in the order of
+    /// their first triangles.
     pub fn largest_pieces(&self, most: usize, least: usize) -> Self {
         let mut parents: Vec<u32> = (0..self.vertices.len() as u32).collect();
         for [a, b, c] in &self.triangles {

@@ -15,8 +15,9 @@ const UNSEEN: [u8; 3] = [128; 3];
 
 /// Ranges and colors of a scene's surface, as its cameras see it.
 ///
-/// The range of a pixel is D / (A cos), for the blended depth D = sum of w z, the alpha A, and the angle between its ray and the optical axis;
-/// 0 where A < 1/2, and beyond `far`. Its color is that of the drawn image without the background.
+/// The range of a pixel is D / (A cos), for the blended depth D = sum of w z, the alpha A, and the angle between its
+/// ray and the optical axis; 0 where A < 1/2, and beyond `far`. Its color comes from the drawn image without the
+/// background.
 #[derive(Debug)]
 pub struct DrawnScene {
     gaussians: ActivatedGaussians,
@@ -39,14 +40,14 @@ struct DrawnView {
 }
 
 impl DrawnScene {
-    /// A scene of which no camera has seen anything yet.
+    /// A scene that no camera has seen yet.
     pub fn new(gaussians: &Gaussians, background: [f32; 3], settings: RasterSettings, far: f64) -> Self {
         let (gaussians, session) = (gaussians.to_activated(), CpuRasterizer.session());
         Self { gaussians, background, settings, far, carving: false, session, views: Vec::new() }
     }
 
-    /// The same with pixels that see nothing as well: their range is infinite, which leaves nothing on their way. Their neighbors, at the edge
-    /// of something half transparent, get no range.
+    /// The same with pixels that see nothing as well: their range is infinite, which leaves nothing on their way. Their
+    /// neighbors, at the edge of something half transparent, get no range.
     #[must_use]
     pub fn carving(self) -> Self {
         Self { carving: true, ..self }
@@ -55,7 +56,7 @@ impl DrawnScene {
     /// Draws the scene from one camera more.
     ///
     /// # Errors
-    /// Where the rasterizer refuses to draw it.
+    /// If the rasterizer refuses to draw it.
     pub fn add(&mut self, camera: &Camera) -> Result<(), RasterError> {
         let pixels = camera.width * camera.height;
         let (mut image, mut alpha, mut depth) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; pixels]);
@@ -95,8 +96,8 @@ impl DrawnScene {
         self.views.iter().map(DrawnView::ranges).collect()
     }
 
-    /// Colors of points: means over the views that see a surface within `reach` of the point, by the inverse square of its distance; gray
-    /// where none does.
+    /// Colors of points: means over the views that see a surface within `reach` of the point, by the inverse square of
+    /// its distance; gray where none does.
     pub fn colors(&self, points: &[[f32; 3]], reach: f64) -> Vec<[u8; 3]> {
         let views = &self.views;
         let color = |point: &[f32; 3]| {

@@ -1,9 +1,9 @@
 //! Finds out where a photo was taken: `cargo run --release -p weaver-pose --example refine_pose`.
 //!
-//! A scene of Gaussians is known, and a photo of it, but the camera only roughly: 8 degrees and a tenth of the distance off.
-//! Gradient descent through the rasterizer moves the camera, field of view included, until the render is the photo: on a tape, where the
-//! camera may be any function of anything, and by `weaver_align` without one. Writes refine_pose.png (the photo, the render from the first
-//! guess, those from both ends) and prints the errors.
+//! A scene of Gaussians is known, and a photo of it, but the camera only roughly: 8 degrees and a tenth of the distance
+//! off. Gradient descent through the rasterizer moves the camera, field of view included, until the render is the
+//! photo: on a tape, where the camera may be any function of anything, and by `weaver_align` without one. Writes
+//! refine_pose.png (the photo, the render from the first guess, those from both ends) and prints the errors.
 
 use std::time::Instant;
 use weaver_align::{AlignError, Aligned, Method, Options, Photo, Scene, align, mean_square};

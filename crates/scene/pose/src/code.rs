@@ -27,7 +27,8 @@ impl<'t, T: Real> CameraVars<'t, T> {
         Self { viewmats, intrinsics }
     }
 
-    /// Where V cameras stand, o = -R^T t, for viewmats `[V, 3, 4]`: `[V, 3]`. Differentiable, the entries of R taken as independent.
+    /// Where V cameras stand, o = -R^T t, for viewmats `[V, 3, 4]`: `[V, 3]`. Differentiable, the entries of R taken as
+    /// independent.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -95,17 +96,17 @@ impl RowMap<9, 16> for Decode {
 
 /// The cameras that pose codes describe, for images of `height` x `width` pixels.
 ///
-/// viewmats = [R(q) | T]; fy = (H / 2) / (tan(fov_y / 2) + 1e-3), fx likewise from W; the principal point is the image's
-/// center. `code` `[.., 9]`, with fields of view of at least 0, gives viewmats `[.., 3, 4]` and intrinsics `[.., 4]` in pixels.
-/// Differentiable in all nine numbers. The encoding is "absT_quaR_FoV" of VGGT (Wang et al. 2025, arXiv
-/// 2503.11651) with AnySplat's margin on the tangent.
+/// viewmats = [R(q) | T]; fy = (H / 2) / (tan(fov_y / 2) + 1e-3), fx likewise from W; the principal point is the
+/// image's center. `code` `[.., 9]`, with fields of view of at least 0, gives viewmats `[.., 3, 4]` and intrinsics
+/// `[.., 4]` in pixels. Differentiable in all nine numbers. The encoding is "absT_quaR_FoV" of VGGT (Wang et al. 2025,
+/// arXiv 2503.11651) with AnySplat's margin on the tangent.
 #[track_caller]
 pub fn cameras<T: Real>(code: Var<'_, T>, height: usize, width: usize) -> CameraVars<'_, T> {
     cameras_with(code, [height, width], TANGENT_OFFSET)
 }
 
-/// As [`cameras`], for images of `size` (H, W), with another margin than 1e-3 on the tangent of half the field of view: f = (size
-/// / 2) / (tan(fov / 2) + `tangent_offset`).
+/// As [`cameras`], for images of `size` (H, W), with another margin than 1e-3 on the tangent of half the field of view:
+/// f = (size / 2) / (tan(fov / 2) + `tangent_offset`).
 ///
 /// VGGT's own weights have none, and 0 inverts [`encode`]; a field of view of 0 then has an infinite focal length.
 ///
@@ -144,11 +145,11 @@ impl RowMap<16, 9> for Encode {
 
 /// The pose codes of cameras, for images of `height` x `width` pixels.
 ///
-/// A code holds T and the unit quaternion (w not negative) of viewmats = [R | T]; fov_y = 2 atan(H / 2 / fy), fov_x likewise
-/// from W. `viewmats` `[.., 3, 4]` and `intrinsics` fx, fy, cx, cy in pixels `[.., 4]` give `[.., 9]`. Differentiable in
-/// both, the nine entries of R taken as independent. A code has no principal point, whose gradient is 0. Decoding does not
-/// give back exactly these focal lengths, because [`cameras`] adds [`TANGENT_OFFSET`]. Source: VGGT, Wang et al. 2025,
-/// arXiv 2503.11651.
+/// A code holds T and the unit quaternion (w not negative) of viewmats = [R | T]; fov_y = 2 atan(H / 2 / fy), fov_x
+/// likewise from W. `viewmats` `[.., 3, 4]` and `intrinsics` fx, fy, cx, cy in pixels `[.., 4]` give `[.., 9]`.
+/// Differentiable in both, the nine entries of R taken as independent. A code has no principal point, whose gradient
+/// is 0. Decoding does not give back exactly these focal lengths, because [`cameras`] adds [`TANGENT_OFFSET`].
+/// Source: VGGT, Wang et al. 2025, arXiv 2503.11651.
 #[track_caller]
 pub fn encode<'t, T: Real>(viewmats: Var<'t, T>, intrinsics: Var<'t, T>, height: usize, width: usize) -> Var<'t, T> {
     let encode = Encode { height: height as f64, width: width as f64 };

@@ -1,5 +1,5 @@
-//! The descent of one camera, whatever its loss is and without a tape: on slopes by its world-to-camera transform, as rasterizers give
-//! them.
+//! The descent of one camera, for any loss and without a tape: on slopes by its world-to-camera transform, as
+//! rasterizers give them.
 
 use crate::rotation::matrix;
 use weaver_autograd::Dual;
@@ -7,16 +7,16 @@ use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, Pose, se3};
 use weaver_kernels::optim::AdamW;
 
-/// Which numbers of a camera descend, at what rate.
+/// The numbers of a camera that descend, and their rate.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Method {
-    /// Increments `T <- exp(v, w) T` of the world-to-camera transform, v in units of the depth that the camera sees, both
-    /// at 5e-3.
+    /// Increments `T <- exp(v, w) T` of the world-to-camera transform, v in units of the depth that the camera sees,
+    /// both at 5e-3.
     Own,
     /// As in NoPoSplat (Ye et al., arXiv 2410.24207): the same increments in the units of the world.
     NoPoSplat,
-    /// As in 2Xplat (Jeong et al., arXiv 2603.21064): quaternion and center of the camera-to-world transform, both at 1e-4, the center in
-    /// units of the scene.
+    /// As in 2Xplat (Jeong et al., arXiv 2603.21064): quaternion and center of the camera-to-world transform, both at
+    /// 1e-4, the center in units of the scene.
     TwoXplat,
 }
 
@@ -34,7 +34,7 @@ impl Method {
 const FOCAL_RATE: f64 = 1e-3;
 /// Length of a gradient below which it is rounding: Adam would take full steps by it.
 const NOISE: f64 = 1e-10;
-/// Adam, whose rate is that of the numbers.
+/// Adam with rate 1: the numbers carry their own rate.
 const ADAM: AdamW<f64> =
     AdamW { rate: 1.0, beta1: 0.9, beta2: 0.999, eps: 1e-8, weight_decay: 0.0, gradient_scale: 1.0 };
 
@@ -107,8 +107,8 @@ pub struct Descent {
 }
 
 impl Descent {
-    /// From a first guess. `unit` is the length that translations are measured in: the mean depth of what the camera sees, or the scene's
-    /// size; [`Method::NoPoSplat`] knows none.
+    /// From a first guess. `unit` is the length that translations are measured in: the mean depth of the camera's view,
+    /// or the scene's size; [`Method::NoPoSplat`] has none.
     pub fn new(method: Method, camera: Camera, unit: f64) -> Self {
         let unit = if method == Method::NoPoSplat { 1.0 } else { unit };
         let to_world = camera.pose.inverse();
@@ -140,7 +140,7 @@ impl Descent {
         let u = self.unit;
         let [a, b, c, d, e, f, _] = self.pose.step([u * a, u * b, u * c, d, e, f, 0.0]).map(|step| rate * step);
         let moved = se3::exp(u * DVec3::new(a, b, c), DVec3::new(d, e, f)).compose(&self.camera.pose);
-        // Products of rotations drift from what rotations are.
+        // Products of rotations drift away from rotations.
         self.camera.pose = Pose::from_wxyz(moved.wxyz(), moved.translation);
     }
 

@@ -62,9 +62,9 @@ pub struct AverageFrame<'t, T: Real = f32> {
 
 /// Expresses cameras in the mean frame of the first `context` of them, in which no coordinate of these is beyond 1.
 ///
-/// With camera-to-world (R_i, c_i): f = unit(mean R_i e3), m = mean R_i e2, d = unit(m - (m . f) f), r = d x f, A = [r d f | mean
-/// c_i]; each becomes A^-1 c2w, its translation times s = 1 / max |t| over context and axes. `c2w` `[B, V, 3, 4]`. Differentiable, s
-/// taken as a constant.
+/// With camera-to-world (R_i, c_i): f = unit(mean R_i e3), m = mean R_i e2, d = unit(m - (m . f) f), r = d x f, A = [r
+/// d f | mean c_i]; each becomes A^-1 c2w, its translation times s = 1 / max |t| over context and axes. `c2w` `[B, V,
+/// 3, 4]`. Differentiable, s taken as a constant.
 ///
 /// # Source
 /// 2Xplat, Jeong et al., arXiv 2603.21064. (There s is infinite where all centers are the same.)

@@ -27,10 +27,10 @@ impl RowMap<18, 9> for RelativeCode {
 
 /// Expresses pose codes in the frame of each scene's first camera: pose i becomes E_i E_0^-1.
 ///
-/// q = q_i q_0* (unit, w not negative) and T = T_i - R(q) T_0; fields of view are unchanged. Camera 0 becomes exactly the
-/// identity. `code` `[B, V, 9]`, with quaternions of any length but 0, gives `[B, V, 9]`. Differentiable in all codes. A
-/// network whose poses pass through this function may choose its own world frame, which makes poses learnable from random
-/// weights.
+/// q = q_i q_0* (unit, w not negative) and T = T_i - R(q) T_0; fields of view are unchanged. Camera 0 becomes exactly
+/// the identity. `code` `[B, V, 9]`, with quaternions of any length but 0, gives `[B, V, 9]`. Differentiable in all
+/// codes. A network whose poses pass through this function may choose its own world frame, which makes poses learnable
+/// from random weights.
 ///
 /// ```
 /// use weaver_autograd::Tape;

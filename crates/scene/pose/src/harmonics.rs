@@ -17,9 +17,11 @@ impl RowMap<3, 9> for Harmonics {
     }
 }
 
-/// The nine real spherical harmonics up to degree 2 of unit vectors `[.., 3]`: `[.., 9]`, in the order and with the signs of 3DGS.
+/// The nine real spherical harmonics up to degree 2 of unit vectors `[.., 3]`: `[.., 9]`, in the order and with the
+/// signs of 3DGS.
 ///
-/// Differentiable; the three numbers are taken as independent, so that what made them unit vectors makes the gradient a tangent.
+/// Differentiable; the three numbers are taken as independent, so that the normalization before it makes the gradient a
+/// tangent.
 ///
 /// ```
 /// use weaver_autograd::Tape;

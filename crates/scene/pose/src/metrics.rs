@@ -63,8 +63,8 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 
 /// The area under the recall curve of `errors` up to `threshold`, from 0 to 1; `None` without errors.
 ///
-/// It is the mean of max(0, 1 - error / threshold), which equals the integral of the share of errors below x, over x from
-/// 0 to the threshold, divided by the threshold.
+/// It is the mean of max(0, 1 - error / threshold), which equals the integral of the share of errors below x, over x
+/// from 0 to the threshold, divided by the threshold.
 ///
 /// ```
 /// assert_eq!(weaver_pose::auc([0.0, 15.0, 40.0], 30.0), Some(0.5));

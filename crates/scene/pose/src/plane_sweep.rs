@@ -18,7 +18,7 @@ struct Pair {
     shift: [f64; 3],
 }
 
-/// Where a view is sampled: four rows of its features and their weights.
+/// Sampling position of a view: four rows of its features and their weights.
 #[derive(Clone, Copy)]
 struct Sample<T> {
     rows: [usize; 4],
@@ -61,8 +61,8 @@ impl PlaneSweep {
         }
     }
 
-    /// Calls `visit` with the pixel, the number of the depth and the samples of the other views for each depth of each pixel of an
-    /// image row.
+    /// Calls `visit` with the pixel, the number of the depth and the samples of the other views for each depth of each
+    /// pixel of an image row.
     #[inline(always)]
     fn for_row<T: Real>(
         &self,
@@ -206,7 +206,7 @@ impl<T: Real> Op<T> for PlaneSweep {
         let Size { views, height, channels, .. } = Self::size(ins);
         let (depths, all) = (self.factors.len(), ins[0].len());
         let (features, dagreement): (&[T], &[T]) = (&ins[0], &douts[0]);
-        // What the pixels of each view pull at, apart, so that views can be walked at once and added up in order.
+        // The slopes from each view's pixels, apart, so that views can be walked at once and added up in order.
         let mut pulls = pool.filled(views * all, T::ZERO);
         parallel::for_chunks(&mut pulls, all, |view, pull| {
             simd::dispatch(
@@ -240,12 +240,14 @@ impl<T: Real> Op<T> for PlaneSweep {
 
 /// Agreement of the other views with each pixel's features at multiples of its depth.
 ///
-/// For pixel p of view v at depth `factors[k]` times its own: the mean over all other views that see this point of the scalar product of
-/// the features of p with theirs where they see it, bilinearly interpolated, over the square root of C; 0 where none does.
+/// For pixel p of view v at depth `factors[k]` times its own: the mean over all other views that see this point of the
+/// scalar product of the features of p with theirs where they see it, bilinearly interpolated, over the square root of
+/// C; 0 where none does.
 ///
-/// `features` `[V, H, W, C]` are differentiable; `depth` `[V, H, W]`, `viewmats` `[V, 3, 4]` and `intrinsics` `[V, 4]` in pixels are
-/// held constant. The result is `[V, H, W, K]`. `pixel_offset` is where in a pixel its ray passes, 0.5 for the center. Panics on
-/// other shapes. Source: Collins, CVPR 1996; Yao et al., MVSNet, ECCV 2018, section 3.2, with a scalar product.
+/// `features` `[V, H, W, C]` are differentiable; `depth` `[V, H, W]`, `viewmats` `[V, 3, 4]` and `intrinsics` `[V, 4]`
+/// in pixels are held constant. The result is `[V, H, W, K]`. `pixel_offset` is where in a pixel its ray passes, 0.5
+/// for the center. Panics on other shapes. Source: Collins, CVPR 1996; Yao et al., MVSNet, ECCV 2018, section 3.2, with
+/// a scalar product.
 ///
 /// ```
 /// use weaver_autograd::Tape;

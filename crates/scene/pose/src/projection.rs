@@ -40,9 +40,9 @@ impl RowMap<16, 32> for Project {
 
 /// World to normalized image, `[.., 4, 4]`, and its inverse, for images of `size` (H, W) pixels.
 ///
-/// P = diag(K', 1) [R t; 0 1] with K' = [[fx / W, 0, cx / W - 1/2], [0, fy / H, cy / H - 1/2], [0, 0, 1]]; the inverse is in closed
-/// form, with R^T for the inverse of R. `cameras`: viewmats `[.., 3, 4]`, intrinsics `[.., 4]` in pixels. Differentiable in both, the
-/// entries of R taken as independent. Source: PRoPE, Li et al., arXiv 2507.10496.
+/// P = diag(K', 1) [R t; 0 1] with K' = [[fx / W, 0, cx / W - 1/2], [0, fy / H, cy / H - 1/2], [0, 0, 1]]; the inverse
+/// is in closed form, with R^T for the inverse of R. `cameras`: viewmats `[.., 3, 4]`, intrinsics `[.., 4]` in pixels.
+/// Differentiable in both, the entries of R taken as independent. Source: PRoPE, Li et al., arXiv 2507.10496.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -1,4 +1,4 @@
-//! The rays of pixels: where they begin and where they go.
+//! The rays of pixels: origins and directions.
 
 use crate::{CameraVars, unproject};
 use weaver_autograd::{Real, Var, ops};
@@ -40,7 +40,7 @@ impl<'t, T: Real> Rays<'t, T> {
         let own = tape.constant_with(viewmats.shape(), |all| {
             all.chunks_exact_mut(12).for_each(|e| [0, 5, 10].into_iter().for_each(|i| e[i] = T::ONE));
         });
-        // Unit vectors before they are turned: a turn keeps lengths, and its gradient is that of a turn.
+        // Unit vectors before they are turned: a turn keeps lengths, so that its gradient is the turn's alone.
         let local = unproject(one, own, intrinsics, 0.5).reshape([views, height * width, 3]).normalize_rows(0.0);
         Self { origins: cameras.centers(), directions: local.matmul(rotations), cosines: local.slice(2, 2, 1), size }
     }
@@ -51,7 +51,8 @@ impl<'t, T: Real> Rays<'t, T> {
         each(self.origins, distance.shape()[1]) + self.directions * distance.expand(self.directions.shape())
     }
 
-    /// Depth along the optical axis at a distance `[V, H W, 1]` from where rays begin: rho / |K^-1 (u + 1/2, v + 1/2, 1)|, `[V, H, W]`.
+    /// Depth along the optical axis at a distance `[V, H W, 1]` from where rays begin: rho / |K^-1 (u + 1/2, v + 1/2,
+    /// 1)|, `[V, H, W]`.
     #[track_caller]
     pub fn depth(&self, distance: Var<'t, T>) -> Var<'t, T> {
         let [height, width] = self.size;

@@ -1,11 +1,12 @@
-//! The poses of cameras as each other camera sees them.
+//! Relative poses of all pairs of cameras.
 
 use weaver_autograd::{Real, Var};
 
-/// For all ordered pairs of different cameras, X_ij = w2c_i w2c_j^-1: rotations `[B, N (N - 1), 9]` and translations `[B, N (N - 1), 3]`.
+/// For all ordered pairs of different cameras, X_ij = w2c_i w2c_j^-1: rotations `[B, N (N - 1), 9]` and translations
+/// `[B, N (N - 1), 3]`.
 ///
-/// R_ij = R_i R_j^T, t_ij = t_i - R_ij t_j, rows (i, j) in order. `viewmats` [R | t] `[B, N, 3, 4]`. Differentiable, the entries of R
-/// taken as independent. A common rigid motion of the world changes neither.
+/// R_ij = R_i R_j^T, t_ij = t_i - R_ij t_j, rows (i, j) in order. `viewmats` [R | t] `[B, N, 3, 4]`. Differentiable,
+/// the entries of R taken as independent. A common rigid motion of the world changes neither.
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -23,7 +24,7 @@ pub fn relative_poses<T: Real>(viewmats: Var<'_, T>) -> [Var<'_, T>; 2] {
     let (rotations, translations) = (viewmats.slice(3, 0, 3), viewmats.slice(3, 3, 1));
     let stacked = rotations.reshape([batch, 3 * n, 3]);
     let pairs = stacked.matmul_with(stacked, false, true).reshape([batch, n, 3, n, 3]).permute(&[0, 1, 3, 2, 4]);
-    // R_i R_j^T t_j, of which -R_j^T t_j is the center of camera j.
+    // R_i R_j^T t_j, where -R_j^T t_j is the center of camera j.
     let centers = rotations.matmul_with(translations, true, false).reshape([batch, n, 3]);
     let turned = stacked.matmul_with(centers, false, true).reshape([batch, n, 3, n]).permute(&[0, 1, 3, 2]);
     let own = translations.reshape([batch, n, 1, 3]).expand([batch, n, n, 3]);

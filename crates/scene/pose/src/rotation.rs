@@ -83,7 +83,8 @@ impl RowMap<4, 9> for RotationFromXyzw {
 
 /// The rotation matrices of quaternions of any length but 0.
 ///
-/// R = I + s (w K + K^2), where K is the matrix of the cross product with (x, y, z) and s = 2 / |q|^2. `q` `[.., 4]` in xyzw order gives R `[.., 3, 3]`. Differentiable in `q`.
+/// R = I + s (w K + K^2), where K is the matrix of the cross product with (x, y, z) and s = 2 / |q|^2. `q` `[.., 4]` in
+/// xyzw order gives R `[.., 3, 3]`. Differentiable in `q`.
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -114,7 +115,7 @@ impl RowMap<9, 4> for XyzwFromRotation {
 ///
 /// The largest component is half the square root of 1 plus or minus the diagonal entries; the others are sums and
 /// differences of off-diagonal entries divided by it. `rotation` `[.., 3, 3]` gives `[.., 4]` in xyzw order.
-/// Differentiable in the nine entries, taken as independent; the gradient is that of the component chosen.
+/// Differentiable in the nine entries, taken as independent; the gradient follows the chosen component.
 #[track_caller]
 pub fn xyzw_from_rotation<T: Real>(rotation: Var<'_, T>) -> Var<'_, T> {
     let [q] = rotation.tape().apply(RowMapOp(XyzwFromRotation), &[rotation]);

@@ -5,7 +5,8 @@ use weaver_autograd::{
     Backward, Dual, MAX_RANK, Op, Pool, Real, Shape, ShapeError, Shapes, View, ViewMut, ensure_shape,
 };
 
-/// A function from `N` numbers to `M`, written once in dual numbers, so that value and derivative agree by construction.
+/// A function from `N` numbers to `M`, written once in dual numbers, so that value and derivative agree by
+/// construction.
 ///
 /// Meant for few rows, such as cameras: the derivative of a row costs about `N` times its value.
 pub(crate) trait RowMap<const N: usize, const M: usize>: Debug + Send + Sync + 'static {

@@ -165,9 +165,10 @@ impl<T: Real> Op<T> for Unproject {
 /// The world point of every pixel of depth maps.
 ///
 /// X = R^T (((u - cx) z / fx, (v - cy) z / fy, z) - T) with u = column + `pixel_offset`, v = row + `pixel_offset`.
-/// `depth` z `[.., H, W]` along the optical axis, `viewmats` [R | T] `[.., 3, 4]`, `intrinsics` fx, fy, cx, cy in pixels
-/// `[.., 4]` give points `[.., H, W, 3]`. Differentiable in all three, the entries of R taken as independent. `pixel_offset`
-/// is 0.5 where pixel centers lie at half-integers, the rasterizer's convention, and 0 for the published weights.
+/// `depth` z `[.., H, W]` along the optical axis, `viewmats` [R | T] `[.., 3, 4]`, `intrinsics` fx, fy, cx, cy in
+/// pixels `[.., 4]` give points `[.., H, W, 3]`. Differentiable in all three, the entries of R taken as independent.
+/// `pixel_offset` is 0.5 where pixel centers lie at half-integers, the rasterizer's convention, and 0 for the published
+/// weights.
 ///
 /// ```
 /// use weaver_autograd::Tape;

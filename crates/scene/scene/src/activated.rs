@@ -4,11 +4,11 @@ use crate::forms::opacity;
 use crate::{Color, GaussianSlices, Gaussians};
 use weaver_geometry::{glam::DVec3, sh};
 
-/// Gaussians in activated form: standard deviations instead of their logarithms, opacities instead of logits. `N` is the
-/// number of Gaussians.
+/// Gaussians in activated form: standard deviations instead of their logarithms, opacities instead of logits. `N` is
+/// the number of Gaussians.
 ///
-/// Networks predict this form and rasterizers draw it. Files hold the stored form, [`Gaussians`]. Conversion to it and back
-/// rounds, so predictions are drawn without that detour.
+/// Networks predict this form and rasterizers draw it. Files hold the stored form, [`Gaussians`]. Conversion to it and
+/// back rounds, so predictions are drawn without that detour.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ActivatedGaussians {
@@ -94,7 +94,8 @@ impl ActivatedGaussians {
 }
 
 impl Gaussians {
-    /// Converts to the activated form: `scale = exp(log_scale)`, `opacity = 1 / (1 + exp(-logit))`; everything else is copied.
+    /// Converts to the activated form: `scale = exp(log_scale)`, `opacity = 1 / (1 + exp(-logit))`; everything else is
+    /// copied.
     pub fn to_activated(&self) -> ActivatedGaussians {
         ActivatedGaussians {
             means: self.means.as_flattened().to_vec(),

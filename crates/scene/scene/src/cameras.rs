@@ -9,8 +9,9 @@ pub enum Model {
     /// A plane image: pixel (u, v) looks along ((u - cx) / fx, (v - cy) / fy, 1).
     #[default]
     Pinhole,
-    /// An equirectangular image of all directions: with the longitude 2 pi ((u / width) - 1/2) and the latitude
-    /// pi ((v / height) - 1/2), downward, pixel (u, v) looks along (cos lat sin lon, sin lat, cos lat cos lon). Intrinsics are not read.
+    /// An equirectangular image of all directions: with the longitude 2 pi ((u / width) - 1/2) and the latitude pi ((v
+    /// / height) - 1/2), downward, pixel (u, v) looks along (cos lat sin lon, sin lat, cos lat cos lon). Intrinsics are
+    /// not read.
     Spherical,
 }
 
@@ -49,7 +50,7 @@ impl<T: Copy> CameraSlices<'_, T> {
         [self.background[at], self.background[at + 1], self.background[at + 2]]
     }
 
-    /// Converts to pinhole cameras, whatever the model. The background is not used and may be empty.
+    /// Converts to pinhole cameras, from any model. The background is not used and may be empty.
     pub fn to_cameras(&self) -> Vec<Camera>
     where
         T: Into<f64>,

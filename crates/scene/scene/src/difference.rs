@@ -1,10 +1,10 @@
-//! How far two scenes of the same Gaussians are apart.
+//! Differences between two scenes of the same Gaussians.
 
 use crate::Gaussians;
 use std::f64::consts::PI;
 use weaver_geometry::sh;
 
-/// Differences between Gaussians and what became of them.
+/// Differences between Gaussians and their changed versions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Difference {
     /// Distances between centers, world units.
@@ -37,7 +37,7 @@ impl Errors {
 }
 
 impl Difference {
-    /// The difference of a scene from those of its parts and the numbers of their Gaussians.
+    /// The difference of a scene from its parts' differences and counts of Gaussians.
     ///
     /// ```
     /// use weaver_scene::{Difference, Errors};
@@ -61,8 +61,8 @@ impl Difference {
 }
 
 impl Gaussians {
-    /// The differences between these Gaussians and others, the i-th of which came from the i-th of these. Harmonics that one of both
-    /// does not have count as zero.
+    /// The differences between these Gaussians and others; the i-th of the others came from the i-th of these.
+    /// Harmonics that one of both does not have count as zero.
     ///
     /// # Panics
     /// When the numbers of Gaussians differ.

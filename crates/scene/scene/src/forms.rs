@@ -1,4 +1,4 @@
-//! Numbers of a Gaussian in stored form, and what they stand for.
+//! Numbers of a Gaussian in stored form, and their meaning.
 
 use weaver_geometry::sh::DC;
 
@@ -17,7 +17,8 @@ pub fn opacity_logit(opacity: f32) -> f32 {
     (opacity / (1.0 - opacity)).ln()
 }
 
-/// The harmonic of degree 0 of a color that is the same from everywhere, `(color - 1/2) / Y_0`; colors are sRGB in `[0, 1]`.
+/// The harmonic of degree 0 of a color that is the same from everywhere, `(color - 1/2) / Y_0`; colors are sRGB in `[0,
+/// 1]`.
 pub fn harmonic(color: f32) -> f32 {
     (color - 0.5) / DC as f32
 }
@@ -32,9 +33,11 @@ pub fn color(harmonic: f32) -> f32 {
     0.5 + DC as f32 * harmonic
 }
 
-/// Maps colors: `rgb' = A rgb + b` for harmonics `[N, K, 3]`, of which each Gaussian has `coefficients` K, with `map` `[A | b]`, `[3, 4]` row by row.
+/// Maps colors: `rgb' = A rgb + b` for harmonics `[N, K, 3]`, with K = `coefficients` for each Gaussian and `map` `[A |
+/// b]`, `[3, 4]` row by row.
 ///
-/// A maps all coefficients, since colors are linear in them; b moves that of degree 0, and so does the 1/2 that is added to it in a [`color`].
+/// A maps all coefficients, since colors are linear in them; b moves only degree 0, which also takes up the 1/2 that a
+/// [`color`] adds.
 ///
 /// ```
 /// use weaver_scene::forms::{color, harmonic, map_colors};

@@ -27,7 +27,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame of which only the name and the camera are known.
+    /// A frame with a name and a camera alone.
     pub fn new(name: impl Into<String>, camera: Camera) -> Self {
         let name = name.into();
         let path = PathBuf::from(&name);

@@ -4,7 +4,7 @@ use weaver_geometry::sh;
 
 /// Gaussians in stored form: logarithms of scales, logits of opacities. `N` is the number of Gaussians.
 ///
-/// The fields are those of a 3DGS PLY file. The type does not enforce that their lengths agree; see
+/// The fields follow a 3DGS PLY file. The type does not enforce that their lengths agree; see
 /// [`Gaussians::lengths_agree`].
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -3,15 +3,15 @@
 //! | type | form | who uses it |
 //! |---|---|---|
 //! | [`Gaussians`] | stored: log scales, opacity logits | files |
-//! | [`ActivatedGaussians`] | activated: standard deviations, opacities | what a network predicts, what is drawn |
+//! | [`ActivatedGaussians`] | activated: standard deviations, opacities | the output of a network, the input of a rasterizer |
 //! | [`GaussianSlices`] | activated, borrowed | rasterizers |
 //! | [`Frame`] | a camera with the name of its photo | camera files |
-//! | [`Photo`] | a camera with the pixels of its photo | what fits scenes, and judges them |
+//! | [`Photo`] | a camera with the pixels of its photo | the input of fits and of their evaluation |
 //! | [`CameraSlices`] | matrices and intrinsics, borrowed | rasterizers |
 //! | [`PointCloud`] | positions with colors | point files |
 //!
-//! Conventions: world-to-camera poses, OpenCV axes (x right, y down, z forward), pixel centers at +0.5, quaternions wxyz,
-//! spherical harmonics as in the reference 3DGS implementation.
+//! Conventions: world-to-camera poses, OpenCV axes (x right, y down, z forward), pixel centers at +0.5, quaternions
+//! wxyz, spherical harmonics as in the reference 3DGS implementation.
 
 mod activated;
 mod cameras;

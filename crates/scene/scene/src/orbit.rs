@@ -5,10 +5,11 @@ use std::f64::consts::FRAC_PI_3;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 
-/// Cameras on a circle around a scene, -y up, with a horizontal field of view of 60 degrees and pictures of `[width, height]`
-/// pixels; `None` of a scene without Gaussians.
+/// Cameras on a circle around a scene, -y up, with a horizontal field of view of 60 degrees and pictures of `[width,
+/// height]` pixels; `None` of a scene without Gaussians.
 ///
-/// The circle is about the [`middle`] of the scene, far enough to have most of the Gaussians inside the picture, and never inside a single one.
+/// The circle is about the [`middle`] of the scene, far enough to have most of the Gaussians inside the picture, and
+/// never inside a single one.
 ///
 /// ```
 /// use weaver_scene::{Gaussians, orbit};
@@ -30,8 +31,8 @@ pub fn orbit(gaussians: &Gaussians, count: usize, [width, height]: [usize; 2]) -
     Some(poses.into_iter().map(|pose| Camera { pose, intrinsics, width, height }).collect())
 }
 
-/// The middle of a scene: on each axis halfway between the 10 % and 90 % quantiles, so that neither a dense floor nor outliers shift it; `None`
-/// without Gaussians.
+/// The middle of a scene: on each axis halfway between the 10 % and 90 % quantiles, so that neither a dense floor nor
+/// outliers shift it; `None` without Gaussians.
 pub fn middle(gaussians: &Gaussians) -> Option<DVec3> {
     let axis = |axis: usize| {
         let tenth = |q| quantile(q, gaussians.means.iter().map(|mean| f64::from(mean[axis])).collect());

@@ -12,7 +12,7 @@ pub struct Photo {
     pub camera: Camera,
     /// sRGB, `[height, width, 3]`.
     pub rgb: Vec<u8>,
-    /// Which pixels count, `[height, width]`; `None` if all do.
+    /// Mask of the pixels that count, `[height, width]`; `None` if all do.
     pub mask: Option<Vec<bool>>,
 }
 

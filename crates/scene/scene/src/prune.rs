@@ -1,4 +1,4 @@
-//! Gaussians worth keeping: by where they are, by what they cover, and by their neighbors.
+//! Gaussians worth keeping: by their place, by their coverage, and by their neighbors.
 
 use crate::{Gaussians, forms};
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
@@ -43,7 +43,7 @@ fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-/// Neighbors by which a floater is told.
+/// Neighbors by which a floater is recognized.
 const NEIGHBORS: usize = 8;
 /// Standard deviations of the logarithm of a distance beyond which a Gaussian is a floater.
 const DEVIATIONS: f32 = 3.0;
@@ -58,8 +58,8 @@ impl Gaussians {
         (0..self.len()).filter(|&i| region.contains(self.means[i])).collect()
     }
 
-    /// The opacity of each Gaussian times the area that it covers from its broadest side, `opacity * s_1 * s_2` of the two
-    /// largest standard deviations; world units squared, `[N]`.
+    /// The opacity of each Gaussian times the area that it covers from its broadest side, `opacity * s_1 * s_2` of the
+    /// two largest standard deviations; world units squared, `[N]`.
     pub fn importance(&self) -> Vec<f32> {
         let area = |log_scales: &[f32; 3]| {
             let least = log_scales.iter().copied().fold(f32::INFINITY, f32::min);
@@ -68,7 +68,8 @@ impl Gaussians {
         self.log_scales.iter().zip(&self.opacity_logits).map(|(s, o)| forms::opacity(*o) * area(s)).collect()
     }
 
-    /// Numbers of the `count` Gaussians with the largest of some `values` `[N]`, in their order; of equal ones the first.
+    /// Numbers of the `count` Gaussians with the largest of some `values` `[N]`, in their order; of equal ones the
+    /// first.
     ///
     /// # Panics
     /// When there is not a value for each Gaussian.
@@ -83,9 +84,9 @@ impl Gaussians {
 
     /// Numbers of the Gaussians that are no floaters, in their order.
     ///
-    /// A floater is unusually far from others: the logarithm of the distance to its eighth neighbor is more than three robust
-    /// standard deviations (1.4826 times the median absolute deviation) above the median of all, and the distance more than four
-    /// times the median. At most eight Gaussians have none.
+    /// A floater is unusually far from others: the logarithm of the distance to its eighth neighbor is more than three
+    /// robust standard deviations (1.4826 times the median absolute deviation) above the median of all, and the
+    /// distance more than four times the median. At most eight Gaussians have none.
     pub fn without_floaters(&self) -> Vec<usize> {
         let all = (0..self.len()).collect();
         if self.len() <= NEIGHBORS {

@@ -17,11 +17,12 @@ pub struct GaussianSlices<'a, T> {
     pub color: Color<'a, T>,
     /// Further numbers to blend, if any.
     pub features: Option<Features<'a, T>>,
-    /// Which picture each Gaussian belongs to, where a view is several pictures.
+    /// The picture of each Gaussian, where a view is several pictures.
     pub groups: Option<Groups<'a>>,
 }
 
-/// Gaussians in groups that do not see each other: a view of K groups is K pictures, each drawn as if its Gaussians were alone.
+/// Gaussians in groups that do not see each other: a view of K groups is K pictures, each drawn as if its Gaussians
+/// were alone.
 #[derive(Clone, Copy, Debug)]
 pub struct Groups<'a> {
     /// The group of each Gaussian, 0 to K - 1, `[N]`.
@@ -50,7 +51,7 @@ impl<'a, T> Features<'a, T> {
 /// The colors of Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub enum Color<'a, T> {
-    /// None: there is no image, only alpha and what else is asked for.
+    /// None: there is no image, only alpha and the other requested outputs.
     None,
     /// One color per Gaussian, the same from all sides, `[N, 3]`, not clamped.
     Plain(&'a [T]),

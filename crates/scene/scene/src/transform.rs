@@ -5,8 +5,8 @@ use weaver_geometry::glam::{DQuat, DVec3};
 use weaver_geometry::{Similarity, sh};
 
 impl Gaussians {
-    /// The Gaussians as they are in the world that a similarity transform leads to: drawn from a camera that is carried over
-    /// too ([`Similarity::apply_to_pose`]), they give the same picture.
+    /// The Gaussians as they are in the world that a similarity transform leads to: drawn from a camera that is carried
+    /// over too ([`Similarity::apply_to_pose`]), they give the same picture.
     ///
     /// Means are mapped, scales multiplied, rotations composed, and harmonics rotated.
     pub fn transformed(&self, to: &Similarity) -> Self {

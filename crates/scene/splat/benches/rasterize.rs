@@ -1,4 +1,4 @@
-//! Synthetic scenes: the stages one by one, forward, forward with backward, and what can be asked of a drawing.
+//! Synthetic scenes: the stages one by one, forward, forward with backward, and optional outputs of a drawing.
 
 #![allow(missing_docs)] // criterion_group! makes an undocumented function
 

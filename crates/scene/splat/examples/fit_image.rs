@@ -1,7 +1,8 @@
 //! Fits a picture with Gaussians: `cargo run --release -p weaver-splat --example fit_image [PICTURE [SEED]]`.
 //!
-//! The Gaussians stand near a plane in front of one camera. Adam moves, turns, stretches and colors them until their render
-//! is the picture. Writes fit_image.png (the picture, the start, the fit) and prints the peak signal-to-noise ratio.
+//! The Gaussians stand near a plane in front of one camera. Adam moves, turns, stretches and colors them until their
+//! render is the picture. Writes fit_image.png (the picture, the start, the fit) and prints the peak signal-to-noise
+//! ratio.
 
 use weaver_autograd::{Params, Tape};
 use weaver_data::procedural::{ProceduralOptions, scene};

@@ -1,8 +1,9 @@
 //! Surfels seen all around: `cargo run --release -p weaver-splat --example surfels [PICTURE]`.
 //!
-//! A surfel is a flat Gaussian: the points m + u a + v b with the tangent vectors a and b have the alpha o exp(-(u^2 + v^2) / 2)
-//! (Huang et al., 2D Gaussian Splatting, 2024, section 4; without its low-pass filter). A spherical camera draws them, with the depth at
-//! which each ray meets them. Writes surfels.png (image and depth); panics where gradients differ from central differences.
+//! A surfel is a flat Gaussian: the points m + u a + v b with the tangent vectors a and b have the alpha o exp(-(u^2 +
+//! v^2) / 2) (Huang et al., 2D Gaussian Splatting, 2024, section 4; without its low-pass filter). A spherical camera
+//! draws them, with the depth at which each ray meets them. Writes surfels.png (image and depth); panics where
+//! gradients differ from central differences.
 
 use std::f64::consts::{LOG2_E, PI, TAU};
 use weaver_autograd::Tape;
@@ -33,7 +34,7 @@ struct Seen<'a, T> {
 /// Places in a record, beside depth and color: the inverse K of H = [a b m], by rows.
 const INVERSE: [usize; 9] = [0, 1, 2, 3, 4, 5, 6, 11, 12];
 const OPACITY: usize = 13;
-/// Angle between the center and the rim of what is visible.
+/// Angle between the center and the rim of the visible part.
 const ANGLE: usize = 14;
 
 fn vector<T: Real>(x: &[T]) -> DVec3 {
@@ -132,13 +133,13 @@ impl<T: Real> Footprint for Seen<'_, T> {
 
     fn second_span<V: Lanes>(&self, columns: &[V; LANES], top: V, bottom: V) -> Option<(V, V, V::Mask)> {
         let (left, right, touched) = self.span(columns, top, bottom);
-        // What is beyond one end of a row is at the other.
+        // The image is periodic: a place beyond one end of a row is at the other.
         let around = V::constant(self.width).or(V::zero().ge(left), V::constant(-self.width));
         Some((left + around, right + around, touched))
     }
 }
 
-/// Where the rays of sixteen pixels meet a surfel.
+/// Intersections of the rays of sixteen pixels with a surfel.
 #[derive(Clone, Copy)]
 struct Hit<V> {
     direction: [V; 3],
@@ -238,7 +239,7 @@ fn shell(seed: u64, n: usize, side: f64) -> Vec<Input> {
 ///
 /// # Panics
 ///
-/// Where they disagree.
+/// If they disagree.
 pub fn check(seed: u64) {
     let turned = Pose::new(DMat3::from_rotation_y(0.9), DVec3::new(0.1, -0.2, 0.3));
     let surfels = Surfels(vec![Pose::IDENTITY, turned]);

@@ -13,10 +13,11 @@ const GRAIN: usize = 256;
 /// The most parts of the pixels that are gathered from at once, each into sums of its own.
 const PARTS: usize = 16;
 
-/// Which Gaussians each pixel shows, front to back, and how much of each: its weight alpha T.
+/// The Gaussians that each pixel shows, front to back, each with its weight alpha T.
 ///
-/// A sparse matrix W `[P, N]` of the P pixels of all pictures of a drawing. Where Gaussians and cameras stay, features F `[N, C]` that
-/// change are blended by W F and gather gradients by its transpose, for far less than a drawing: 8 bytes for each hit instead.
+/// A sparse matrix W `[P, N]` of the P pixels of all pictures of a drawing. Where Gaussians and cameras stay, features
+/// F `[N, C]` that change are blended by W F and gather gradients by its transpose, for far less than a drawing: 8
+/// bytes for each hit instead.
 ///
 /// ```
 /// # use std::sync::Arc;
@@ -52,7 +53,7 @@ const PARTS: usize = 16;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlendWeights<T> {
-    /// Where the hits of each pixel begin, and where those of the last end, `[P + 1]`.
+    /// Start of each pixel's hits, and the end of the last pixel's, `[P + 1]`.
     starts: Vec<u32>,
     /// The Gaussian of each hit, 0 to N - 1.
     hits: Vec<u32>,
@@ -62,7 +63,7 @@ pub struct BlendWeights<T> {
 }
 
 impl<T: Real> BlendWeights<T> {
-    /// Those of the last image drawn with a workspace.
+    /// The weights of the last image drawn with a workspace.
     ///
     /// # Errors
     /// A workspace that nothing was drawn with, or more than 2^32 hits.
@@ -115,8 +116,8 @@ impl<T: Real> BlendWeights<T> {
         size_of_val(&*self.starts) + size_of_val(&*self.hits) + size_of_val(&*self.weights)
     }
 
-    /// Features `[N, C]` as the pixels show them `[P, C]`, W F, over zeros. Differentiable in the features. Same bits at any number of
-    /// threads.
+    /// Features `[N, C]` as the pixels show them `[P, C]`, W F, over zeros. Differentiable in the features. Same bits
+    /// at any number of threads.
     ///
     /// # Panics
     /// If there are not N rows.
@@ -152,7 +153,7 @@ impl<T: Real> BlendWeights<T> {
         }
     }
 
-    /// Adds the rows of some pixels to what the Gaussians gather.
+    /// Adds the rows of some pixels to the sums of the Gaussians.
     fn gather<const C: usize>(&self, (slopes, pixels, sums): (&[T], Range<usize>, &mut [T])) {
         let (slopes, sums) = (slopes.as_chunks::<C>().0, sums.as_chunks_mut::<C>().0);
         for pixel in pixels {

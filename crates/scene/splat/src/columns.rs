@@ -5,7 +5,7 @@ use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, Lanes};
 use weaver_kernels::simd::prefetch;
 
-/// Where a number is neither infinite nor NaN.
+/// Mask of the numbers that are neither infinite nor NaN.
 #[inline(always)]
 pub(crate) fn finite<V: Lanes>(x: V) -> V::Mask {
     (x * V::zero()).ge(V::zero())
@@ -21,7 +21,7 @@ pub(crate) fn columns<V: Lanes, const K: usize>(values: &[V::Scalar], first: usi
     each!(K, |k| V::load(&each!(LANES, |lane| rows[lane.min(count - 1)][k])))
 }
 
-/// Writes `columns` as rows of `K` numbers, or adds them; 0 for what is not finite.
+/// Writes `columns` as rows of `K` numbers, or adds them; 0 for numbers that are not finite.
 #[inline(always)]
 pub(crate) fn put_columns<V: Lanes, const K: usize>(columns: &[V; K], add: bool, rows: &mut [V::Scalar]) {
     let columns = each!(K, |k| columns[k].only(finite(columns[k])).to_array());
@@ -33,7 +33,7 @@ pub(crate) fn put_columns<V: Lanes, const K: usize>(columns: &[V; K], add: bool,
     }
 }
 
-/// Asks for numbers that will be needed soon: rows are read out of order, which the processor does not foresee.
+/// Prefetches numbers: rows are read out of order, which the processor does not foresee.
 #[inline(always)]
 pub(crate) fn prefetch_rows<T>(values: &[T], from: usize, count: usize) {
     let values = &values[from.min(values.len())..(from + count).min(values.len())];
@@ -57,7 +57,7 @@ pub(crate) fn wide_columns<V: Lanes>(rows: &[V::Scalar], len: usize, out: &mut [
     }
 }
 
-/// The inverse of [`wide_columns`]: writes columns as rows, or adds them; 0 for what is not finite.
+/// The inverse of [`wide_columns`]: writes columns as rows, or adds them; 0 for numbers that are not finite.
 #[inline(always)]
 pub(crate) fn put_wide_columns<V: Lanes>(columns: &mut [V], len: usize, add: bool, rows: &mut [V::Scalar]) {
     for (block, columns) in columns.as_chunks_mut::<LANES>().0.iter_mut().enumerate().take(len.div_ceil(LANES)) {

@@ -32,7 +32,7 @@ impl<T: Real> Axes<T> {
         Self { scale, unit, rotation, m }
     }
 
-    /// The gradient of M from that of M M^T.
+    /// The gradient of M from the gradient of M M^T.
     fn dm(&self, d: &[T]) -> Mat33<T> {
         std::array::from_fn(|i| {
             let row: Vec3<T> = std::array::from_fn(|j| d[3 * i + j] + d[3 * j + i]);

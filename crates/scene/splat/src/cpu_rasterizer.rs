@@ -34,8 +34,8 @@ fn double() -> Box<dyn Session<f64>> {
     Box::new(Workspace::<f64>::new())
 }
 
-/// Implements [`Session`] for one scalar at a time: a generic implementation would be compiled again in every crate that makes a
-/// session.
+/// Implements [`Session`] for one scalar at a time: a generic implementation would be compiled again in every crate
+/// that makes a session.
 macro_rules! session {
     ($scalar:ty) => {
         impl Session<$scalar> for Workspace<$scalar> {

@@ -7,7 +7,7 @@ pub(crate) const LEAST_ALPHA: f64 = 1e-10;
 
 /// The expected depth: `depth / max(alpha, 1e-10)`, pixel by pixel, in world units.
 ///
-/// `depth` and `alpha` are what [`rasterize`](crate::rasterize()) draws. The gradient is [`expected_depth_backward`]'s.
+/// `depth` and `alpha` are outputs of [`rasterize`](crate::rasterize()). The gradient is [`expected_depth_backward`]'s.
 ///
 /// # Panics
 ///
@@ -29,8 +29,8 @@ pub fn expected_depth<T: Real>(depth: &[T], alpha: &[T], out: &mut [T]) {
     });
 }
 
-/// Adds the gradients of `depth` and `alpha` from that of [`expected_depth`]: d / a and -D d / a^2, the latter only
-/// where a = alpha is above 1e-10.
+/// Adds the gradients of `depth` and `alpha` from the gradient d of [`expected_depth`]: d / a and -D d / a^2, the
+/// latter only where a = alpha is above 1e-10.
 ///
 /// # Panics
 ///

@@ -6,7 +6,7 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RasterError {
-    /// Arguments that do not fit together, or do not fit what was drawn before.
+    /// Arguments that do not fit together, or do not fit the last drawing.
     Arguments(String),
     /// More than the rasterizer can draw in one call.
     TooMany(String),

@@ -1,8 +1,8 @@
 //! The pinhole EWA Gaussian: its record, the pixels it covers, its alpha at a pixel.
 //!
-//! The inverse of the image covariance S has the Cholesky factor L = [[p, q], [0, r]]: with d = (dx, dy) from the center
-//! to a pixel, u = p dx + q dy and v = r dy make d^T S^-1 d = u^2 + v^2, a sum of squares that never turns negative. p, q, r
-//! are stored times [`BITS`], so that the Gaussian is opacity times 2^-(u^2 + v^2).
+//! The inverse of the image covariance S has the Cholesky factor L = [[p, q], [0, r]]: with d = (dx, dy) from the
+//! center to a pixel, u = p dx + q dy and v = r dy make d^T S^-1 d = u^2 + v^2, a sum of squares that never turns
+//! negative. p, q, r are stored times [`BITS`], so that the Gaussian is opacity times 2^-(u^2 + v^2).
 
 use crate::each::each;
 use crate::tiles::{Footprint, Response};
@@ -11,7 +11,7 @@ use weaver_kernels::lanes::{LANES, Lanes};
 /// sqrt(log2(e) / 2): exp(-x^2 / 2) = 2^-(BITS x)^2.
 pub(crate) const BITS: f64 = 0.849_321_800_288_019_2;
 
-/// Where a record keeps what, beside depth and color ([`crate::tiles::record`]).
+/// Slots of a record, beside depth and color ([`crate::tiles::record`]).
 pub(crate) mod slot {
     /// Center, pixels.
     pub const X: usize = 0;
@@ -29,7 +29,7 @@ pub(crate) mod slot {
     pub const HALF_HEIGHT: usize = 11;
     /// dy where the outline's dx is largest; dx is smallest at its negative.
     pub const DY_OF_RIGHT: usize = 12;
-    /// u^2 + v^2 on the outline, where alpha falls below what is visible (rounded up).
+    /// u^2 + v^2 on the outline, where alpha falls below the visible minimum (rounded up).
     pub const REACH: usize = 13;
     /// 1 / p
     pub const WIDTH: usize = 14;
@@ -40,7 +40,7 @@ pub(crate) mod slot {
 /// Number of sums over pixels.
 pub(crate) const SUMS: usize = 6;
 
-/// Where the sums over pixels of [`Response::backward`] are; g = alpha dL/dalpha where alpha is not capped.
+/// Slots of the sums over pixels of [`Response::backward`]; g = alpha dL/dalpha where alpha is not capped.
 pub(crate) mod moment {
     /// sum g
     pub const G: usize = 0;

@@ -42,7 +42,7 @@ pub struct Extent {
     pub groups: usize,
     /// C.
     pub channels: usize,
-    /// True if depth was asked for.
+    /// True if depth was requested.
     pub depth: bool,
     /// Region of each view that is drawn.
     pub region: Region,
@@ -73,12 +73,12 @@ fn checked(groups: Groups<'_>, n: usize) -> Result<usize, RasterError> {
 }
 
 impl Extent {
-    /// The sizes of a call, if everything in it fits together; `depth` says whether depth is asked for.
+    /// The sizes of a call, if everything in it fits together; `depth` says whether depth is requested.
     ///
     /// # Errors
     ///
-    /// Cameras that are not pinholes, lengths that do not fit, a degree above 4, an image without pixels, a background that is not finite, a region beyond
-    /// the image, more Gaussians than a call may have.
+    /// Cameras that are not pinholes, lengths that do not fit, a degree above 4, an image without pixels, a background
+    /// that is not finite, a region beyond the image, more Gaussians than a call may have.
     pub fn of<T: Real>(
         gaussians: &GaussianSlices<'_, T>,
         cameras: &CameraSlices<'_, T>,
@@ -154,11 +154,11 @@ impl Extent {
         expect_len("image of the features", features, pixels * self.channels)
     }
 
-    /// True if what a backward pass is given, and what it fills, has these sizes.
+    /// True if the inputs and outputs of a backward pass have these sizes.
     ///
     /// # Errors
     ///
-    /// Names what has another length.
+    /// Names an argument of another length.
     pub fn check_backward<T: Real>(
         &self,
         cameras: &CameraSlices<'_, T>,

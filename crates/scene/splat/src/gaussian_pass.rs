@@ -28,7 +28,7 @@ pub(crate) struct GaussianPass<'a, T> {
     pub tiles: &'a Tiles<T>,
 }
 
-/// Where the gradients of consecutive Gaussians go.
+/// Destination of the gradients of consecutive Gaussians.
 struct Share<'a, T> {
     means: Option<Target<'a, T>>,
     quats: Option<Target<'a, T>>,
@@ -71,7 +71,7 @@ impl<'a, T: Real> Share<'a, T> {
 }
 
 impl<T: Real> GaussianPass<'_, T> {
-    /// Writes the gradients of Gaussians, and those of the cameras in parts: `camera_sums` is `[chunks, V,
+    /// Writes the gradients of Gaussians, and the cameras' gradients in parts: `camera_sums` is `[chunks, V,
     /// CAMERA_SUMS]`.
     pub fn run(&self, gradients: &mut Gradients<'_, T>, camera_sums: &mut [Row<T>]) {
         if let Some(target) = gradients.features.take() {

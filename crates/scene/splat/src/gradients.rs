@@ -3,7 +3,7 @@
 use crate::statistics::GaussianStatistics;
 use weaver_kernels::Real;
 
-/// Gradients of the loss with respect to the images; `None` means zero. `H` and `W` are those of the region that is drawn.
+/// Gradients of the loss with respect to the images; `None` means zero. `H` and `W` are the sizes of the drawn region.
 #[derive(Clone, Copy, Debug)]
 pub struct Cotangents<'a, T> {
     /// With respect to the image, `[V, H, W, 3]`.
@@ -22,27 +22,27 @@ impl<T> Default for Cotangents<'_, T> {
     }
 }
 
-/// Memory for a gradient, and whether to add to what is in it.
+/// Memory for a gradient, and whether to add to its content.
 #[derive(Debug)]
 pub struct Target<'a, T> {
     /// The memory.
     pub values: &'a mut [T],
-    /// True if the gradient is added to what is there; else it replaces it.
+    /// True if the gradient is added to the content; else it replaces it.
     pub add: bool,
 }
 
 impl<'a, T: Real> Target<'a, T> {
-    /// The gradient replaces what is there.
+    /// The gradient replaces the content.
     pub fn write(values: &'a mut [T]) -> Self {
         Self { values, add: false }
     }
 
-    /// The gradient is added to what is there.
+    /// The gradient is added to the content.
     pub fn add(values: &'a mut [T]) -> Self {
         Self { values, add: true }
     }
 
-    /// Writes, or adds to, one number; 0 for what is not finite.
+    /// Writes, or adds to, one number; 0 if the value is not finite.
     pub fn put(&mut self, at: usize, value: T) {
         put(&mut self.values[at], self.add, value);
     }
@@ -54,7 +54,7 @@ impl<'a, T: Real> Target<'a, T> {
     }
 }
 
-/// Writes a number, or adds it; 0 for what is not finite.
+/// Writes a number, or adds it; 0 if it is not finite.
 #[inline(always)]
 pub(crate) fn put<T: Real>(to: &mut T, add: bool, value: T) {
     let old = if add { *to } else { T::ZERO };
@@ -82,7 +82,7 @@ pub struct Gradients<'a, T> {
     pub intrinsics: Option<Target<'a, T>>,
     /// With respect to the background, `[V, 3]` or `[3]`, as given.
     pub background: Option<Target<'a, T>>,
-    /// By-products of the pass, which are added to what is there, `[N]`.
+    /// By-products of the pass, which are added to the content, `[N]`.
     pub statistics: Option<&'a mut [GaussianStatistics<T>]>,
 }
 

@@ -1,12 +1,15 @@
-//! A differentiable rasterizer of 3-D Gaussians on the CPU, with gradients with respect to every parameter and the camera.
+//! A differentiable rasterizer of 3-D Gaussians on the CPU, with gradients with respect to every parameter and the
+//! camera.
 //!
-//! - [`rasterize`] and [`rasterize_backward`] are plain functions on slices; a [`Workspace`] is all the memory they use.
+//! - [`rasterize`] and [`rasterize_backward`] are plain functions on slices; a [`Workspace`] is all the memory they
+//!   use.
 //! - [`Rasterize`] is an operation on the tape, for any [`Rasterizer`], this one unless another is given.
 //! - [`RasterSettings`] holds the rules of drawing, and the [`Region`] of the image to draw.
 //! - [`BlendWeights`] are the weights of an image, kept: other features are then blended by a sparse product.
 //! - [`GaussianStatistics`] are by-products of a backward pass that density control decides by.
 //! - [`tiles`] sorts, bins and blends primitives of any shape, seen by any camera.
-//! - [`RasterizePrimitives`] is an operation on the tape for such primitives: one says how it is projected and differentiated ([`Primitive`]).
+//! - [`RasterizePrimitives`] is an operation on the tape for such primitives: one says how it is projected and
+//!   differentiated ([`Primitive`]).
 //! - [`mod@reference`] computes images and gradients again, slowly and in another way, to test against.
 //!
 //! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centers at +0.5, quaternions

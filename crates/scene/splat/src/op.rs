@@ -41,7 +41,7 @@ impl<T: Real> WorkspacePool<T> {
         &self.rasterizer
     }
 
-    /// The failure since this was last asked: arguments that the rasterizer refused, or a device that failed. Whatever was
+    /// The failure since the last call: arguments that the rasterizer refused, or a device that failed. Everything
     /// drawn since then is NaN.
     pub fn failure(&self) -> Option<RasterError> {
         self.shelf.failure()
@@ -57,12 +57,12 @@ impl<T: Real> Default for WorkspacePool<T> {
 /// Draws Gaussians in several views, differentiably: [`rasterize`](crate::rasterize()) on the tape.
 ///
 /// Inputs, in this order: means `[N, 3]`, quats `[N, 4]` (wxyz), scales `[N, 3]`, opacities `[N]`, colors `[N, 3]` or
-/// spherical harmonics `[N, K, 3]` with K of 1, 4, 9, 16, 25 or none `[N, 0]`, view matrices `[V, 3, 4]` or `[V, 4, 4]`,
-/// intrinsics `[V, 4]` (fx, fy, cx, cy), background `[3]` or `[V, 3]`, and, where asked for, features `[N, C]`. Outputs:
-/// image `[V, H, W, 3]` (`[V, H, W, 0]` without colors), alpha `[V, H, W]`, depth `[V, H, W]` (`[0]` where not asked
-/// for), features `[V, H, W, C]` where given, and auxiliary, without gradient, the counts `[3]` of splats, list entries
-/// and rejected Gaussians. With a [region](RasterSettings::region) H and W are its sizes. Every input has a gradient; see [`rasterize_backward`](crate::rasterize_backward()) for what is
-/// held constant.
+/// spherical harmonics `[N, K, 3]` with K of 1, 4, 9, 16, 25 or none `[N, 0]`, view matrices `[V, 3, 4]` or `[V, 4,
+/// 4]`, intrinsics `[V, 4]` (fx, fy, cx, cy), background `[3]` or `[V, 3]`, and optionally features `[N, C]`. Outputs:
+/// image `[V, H, W, 3]` (`[V, H, W, 0]` without colors), alpha `[V, H, W]`, depth `[V, H, W]` (`[0]` unless requested),
+/// features `[V, H, W, C]` where given, and auxiliary, without gradient, the counts `[3]` of splats, list entries and
+/// rejected Gaussians. With a [region](RasterSettings::region) H and W are its sizes. Every input has a gradient;
+/// [`rasterize_backward`](crate::rasterize_backward()) lists the quantities held constant.
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -115,7 +115,7 @@ pub struct GaussianVars<'t, T: Real> {
 }
 
 impl<T: Real> GaussianVars<'_, T> {
-    /// Those of them for which `kept` `[N]` is true.
+    /// The Gaussians for which `kept` `[N]` is true.
     ///
     /// # Panics
     /// If there are fewer Gaussians than that.
@@ -157,8 +157,8 @@ pub struct RenderedVars<'t, T: Real> {
 }
 
 impl<'t, T: Real> RenderedVars<'t, T> {
-    /// The expected depth `depth / max(alpha, 1e-10)`, `[V, H, W]`, in world units, differentiable in both. Where nothing is
-    /// seen it is 0, and alpha has no gradient.
+    /// The expected depth `depth / max(alpha, 1e-10)`, `[V, H, W]`, in world units, differentiable in both. Where
+    /// nothing is seen it is 0, and alpha has no gradient.
     ///
     /// # Panics
     ///
@@ -170,8 +170,8 @@ impl<'t, T: Real> RenderedVars<'t, T> {
 }
 
 impl<T: Real> Rasterize<T> {
-    /// For views of `width` x `height` pixels. The rasterizer is that of `workspaces`, where memory comes from and returns
-    /// to.
+    /// For views of `width` x `height` pixels. Rasterizer and memory come from `workspaces`, and the memory returns
+    /// there.
     pub fn new(width: usize, height: usize, settings: RasterSettings, workspaces: &WorkspacePool<T>) -> Self {
         let (pool, session) = (workspaces.clone(), Mutex::new(None));
         Self { width, height, settings, depth: true, groups: None, statistics: None, pool, session }
@@ -183,8 +183,8 @@ impl<T: Real> Rasterize<T> {
         self
     }
 
-    /// Draws K pictures of each view, each of the Gaussians of one group, as if they were alone: `of` `[N]` has their groups, 0 to
-    /// K - 1. Images are `[V K, ..]` instead of `[V, ..]`, the pictures of a view one after the other.
+    /// Draws K pictures of each view, each of the Gaussians of one group, as if they were alone: `of` `[N]` has their
+    /// groups, 0 to K - 1. Images are `[V K, ..]` instead of `[V, ..]`, the pictures of a view one after the other.
     pub fn in_groups(mut self, of: Arc<[u32]>, count: usize) -> Self {
         self.groups = Some((of, count));
         self
@@ -205,7 +205,8 @@ impl<T: Real> Rasterize<T> {
     ///
     /// # Panics
     ///
-    /// If shapes do not fit. Where the rasterizer refuses or fails, what is drawn is NaN, and [`WorkspacePool::failure`] says why.
+    /// If shapes do not fit. Where the rasterizer refuses or fails, the images are NaN, and [`WorkspacePool::failure`]
+    /// says why.
     #[track_caller]
     pub fn apply<'t>(
         self,
@@ -221,7 +222,8 @@ impl<T: Real> Rasterize<T> {
     ///
     /// # Panics
     ///
-    /// If shapes do not fit. Where the rasterizer refuses or fails, what is drawn is NaN, and [`WorkspacePool::failure`] says why.
+    /// If shapes do not fit. Where the rasterizer refuses or fails, the images are NaN, and [`WorkspacePool::failure`]
+    /// says why.
     #[track_caller]
     pub fn apply_with_features<'t>(
         self,

@@ -32,8 +32,8 @@ pub trait Primitive<T: Real>: Debug + Send + Sync + 'static {
     /// The primitives with these tensors, for images of `width` x `height` pixels.
     fn seen<'a>(&'a self, tensors: &[&'a [T]], size: [usize; 2]) -> Self::Seen<'a>;
 
-    /// Adds the gradient of primitive `n` through view `view` to `gradient`: the numbers of all its tensors, one tensor after the other.
-    /// Called where the primitive covers a tile of the view.
+    /// Adds the gradient of primitive `n` through view `view` to `gradient`: the numbers of all its tensors, one tensor
+    /// after the other. Called where the primitive covers a tile of the view.
     fn backward(seen: &Self::Seen<'_>, view: usize, n: usize, sums: &PixelSums<T>, gradient: &mut [T]);
 }
 
@@ -58,7 +58,7 @@ impl<T: Real> TilesPool<T> {
         Self(Shelf::default())
     }
 
-    /// Takes the first failure since the last call: too many list entries. What was drawn since then is NaN.
+    /// Takes the first failure since the last call: too many list entries. Everything drawn since then is NaN.
     pub fn failure(&self) -> Option<RasterError> {
         self.0.failure()
     }
@@ -66,8 +66,9 @@ impl<T: Real> TilesPool<T> {
 
 /// Draws primitives in several views, differentiably.
 ///
-/// Inputs: the tensors of the [`Primitive`], then the background `[3]` or `[V, 3]`; all have gradients. Outputs are those of
-/// [`Rasterize`](crate::Rasterize). Of the settings, `alpha_max`, `tile` and `region` are used; the others belong to the primitive.
+/// Inputs: the tensors of the [`Primitive`], then the background `[3]` or `[V, 3]`; all have gradients. Outputs are as
+/// for [`Rasterize`](crate::Rasterize). Of the settings, `alpha_max`, `tile` and `region` are used; the others belong
+/// to the primitive.
 #[derive(Debug)]
 pub struct RasterizePrimitives<T: Real, P> {
     primitive: P,

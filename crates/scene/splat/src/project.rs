@@ -66,7 +66,7 @@ pub(crate) struct Projection<V: Lanes> {
     pub free: [V; 2],
     /// x/z and y/z within their limits.
     pub slope: [V; 2],
-    /// Where they are within their limits.
+    /// Masks of the ones within their limits.
     pub within: [V::Mask; 2],
     /// fx/z, fy/z.
     pub zoom: [V; 2],
@@ -92,7 +92,7 @@ pub(crate) struct Projection<V: Lanes> {
     pub det: V,
     /// Factor of the opacity.
     pub compensation: V,
-    /// Where the factor depends on the shape: antialiased and above the floor.
+    /// Mask of factors that depend on the shape: antialiased and above the floor.
     pub compensated: V::Mask,
     /// p, q, r of the splat, of sigma = (u^2 + v^2) / 2.
     pub factor: Vec3<V>,
@@ -161,7 +161,7 @@ pub(crate) fn projection<V: Lanes>(view: &View<V>, settings: &RasterSettings, gr
     }
 }
 
-/// The Gaussians of a call as the tile layer asks for them.
+/// The Gaussians of a call in the interface of the tile layer.
 pub(crate) struct EwaProjection<'a, T> {
     pub gaussians: &'a GaussianSlices<'a, T>,
     pub cameras: &'a CameraSlices<'a, T>,
@@ -184,8 +184,8 @@ impl<T: Real> tiles::Projection<T> for EwaProjection<'_, T> {
     }
 }
 
-/// Projects Gaussians `first..first + count`. Colors and features count only where a Gaussian may be seen: those of one
-/// behind the camera, or too faint, reject nothing.
+/// Projects Gaussians `first..first + count`. Colors and features count only where a Gaussian may be seen: behind the
+/// camera, or if it is too faint, they reject nothing.
 #[inline(always)]
 pub(crate) fn splats<V: Lanes>(
     view: &View<V>,
@@ -209,8 +209,8 @@ pub(crate) fn splats<V: Lanes>(
 
     let eps = <V::Scalar as Real>::EPSILON.to_f64();
     let [p, q, r] = each!(3, |i| shape.factor[i] * V::constant(BITS));
-    // Rounded up by more than what the pixels' own arithmetic may be off by: a few units in the last place of
-    // p dx and q dy, of which the latter is at most |q| / r times v.
+    // Rounded up by more than the error of the pixels' own arithmetic: a few units in the last place of p dx and q dy,
+    // and the latter is at most |q| / r times v.
     let limit = (opacity * V::constant(1.0 / ALPHA_MIN)).log2() + V::constant(1e-3);
     let rounding = (q / r).abs().mul_add(V::constant(16.0 * eps), V::constant(1.0 + 16.0 * eps));
     let radius = limit.sqrt() * rounding;

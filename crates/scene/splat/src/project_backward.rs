@@ -45,7 +45,7 @@ pub(crate) struct Upstream<'a, V: Lanes> {
     pub dsight: Vec3<V>,
 }
 
-/// Adds the gradients of splats to those of their Gaussians and of the camera.
+/// Adds the gradients of splats to the gradients of their Gaussians and of the camera.
 #[inline(always)]
 pub(crate) fn splat_backward<V: Lanes>(
     (view, settings): (&View<V>, &RasterSettings),
@@ -56,7 +56,7 @@ pub(crate) fn splat_backward<V: Lanes>(
     camera: &mut [V; CAMERA_SUMS],
 ) {
     let (one, two) = (V::constant(1.0), V::constant(2.0));
-    // Of Gaussians that were not drawn anything may be infinite; of others, what overflows counts as 0.
+    // A Gaussian that was not drawn may have infinite numbers; for drawn ones, an overflow counts as 0.
     macro_rules! here {
         ($x:expr) => {{
             let x = $x;
@@ -71,9 +71,9 @@ pub(crate) fn splat_backward<V: Lanes>(
     let dopacity = moments[shape_sum::G] / (group.opacity * shape.compensation);
     add(&mut out.opacity, here!(dopacity * shape.compensation));
 
-    // d sigma / d S = -L^T (u v)^T (u v) L / 2 with L = [[p, q], [0, r]], and dS = dM M^T + M dM^T: the gradient of M is
-    // L^T G W, G the second moments and W = L M. The rows of W are no longer than 1, however long a needle is; the first,
-    // p m1 + q m2, is written without the difference in it.
+    // d sigma / d S = -L^T (u v)^T (u v) L / 2 with L = [[p, q], [0, r]], and dS = dM M^T + M dM^T: the gradient of M
+    // is L^T G W, G the second moments and W = L M. The rows of W are no longer than 1, however long a needle is; the
+    // first, p m1 + q m2, is written without the difference in it.
     let [uu, uv, vv] = each!(3, |i| moments[shape_sum::SECOND + i] * inverse_square);
     let m = &shape.m;
     let turned = [cross(m[1], shape.normal), cross(shape.normal, m[0])];

@@ -20,12 +20,12 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 /// frustum widened by 30 % of half its size. Alphas below 1/255 are skipped. `w_i = alpha_i T_i`, `T_i` the product
 /// of `1 - alpha_j` over the splats in front; a pixel ends before the splat that would bring T to 1e-4 or less.
 ///
-/// Gaussians in [groups](weaver_scene::Groups) do not see each other: each group has a transmittance of its own, and images, of the same
-/// bits as if it were drawn alone. One projection and one sort serve all of them.
+/// Gaussians in [groups](weaver_scene::Groups) do not see each other: each group has a transmittance of its own, and
+/// images, of the same bits as if it were drawn alone. One projection and one sort serve all of them.
 ///
-/// Shapes are with the fields of [`GaussianSlices`], [`CameraSlices`] and [`Images`]. `workspace` keeps what
-/// [`rasterize_backward`](crate::rasterize_backward()) needs. Images have the same bits at any number of threads, any tile
-/// side, and whatever region of the views is drawn.
+/// Shapes are with the fields of [`GaussianSlices`], [`CameraSlices`] and [`Images`]. `workspace` keeps the data for
+/// [`rasterize_backward`](crate::rasterize_backward()). Images have the same bits at any number of threads, any tile
+/// side, and for any drawn region.
 ///
 /// Gaussians that hold a number that is not finite, or whose projection does, or whose quaternion is zero (or so short
 /// that 1 / |q| overflows), are left out and counted. Colors and features are only looked at where a Gaussian would be
@@ -33,8 +33,8 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 ///
 /// # Errors
 ///
-/// Arguments whose lengths do not fit together, an image without pixels, a background that is not finite, a degree above
-/// 4, a region beyond the image, more than 2^32 list entries.
+/// Arguments whose lengths do not fit together, an image without pixels, a background that is not finite, a degree
+/// above 4, a region beyond the image, more than 2^32 list entries.
 ///
 /// # Source
 ///

@@ -17,14 +17,13 @@ use weaver_kernels::Real;
 use weaver_kernels::lanes::Row;
 use weaver_scene::{CameraSlices, GaussianSlices};
 
-/// Gradients with respect to everything that [`rasterize`](crate::rasterize()) was given, from those with respect to image,
-/// alpha, depth and features.
+/// Gradients with respect to everything that [`rasterize`](crate::rasterize()) was given, from those with respect to
+/// image, alpha, depth and features.
 ///
-/// `gaussians`, `cameras` and `settings` are those of the last forward with this workspace. Everything is
-/// differentiated but the choices: the order, who is skipped, where a pixel ends, alpha where `alpha_max` holds,
-/// color where it is clamped at zero, the compensation where its floor holds. The limits of x/z and y/z are
-/// functions of the intrinsics; the camera center, for the line of sight, is -A^-1 t. Same bits at any number of
-/// threads.
+/// `gaussians`, `cameras` and `settings` are the same as in the last forward with this workspace. Everything is
+/// differentiated but the choices: the order, who is skipped, where a pixel ends, alpha where `alpha_max` holds, color
+/// where it is clamped at zero, the compensation where its floor holds. The limits of x/z and y/z are functions of the
+/// intrinsics; the camera center, for the line of sight, is -A^-1 t. Same bits at any number of threads.
 ///
 /// Gradients are finite where cotangents are: a number that overflows on its way to a gradient adds nothing to it.
 /// Gaussians that were left out have zero gradients.

@@ -1,4 +1,4 @@
-//! The seam between what draws and what is drawn for: any rasterizer, chosen while the program runs.
+//! The seam between rasterizers and their callers: any rasterizer, chosen while the program runs.
 
 use crate::error::RasterError;
 use crate::gradients::{Cotangents, Gradients};
@@ -10,8 +10,8 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 
 /// Something that draws Gaussians and differentiates the images, on a processor or a graphics card.
 ///
-/// [`Rasterize`](crate::Rasterize) is an operation on the tape for any of them. [`CpuRasterizer`](crate::CpuRasterizer) is the implementation
-/// of this crate. All drawing happens in a [`Session`].
+/// [`Rasterize`](crate::Rasterize) is an operation on the tape for any of them. [`CpuRasterizer`](crate::CpuRasterizer)
+/// is the implementation of this crate. All drawing happens in a [`Session`].
 pub trait Rasterizer<T: Real>: Debug + Send + Sync {
     /// Starts a session: memory for one drawing at a time.
     fn session(&self) -> Box<dyn Session<T>>;
@@ -27,7 +27,7 @@ pub trait Rasterizer<T: Real>: Debug + Send + Sync {
 /// ```
 pub type AnyRasterizer<T> = Arc<dyn Rasterizer<T>>;
 
-/// Memory of a [`Rasterizer`] that is kept between calls: a forward pass leaves in it what the backward pass needs.
+/// Memory of a [`Rasterizer`] that is kept between calls: a forward pass leaves data for the backward pass in it.
 ///
 /// Shapes are with the fields of [`GaussianSlices`], [`CameraSlices`], [`Images`] and [`Gradients`].
 pub trait Session<T: Real>: Debug + Send {
@@ -46,7 +46,7 @@ pub trait Session<T: Real>: Debug + Send {
 
     /// Gradients with respect to everything that [`forward`](Self::forward) was given, and by-products of finding them.
     ///
-    /// All other arguments are those of the last forward of this session.
+    /// All other arguments are the same as in the last forward of this session.
     ///
     /// # Errors
     ///
@@ -61,15 +61,15 @@ pub trait Session<T: Real>: Debug + Send {
     ) -> Result<(), RasterError>;
 }
 
-/// Where the images go. `H` and `W` are those of the region that is drawn. Of Gaussians in K groups each is `[V, K, ..]`.
+/// Output images. `H` and `W` are the sizes of the drawn region. Of Gaussians in K groups each is `[V, K, ..]`.
 #[derive(Debug)]
 pub struct Images<'a, T> {
     /// sum of w c + T background, `[V, H, W, 3]`; empty for Gaussians without colors.
     pub image: &'a mut [T],
     /// 1 - T, `[V, H, W]`.
     pub alpha: &'a mut [T],
-    /// sum of w z, camera z in world units, not divided by alpha, `[V, H, W]`; [`expected_depth`](crate::expected_depth)
-    /// divides.
+    /// sum of w z, camera z in world units, not divided by alpha, `[V, H, W]`;
+    /// [`expected_depth`](crate::expected_depth) divides.
     pub depth: Option<&'a mut [T]>,
     /// sum of w f, `[V, H, W, C]`.
     pub features: Option<&'a mut [T]>,
@@ -86,6 +86,6 @@ pub struct RasterStats {
     pub rejected: usize,
     /// Splats over pixels that they add to.
     pub pairs: u64,
-    /// Pixels at which splats were evaluated, those that they leave alone included.
+    /// Pixels at which splats were evaluated, including ones that a splat leaves alone.
     pub evaluated: u64,
 }

@@ -56,7 +56,7 @@ type SeenGradient = [f64; 10];
 
 /// One splat at one pixel.
 struct Touch {
-    /// Which of the sorted ones.
+    /// Index among the sorted ones.
     at: usize,
     dx: f64,
     dy: f64,
@@ -266,7 +266,7 @@ impl RenderedBackward {
     fn add(&mut self, splat: &Seen, gradient: &SeenGradient, v: usize, matrix_len: usize, color_len: usize) {
         let mut total = [0.0; VARIABLES];
         for (number, weight) in splat.numbers().iter().zip(gradient) {
-            // A splat that no pixel sees has no gradient, whatever its derivatives are.
+            // A splat that no pixel sees has no gradient, even if its derivatives are infinite.
             if *weight != 0.0 {
                 (0..VARIABLES).for_each(|i| total[i] += weight * number.partial[i]);
             }

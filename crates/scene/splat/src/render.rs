@@ -11,8 +11,9 @@ use weaver_scene::{ActivatedGaussians, CameraRows};
 
 /// Draws Gaussians from cameras: for each camera an image `[H, W, 3]` over `background`, values not clamped.
 ///
-/// Cameras may differ in image size; neighbors of equal size are drawn together. `workspace` keeps its memory from call to
-/// call. For gradients, alpha, depth or features see [`rasterize`](crate::rasterize()) and [`Rasterize`](crate::Rasterize).
+/// Cameras may differ in image size; neighbors of equal size are drawn together. `workspace` keeps its memory from call
+/// to call. For gradients, alpha, depth or features see [`rasterize`](crate::rasterize()) and
+/// [`Rasterize`](crate::Rasterize).
 ///
 /// # Errors
 /// When the lengths of fields disagree, an image has no pixels, or there are too many Gaussians for one call.
@@ -73,7 +74,7 @@ impl Renderer {
     /// Draws as [`render`] does.
     ///
     /// # Errors
-    /// As [`render`], and whatever fails where the rasterizer runs.
+    /// As [`render`], and any failure of the rasterizer.
     pub fn render(
         &mut self,
         gaussians: &ActivatedGaussians,

@@ -15,15 +15,15 @@ pub struct RasterSettings {
     pub alpha_max: f64,
     /// True if the opacity is lowered by `sqrt(det S / det(S + eps2d I))`, which undoes the gain in size by the blur.
     pub antialiased: bool,
-    /// Gaussians with three standard deviations of their longest image axis below this many pixels are not drawn; `None`
-    /// draws all.
+    /// Gaussians with three standard deviations of their longest image axis below this many pixels are not drawn;
+    /// `None` draws all.
     pub radius_clip: Option<f64>,
     /// Side of the square tiles. A choice of speed: images do not depend on it.
     pub tile: TileSide,
     /// The part of each view to draw; `None` draws all of it.
     ///
-    /// Images and their cotangents then have the region's size. They are the same bits as that part of the whole image, and
-    /// gradients are those of the whole image with cotangents of zero outside the region.
+    /// Images and their cotangents then have the region's size. They are the same bits as that part of the whole image,
+    /// and gradients are the same as for the whole image with cotangents of zero outside the region.
     pub region: Option<Region>,
 }
 

@@ -66,8 +66,8 @@ fn direction<V: Lanes>(v: Vec3<V>) -> (Vec3<V>, V) {
     (each!(3, |i| v[i] * inverse_length), inverse_length)
 }
 
-/// sum over k of b_k(v / |v|) coefficients_k + 0.5, before the clamp at zero, and a number that is 0 if all coefficients
-/// are finite. Coefficient k of channel c is `coefficients[3 k + c]`.
+/// sum over k of b_k(v / |v|) coefficients_k + 0.5, before the clamp at zero, and a number that is 0 if all
+/// coefficients are finite. Coefficient k of channel c is `coefficients[3 k + c]`.
 #[inline(always)]
 pub(crate) fn color<V: Lanes>(degree: usize, v: Vec3<V>, coefficients: &[V]) -> (Vec3<V>, V) {
     let unit = if degree == 0 { [V::zero(); 3] } else { direction(v).0 };
@@ -98,7 +98,7 @@ pub(crate) fn color_backward<V: Lanes>(
     let coefficients = &coefficients.as_chunks::<3>().0[..terms];
     let (unit, inverse_length) = if degree == 0 { ([V::zero(); 3], V::zero()) } else { direction(v) };
     let b = basis(degree, Slope::inputs(unit), Slope::constant);
-    // The sum again, with the same rounding: cheaper than to fetch what forward found.
+    // The sum again, with the same rounding: cheaper than to fetch the forward pass's value.
     let mut sum = [V::constant(0.5); 3];
     for (b, term) in b.iter().zip(coefficients) {
         for channel in 0..3 {

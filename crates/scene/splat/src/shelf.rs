@@ -3,7 +3,7 @@
 use crate::error::RasterError;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Memory that is free, and the first failure of those that used it. Cloning shares both.
+/// Free memory, and the first failure of its users.
 #[derive(Debug)]
 pub(crate) struct Shelf<S> {
     free: Arc<Mutex<Vec<S>>>,

@@ -22,7 +22,8 @@ pub struct Splat<T> {
 pub struct ScreenGradient<T> {
     /// The gradient.
     pub plain: [T; 2],
-    /// Sums of the absolute values of what each pixel adds to it (Ye et al., AbsGS, 2024); `None` of a backward pass without statistics.
+    /// Sums of the absolute values of the pixels' contributions to it (Ye et al., AbsGS, 2024); `None` of a backward
+    /// pass without statistics.
     pub absolute: Option<[T; 2]>,
 }
 
@@ -36,7 +37,8 @@ impl<T: Real> Workspace<T> {
         self.of_each(|v, n| (!self.tiles.is_unseen(v, n)).then(|| Splat::of(self.tiles.record(v, n))))
     }
 
-    /// The gradients of the last backward pass with respect to projected means, `[V, N]`; zeros for Gaussians that are not seen.
+    /// The gradients of the last backward pass with respect to projected means, `[V, N]`; zeros for Gaussians that are
+    /// not seen.
     ///
     /// # Errors
     ///
@@ -86,7 +88,7 @@ impl<T: Real> Splat<T> {
     }
 }
 
-/// 0 for what is not finite.
+/// 0 for a number that is not finite.
 fn finite<T: Real>(x: T) -> T {
     if x.is_finite() { x } else { T::ZERO }
 }

@@ -1,4 +1,4 @@
-//! The statistics of Gaussians from what a backward pass over the tiles has summed.
+//! The statistics of Gaussians from the sums of a backward pass over the tiles.
 
 use crate::ewa::{self, BITS, SUMS, slot};
 use crate::statistics::GaussianStatistics;
@@ -6,7 +6,7 @@ use crate::tiles::{CHUNK, Record, Tiles, moment};
 use weaver_kernels::lanes::LANES;
 use weaver_kernels::{Real, parallel};
 
-/// Adds what the last backward pass over `tiles` found in `views` views, to one element per Gaussian.
+/// Adds the results of the last backward pass over `tiles` in `views` views, to one element per Gaussian.
 pub(crate) fn accumulate<T: Real>(tiles: &Tiles<T>, views: usize, statistics: &mut [GaussianStatistics<T>]) {
     parallel::for_chunks(statistics, CHUNK, |chunk, statistics| {
         for (i, statistics) in statistics.iter_mut().enumerate() {
@@ -59,7 +59,7 @@ fn length<T: Real>([x, y]: [T; 2]) -> T {
     (x * x + y * y).sqrt()
 }
 
-/// 0 for what is not finite.
+/// 0 for a number that is not finite.
 fn finite<T: Real>(x: T) -> T {
     if x.is_finite() { x } else { T::ZERO }
 }

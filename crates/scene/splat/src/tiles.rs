@@ -1,12 +1,13 @@
-//! The tile layer: projecting, sorting, binning and blending of primitives, whatever camera and shape they have.
+//! The tile layer: projecting, sorting, binning and blending of primitives, for any camera and shape.
 //!
-//! A kind of primitive says three things. A [`Projection`] turns primitives into records of sixteen numbers. A [`Footprint`]
-//! says which pixels a record may cover. A [`Response`] says what alpha it has at a pixel, and what it receives back. Everything
-//! else is done here, for any such primitive: depth keys, a stable sort, lists of the tiles, blending front to back, and
-//! blending backward, which leaves sums over pixels for each primitive.
+//! A kind of primitive says three things. A [`Projection`] turns primitives into records of sixteen numbers. A
+//! [`Footprint`] says which pixels a record may cover. A [`Response`] gives its alpha at a pixel, and receives the
+//! gradient there. Everything else is done here, for any such primitive: depth keys, a stable sort, lists of the tiles,
+//! blending front to back, and blending backward, which leaves sums over pixels for each primitive.
 //!
-//! The Gaussians of [`rasterize`](crate::rasterize()) are one such kind: pinhole cameras and the EWA approximation. The surfels of weaver-surfel
-//! are another, for spherical cameras too; `tests/it/spherical.rs` of this crate has a small example with its gradient.
+//! The Gaussians of [`rasterize`](crate::rasterize()) are one such kind: pinhole cameras and the EWA approximation. The
+//! surfels of weaver-surfel are another, for spherical cameras too; `tests/it/spherical.rs` of this crate has a small
+//! example with its gradient.
 
 mod assemble;
 mod backward;
@@ -54,7 +55,7 @@ pub const ALPHA_MIN: f64 = 1.0 / 255.0;
 /// A pixel ends before the primitive that would bring its transmittance to this or less.
 pub const TRANSMITTANCE_END: f64 = 1e-4;
 
-/// Primitives of several views in the lists of their tiles, and what blending them left.
+/// Primitives of several views in the lists of their tiles, and the result of blending them.
 ///
 /// It only grows: calls of sizes seen before allocate nothing.
 #[derive(Debug)]
@@ -66,7 +67,7 @@ pub struct Tiles<T> {
     per_view: usize,
     /// Pictures of each view, one for each group of primitives.
     groups: usize,
-    /// `[V, N]`; what covers no tile holds leftovers.
+    /// `[V, N]`; a primitive that covers no tile has a stale record.
     records: Vec<Record<T>>,
     /// The tiles of the primitives, `[V, chunks]`.
     chunks: Vec<Chunk>,
@@ -148,7 +149,7 @@ impl<T: Real> Tiles<T> {
         chunk.places(i).iter().map(|place| &self.moments[place.load(Relaxed) as usize].0)
     }
 
-    /// Where the entries of primitive `n` in view `v` have their sums of `channels` features.
+    /// The sums of `channels` features of the entries of primitive `n` in view `v`.
     pub(crate) fn feature_entries(&self, v: usize, n: usize, channels: usize) -> impl Iterator<Item = &[T]> + Clone {
         let (chunk, i) = self.chunk(v, n);
         chunk
@@ -162,7 +163,7 @@ impl<T: Real> Tiles<T> {
         &self.background_sums[..self.tiles()]
     }
 
-    /// Tiles of a view, those of all its pictures.
+    /// Tiles of a view, over all its pictures.
     pub(crate) fn tiles_per_view(&self) -> usize {
         self.groups * self.grid.tiles()
     }

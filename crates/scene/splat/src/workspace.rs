@@ -61,9 +61,10 @@ impl<T: Real> Workspace<T> {
     /// Calls `visit(pixel, gaussian, weight, transmittance)` for every Gaussian at every pixel that it adds to, in the
     /// last image drawn with this workspace.
     ///
-    /// `pixel` indexes `[V, H, W]` (`[V, K, H, W]` of Gaussians in K groups, here and below), `gaussian` is 0 to N - 1, `transmittance` T is the light that arrives there, `weight`
-    /// is alpha T, the same numbers that the image is made of. At each pixel hits come front to back. Tiles are visited in parallel,
-    /// so that hits of different pixels come in no fixed order.
+    /// `pixel` indexes `[V, H, W]` (`[V, K, H, W]` of Gaussians in K groups, here and below), `gaussian` is 0 to N - 1,
+    /// `transmittance` T is the light that arrives there, `weight` is alpha T, the same numbers that the image is made
+    /// of. At each pixel hits come front to back. Tiles are visited in parallel, so that hits of different pixels come
+    /// in no fixed order.
     ///
     /// # Errors
     ///
@@ -104,8 +105,8 @@ impl<T: Real> Workspace<T> {
         Ok(())
     }
 
-    /// Contribution of each Gaussian to the last image drawn with this workspace: the sum and the largest of its weights
-    /// alpha T over the pixels, `[V, N]` each; 0 where it is not seen.
+    /// Contribution of each Gaussian to the last image drawn with this workspace: the sum and the largest of its
+    /// weights alpha T over the pixels, `[V, N]` each; 0 where it is not seen.
     ///
     /// # Errors
     ///
@@ -118,10 +119,11 @@ impl<T: Real> Workspace<T> {
         Ok(())
     }
 
-    /// The gradients with respect to features alone, from those with respect to the image of the features `[V, H, W, C]`: for the
-    /// last image drawn with this workspace, with whatever features or none, `[N, C]`.
+    /// The gradients with respect to features alone, from the gradients with respect to the image of the features `[V,
+    /// H, W, C]`: for the last image drawn with this workspace, with any features or none, `[N, C]`.
     ///
-    /// The same bits as those of [`rasterize_backward`](crate::rasterize_backward()), which also looks at what shapes receive.
+    /// The same bits as from [`rasterize_backward`](crate::rasterize_backward()), which computes the gradients of
+    /// shapes as well.
     ///
     /// # Errors
     ///
@@ -139,11 +141,11 @@ impl<T: Real> Workspace<T> {
         Ok(())
     }
 
-    /// Sums over the pixels of the last image drawn with this workspace, for each Gaussian, by the squares of its weights: the
-    /// sums of w^2 times `values` `[V, H, W, C]`, w = alpha T, over pixels and views, `[N, C]`.
+    /// Sums over the pixels of the last image drawn with this workspace, for each Gaussian, by the squares of its
+    /// weights: the sums of w^2 times `values` `[V, H, W, C]`, w = alpha T, over pixels and views, `[N, C]`.
     ///
-    /// Linear in `values`. By the weights themselves, [`feature_gradients`](Self::feature_gradients) gathers. Same bits at any number of
-    /// threads.
+    /// Linear in `values`. By the weights themselves, [`feature_gradients`](Self::feature_gradients) gathers. Same bits
+    /// at any number of threads.
     ///
     /// # Errors
     ///

@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use weaver_geometry::Intrinsics;
 use weaver_geometry::glam::{DVec2, DVec3};
 
-/// Where directions go on an image.
+/// Projection of directions to an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lens {
     /// A pinhole: x right, y down, z forward.
@@ -29,7 +29,7 @@ pub struct Spherical {
 /// A lens and the size of its image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfelCamera {
-    /// Where directions go.
+    /// The projection.
     pub lens: Lens,
     /// Columns.
     pub width: usize,
@@ -38,7 +38,8 @@ pub struct SurfelCamera {
 }
 
 impl SurfelCamera {
-    /// A spherical camera all around, of `width` columns and `height` rows from the elevation `high` down to `low`, in radians.
+    /// A spherical camera all around, of `width` columns and `height` rows from the elevation `high` down to `low`, in
+    /// radians.
     ///
     /// fx = -W / 2 pi, cx = W / 2, fy = -H / (high - low), cy = H high / (high - low).
     ///
@@ -59,7 +60,8 @@ impl SurfelCamera {
         self.width * self.height
     }
 
-    /// The place of a point of the camera's frame on the image, in pixels; far off the image for what lies behind a pinhole.
+    /// The place of a point of the camera's frame on the image, in pixels; far off the image for a point behind a
+    /// pinhole.
     pub fn project(&self, p: DVec3) -> DVec2 {
         match self.lens {
             Lens::Pinhole(_) if p.z < 1e-6 => DVec2::splat(-1e9),
@@ -115,11 +117,13 @@ impl SurfelCamera {
         }
     }
 
-    /// Half the columns and half the rows that an ellipse covers at most, around its projected center, from half of its axes.
+    /// Half the columns and half the rows that an ellipse covers at most, around its projected center, from half of its
+    /// axes.
     ///
-    /// The azimuths of the parallelogram around it are extreme at corners if it is beside the axis, and tan(elevation) = z / rho is between
-    /// the bounds of z over those of rho. Else it is in a ball, which covers the rows e +- t and the columns +- asin(sin t / cos e) within
-    /// the angle t of the elevation e, or all columns where it reaches around a pole.
+    /// The azimuths of the parallelogram around it are extreme at corners if it is beside the axis, and tan(elevation)
+    /// = z / rho is bounded by the bounds of z and of rho. Else it is in a ball, which covers the rows e +- t and the
+    /// columns +- asin(sin t / cos e) within the angle t of the elevation e, or all columns where it reaches around a
+    /// pole.
     pub(crate) fn reach(&self, center: DVec3, axes: [DVec3; 2]) -> DVec2 {
         match self.lens {
             Lens::Spherical(k) => {
@@ -165,7 +169,7 @@ fn spherical_ellipse(k: &Spherical, center: DVec3, axes: [DVec3; 2]) -> Option<D
     let extent = |along: DVec3| along.dot(axes[0]).hypot(along.dot(axes[1]));
     let nearest = flat - extent(ahead);
     let corners = corners(axes).map(|corner| [flat + corner.dot(ahead), corner.dot(aside)]);
-    // False for what is not a number, too.
+    // False for NaN, too.
     let beside = nearest > 1e-3 * flat && corners.iter().all(|[ahead, _]| *ahead > 1e-3 * flat);
     if !beside {
         return None;

@@ -17,7 +17,7 @@ pub(crate) struct SurfelGradient {
 }
 
 impl<T: Real> Sight<'_, T> {
-    /// The gradient of surfel `n` through a view, from its sums and those of its normal, `dnormal`.
+    /// The gradient of surfel `n` through a view, from its sums and the sums of its normal, `dnormal`.
     ///
     /// With the offset from the center in the coordinates a and b, which suffice since it lies in the plane:
     /// dc = n sum q/D + sum g a t1/s1 + sum g b t2/s2, and the turn is t1 x dt1 + t2 x dt2 + n x dn.

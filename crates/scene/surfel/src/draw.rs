@@ -42,7 +42,7 @@ pub struct RangeCotangents<'a, T> {
 #[derive(Debug)]
 pub struct SurfelWorkspace<T> {
     tiles: Tiles<T>,
-    /// Gradients `[N, 10]`, and those of the poses `[N, 6]` through one view.
+    /// Gradients `[N, 10]`, and the poses' gradients `[N, 6]` through one view.
     rows: Vec<f64>,
     poses: Vec<f64>,
     work: [u64; 2],
@@ -63,8 +63,8 @@ impl<T: Real> SurfelWorkspace<T> {
 
     /// Draws surfels front to back by the distance of their centers, into images of all poses.
     ///
-    /// Left out are centers beyond the [`Limits`](crate::Limits), backs (n.c >= 0), rays with |n.d| < 1e-3, alphas below 1/255; a pixel
-    /// ends before its light falls to 1e-4.
+    /// Left out are centers beyond the [`Limits`](crate::Limits), backs (n.c >= 0), rays with |n.d| < 1e-3, alphas
+    /// below 1/255; a pixel ends before its light falls to 1e-4.
     ///
     /// # Errors
     ///
@@ -109,7 +109,7 @@ impl<T: Real> SurfelWorkspace<T> {
         Ok(stats)
     }
 
-    /// Pairs of a surfel and a pixel that it adds to in what was drawn last, and pairs that were looked at.
+    /// Pairs of a surfel and a pixel that it adds to in the last drawing, and pairs that were visited.
     pub fn work(&self) -> [u64; 2] {
         self.work
     }
@@ -119,22 +119,24 @@ impl<T: Real> SurfelWorkspace<T> {
         self.timings
     }
 
-    /// Writes median range and distortion of what was drawn last, `[V, H, W]` each.
+    /// Writes median range and distortion of the last drawing, `[V, H, W]` each.
     ///
-    /// The median is the range of the last surfel that more than half of the light reaches, 0 without any; the distortion is the sum of
-    /// w_i w_j (r_i - r_j)^2 over pairs.
+    /// The median is the range of the last surfel that more than half of the light reaches, 0 without any; the
+    /// distortion is the sum of w_i w_j (r_i - r_j)^2 over pairs.
     ///
     /// # Panics
     ///
-    /// If a length is not that of the images.
+    /// If a length does not fit the images.
     #[inline(never)]
     pub fn ranges(&mut self, sight: &Sight<'_, T>, median: &mut [T], distortion: &mut [T]) {
         self.tiles.ranges(sight, sight.limits.alpha_max, median, distortion);
     }
 
-    /// Gradients of what was drawn last with respect to the surfels, which replace those in `gradients`, and to the poses.
+    /// Gradients of the last drawing with respect to the surfels, which replace the content of `gradients`, and to the
+    /// poses.
     ///
-    /// A pose has six numbers: for the motion T = (1 + \[w\]x) T + t of the camera's frame, the gradients with respect to t and w.
+    /// A pose has six numbers: for the motion T = (1 + \[w\]x) T + t of the camera's frame, the gradients with respect
+    /// to t and w.
     ///
     /// # Panics
     ///
@@ -189,8 +191,8 @@ impl<T: Real> SurfelWorkspace<T> {
         self.timings.backward = start.elapsed();
     }
 
-    /// Calls `visit(pixel, surfel, weight, transmittance)` for every surfel at every pixel that it adds to; tiles are visited in
-    /// parallel.
+    /// Calls `visit(pixel, surfel, weight, transmittance)` for every surfel at every pixel that it adds to; tiles are
+    /// visited in parallel.
     pub fn for_each_hit(&self, sight: &Sight<'_, T>, visit: impl Fn(usize, usize, T, T) + Sync) {
         self.tiles.for_each_hit(sight, sight.limits.alpha_max, visit);
     }

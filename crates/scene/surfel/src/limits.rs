@@ -1,4 +1,4 @@
-//! Which surfels are drawn.
+//! Limits on the surfels that are drawn.
 
 /// Distances between which surfels are drawn, and the largest alpha.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! Surfels as the tile layer keeps them, and which pixels they may cover.
+//! Records of surfels for the tile layer, and their footprints.
 
 use crate::surfels::Surfel;
 use crate::{Limits, SurfelCamera, SurfelSlices};
@@ -38,7 +38,7 @@ pub struct Sight<'a, T> {
     pub camera: &'a SurfelCamera,
     /// World-to-camera poses, one for each image.
     pub poses: &'a [Pose],
-    /// Bounds of what is drawn.
+    /// Bounds of the visible range.
     pub limits: Limits,
 }
 
@@ -50,7 +50,7 @@ impl<T: Real> Sight<'_, T> {
         let sides = [0, 1].map(|i| surfel.axes[i] * (surfel.scales[i] * reach));
         // Numbers of 32 bits round.
         let more = 0.01 + 1e-5 * self.camera.width.max(self.camera.height) as f64;
-        // Alpha is seen by the plane or by the filter: what either covers.
+        // A surfel shows through its plane or through the low-pass filter: the footprint covers both.
         self.camera.reach(surfel.center, sides).max(DVec2::splat(visible.sqrt())).to_array().map(|half| half + more)
     }
 
@@ -121,7 +121,7 @@ impl<T: Real> Footprint for Sight<'_, T> {
     fn second_span<V: Lanes>(&self, columns: &[V; LANES], top: V, bottom: V) -> Option<(V, V, V::Mask)> {
         let period = self.camera.period()?;
         let (left, right, touched) = self.span(columns, top, bottom);
-        // What is beyond one end of a row is at the other.
+        // The image is periodic: a place beyond one end of a row is at the other.
         let around = V::constant(period).or(V::zero().ge(left), V::constant(-period));
         Some((left + around, right + around, touched))
     }

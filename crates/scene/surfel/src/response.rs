@@ -1,4 +1,4 @@
-//! What a surfel returns at a pixel, and what it receives back.
+//! The response of a surfel at a pixel, forward and backward.
 
 use crate::record::slot;
 use crate::{Lens, Sight};
@@ -42,7 +42,7 @@ pub struct Loaded<V> {
     distance: V,
 }
 
-/// Where the rays of sixteen pixels meet a surfel.
+/// Intersections of the rays of sixteen pixels with a surfel.
 #[derive(Clone, Copy)]
 pub struct Sample<V: Lanes> {
     /// Coordinates on the surfel, in standard deviations.
@@ -52,9 +52,9 @@ pub struct Sample<V: Lanes> {
     /// 1 / D
     inverse: V,
     range: V,
-    /// Column and row of the center, less those of the pixel.
+    /// Column and row of the center, relative to the pixel.
     away: [V; 2],
-    /// Where the low-pass filter takes the place of the plane.
+    /// Mask of the pixels where the low-pass filter takes the place of the plane.
     low: V::Mask,
 }
 

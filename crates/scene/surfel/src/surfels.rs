@@ -6,8 +6,8 @@ use weaver_kernels::Real;
 
 /// Flat Gaussians.
 ///
-/// The columns of a quaternion's rotation are the tangents t1 and t2 and the normal n. Scales are stored as their logarithms, opacities as
-/// logits. The same type holds gradients.
+/// The columns of a quaternion's rotation are the tangents t1 and t2 and the normal n. Scales are stored as their
+/// logarithms, opacities as logits. The same type holds gradients.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surfels<T> {
     /// Centers, `[N, 3]`, meters.

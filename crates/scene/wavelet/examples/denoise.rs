@@ -1,8 +1,8 @@
 //! Learns to take noise out of pictures: `cargo run --release -p weaver-wavelet --example denoise`.
 //!
-//! A small network sees the Haar sub-bands of a noisy picture, three levels deep, and says how much of every coefficient is
-//! noise. Trained on built-in scenes, tried on one that it has not seen. Writes denoise.png (clean, noisy, denoised) and prints the
-//! peak signal-to-noise ratios.
+//! A small network sees the Haar sub-bands of a noisy picture, three levels deep, and says how much of every
+//! coefficient is noise. Trained on built-in scenes, tried on one that it has not seen. Writes denoise.png (clean,
+//! noisy, denoised) and prints the peak signal-to-noise ratios.
 
 use weaver_autograd::{Params, Tape, Var, ops};
 use weaver_data::procedural::{ProceduralOptions, scene};

@@ -49,8 +49,8 @@ impl<T: Real> Op<T> for DetailEnergy {
 
 /// The local high-frequency energy sqrt(b1^2 + b2^2 + b3^2 + 1e-8) of the detail bands b1, b2, b3.
 ///
-/// Sub-bands `[N, 4, h, w]` give `[N, h, w]`. Differentiable in the three detail bands; the low band is not used. Panics on
-/// other shapes.
+/// Sub-bands `[N, 4, h, w]` give `[N, h, w]`. Differentiable in the three detail bands; the low band is not used.
+/// Panics on other shapes.
 #[track_caller]
 pub fn detail_energy<T: Real>(bands: Var<'_, T>) -> Var<'_, T> {
     let [y] = bands.tape().apply(DetailEnergy, &[bands]);

@@ -1,7 +1,7 @@
 //! Haar and db2 wavelet analysis and synthesis as differentiable operators, and the high-frequency energy of images.
 //!
 //! [`analysis`] and [`synthesis`] are linear ops with exact adjoints for images of any size. The energy of the detail
-//! sub-bands tells where an image has fine structure: SplatWeaver's router spends more Gaussians there.
+//! sub-bands shows where an image has fine structure: SplatWeaver's router spends more Gaussians there.
 
 mod analysis;
 mod detail_energy;

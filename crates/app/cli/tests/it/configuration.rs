@@ -4,11 +4,16 @@ use crate::in_process::splatweaver;
 
 #[track_caller]
 fn refused(arguments: &[&str], parts: &[&str]) {
+    refused_with(1, arguments, parts);
+}
+
+#[track_caller]
+fn refused_with(code: u8, arguments: &[&str], parts: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("run");
     let mut line: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"train", &"--out", &out];
     line.extend(arguments.iter().map(|a| a as &dyn AsRef<std::ffi::OsStr>));
-    splatweaver(&line).refused(1, parts);
+    splatweaver(&line).refused(code, parts);
     assert!(!out.exists());
 }
 
@@ -31,6 +36,19 @@ fn impossible_sizes() {
     for setting in ["model.width=-8", "model.backbone.dim=0", "data.context_views=-1", "stages.0.rate=-1"] {
         let (key, _) = setting.split_once('=').unwrap();
         refused(&["--preset", "micro", "--set", setting], &[key.rsplit('.').next().unwrap()]);
+    }
+}
+
+/// A network that does not fit into memory is refused before it is made: an allocation that fails ends the process.
+#[test]
+fn networks_larger_than_memory_are_refused() {
+    for width in ["65536", "999936"] {
+        let size = format!("model.backbone.dim={width}");
+        refused_with(
+            75,
+            &["--preset", "micro", "--set", &size],
+            &["GB of memory", "smaller sizes in the section `model`"],
+        );
     }
 }
 

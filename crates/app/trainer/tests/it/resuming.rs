@@ -4,7 +4,7 @@ use crate::scale::captured;
 use crate::{PixelCnnRecipe, Silent, config};
 use std::sync::atomic::AtomicBool;
 use weaver_inference::RunFolder;
-use weaver_trainer::{Config, ConfigSource, Registry, Session, create_run};
+use weaver_trainer::{Config, ConfigSource, EvalOptions, Registry, Session, Source, create_run};
 
 type Pixel = Config<PixelCnnRecipe>;
 
@@ -85,6 +85,32 @@ fn captures_may_move_but_not_change() {
     assert!(message.contains("data.folders.1") && message.contains("which it began without"), "{message}");
     let message = resumed(&Pixel { data: config(4).data, ..first }).unwrap_err();
     assert!(message.contains("data."), "{message}");
+}
+
+/// An evaluation on a run's own captures says which of them have changed since.
+#[test]
+fn evaluations_name_captures_that_have_changed() {
+    let parent = tempfile::tempdir().unwrap();
+    let data = parent.path().join("fox");
+    let folder = RunFolder::at(parent.path().join("run"));
+    let config = captured(&data, 0);
+    std::fs::create_dir(parent.path().join("run")).unwrap();
+    std::fs::write(folder.config_path(), config.to_toml()).unwrap();
+    let mut session = Session::new(config).unwrap();
+    session.advance().unwrap();
+    session.save(&folder.checkpoint_path()).unwrap();
+    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let remarks = || {
+        let mut run = registry.find(None).unwrap().open(&folder).unwrap();
+        run.evaluate(&Source::Run, &EvalOptions::default(), &mut |_, _| ()).unwrap().remarks
+    };
+    assert!(remarks().iter().all(|remark| !remark.contains("the run began with")), "{:?}", remarks());
+    let photo = data.join("images/3.png");
+    let mut image = weaver_io::Image::read(&photo, weaver_io::Background::White).unwrap();
+    image.pixels[5] = 1.0 - image.pixels[5];
+    image.write_png(&photo).unwrap();
+    let said = format!("{}: other photos, cameras or points than the run began with", data.display());
+    assert!(remarks().contains(&said), "{:?}", remarks());
 }
 
 /// A finished run goes on under a longer cosine, and an interrupted one comes to the same bits.

@@ -9,7 +9,7 @@ use weaver_kernels::{Real, parallel};
 struct Checkpoint<T: Real, F> {
     function: F,
     params: Params<T>,
-    /// The parameters that the function uses, which are inputs of the op after those of the function.
+    /// The parameters that the function uses, which follow the function's own inputs among the inputs of the op.
     used: SmallVec<[ParamId; 32]>,
     /// The result of the function, until the forward pass copies it to the output.
     result: Option<Buffer<T>>,
@@ -66,8 +66,8 @@ where
     }
 }
 
-/// Gradient checkpointing: runs `function` without keeping its intermediate tensors, and runs it again in the backward pass
-/// (Chen et al., arXiv 1604.06174). The gradients are the same bits as without a checkpoint.
+/// Gradient checkpointing: runs `function` without keeping its intermediate tensors, and runs it again in the backward
+/// pass (Chen et al., arXiv 1604.06174). The gradients are the same bits as without a checkpoint.
 ///
 /// `inputs` must not be empty. The function gets a tape of its own, the parameters, and the inputs as tensors on that
 /// tape; it must be pure, since it is called twice. Differentiable in the inputs and in every parameter that the

@@ -53,11 +53,11 @@ impl<T: Real> Op<T> for ConvTranspose2d {
     }
 }
 
-/// Transposed convolution without padding, the adjoint of [`conv2d`](super::conv2d()), used to enlarge maps:
-/// `y[n, o, i stride + p, j stride + q] = b[o] + sum over c of w[c, o, p, q] x[n, c, i, j]`, summed where windows overlap.
+/// Transposed convolution without padding, the adjoint of [`conv2d`](super::conv2d()), used to enlarge maps: `y[n, o, i
+/// stride + p, j stride + q] = b[o] + sum over c of w[c, o, p, q] x[n, c, i, j]`, summed where windows overlap.
 ///
-/// x `[N, I, H, W]`, w `[I, O, kh, kw]`, b `[O]` or none; the result is `[N, O, (H - 1) stride + kh, (W - 1) stride + kw]`.
-/// Differentiable in all three.
+/// x `[N, I, H, W]`, w `[I, O, kh, kw]`, b `[O]` or none; the result is `[N, O, (H - 1) stride + kh, (W - 1) stride +
+/// kw]`. Differentiable in all three.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops};

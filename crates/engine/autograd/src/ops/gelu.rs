@@ -27,8 +27,8 @@ impl<T: Real> Op<T> for Gelu {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The Gaussian error linear unit in its exact form, x (1 + erf(x / sqrt 2)) / 2, elementwise (Hendrycks and Gimpel,
-    /// arXiv 1606.08415).
+    /// The Gaussian error linear unit in its exact form, x (1 + erf(x / sqrt 2)) / 2, elementwise (Hendrycks and
+    /// Gimpel, arXiv 1606.08415).
     ///
     /// The result has the shape of the input. Differentiable.
     ///

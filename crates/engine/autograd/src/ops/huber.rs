@@ -11,7 +11,8 @@ pointwise!(
     }
 );
 
-/// The Huber loss, elementwise: (x - y)^2 / 2 where |x - y| <= delta, delta (|x - y| - delta / 2) elsewhere (Huber 1964).
+/// The Huber loss, elementwise: (x - y)^2 / 2 where |x - y| <= delta, delta (|x - y| - delta / 2) elsewhere (Huber
+/// 1964).
 ///
 /// x and y have the same shape, or one is a single element; the result has the larger shape. Differentiable in both;
 /// `delta` is constant.

@@ -43,8 +43,8 @@ impl<'t, T: Real> Var<'t, T> {
     /// Layer normalization over the last axis: y = (x - mean) / sqrt(variance + eps) * w + b, with the population
     /// variance (Ba et al., arXiv 1607.06450).
     ///
-    /// x is `[.., D]`, w and b are `[D]` or left out; the result has the shape of x. Differentiable in all three; eps is
-    /// constant.
+    /// x is `[.., D]`, w and b are `[D]` or left out; the result has the shape of x. Differentiable in all three; eps
+    /// is constant.
     ///
     /// ```
     /// use weaver_autograd::Tape;

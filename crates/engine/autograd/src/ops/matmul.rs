@@ -105,8 +105,8 @@ impl<T: Real> Op<T> for Matmul {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The matrix product: `[.., m, k]` times `[.., k, n]` gives `[.., m, n]`. Leading dimensions must agree, or the second
-    /// tensor has rank 2 and is used for all. Differentiable in both.
+    /// The matrix product: `[.., m, k]` times `[.., k, n]` gives `[.., m, n]`. Leading dimensions must agree, or the
+    /// second tensor has rank 2 and is used for all. Differentiable in both.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -119,8 +119,8 @@ impl<'t, T: Real> Var<'t, T> {
         self.matmul_with(b, false, false)
     }
 
-    /// [`matmul`](Var::matmul) with the first or second operand transposed: with `trans_a`, `self` is `[.., k, m]`; with
-    /// `trans_b`, `b` is `[.., n, k]`. Nothing is copied. Differentiable in both.
+    /// [`matmul`](Var::matmul) with the first or second operand transposed: with `trans_a`, `self` is `[.., k, m]`;
+    /// with `trans_b`, `b` is `[.., n, k]`. Nothing is copied. Differentiable in both.
     ///
     /// ```
     /// use weaver_autograd::Tape;

@@ -64,8 +64,8 @@ impl<T: Real> Op<T> for NormalizeRows {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Divides every row of the last axis by its length: x / (|x| + eps). A row of zeros gives zeros and has gradient
-    /// 0, whatever eps is.
+    /// Divides every row of the last axis by its length: x / (|x| + eps). A row of zeros gives zeros and has gradient 0
+    /// at any eps.
     ///
     /// x is `[.., D]`, and so is the result. Differentiable; eps is constant.
     ///

@@ -15,7 +15,7 @@ enum Method {
 #[derive(Debug)]
 struct Resample {
     method: Method,
-    /// Height and width of the result; `None` for those of the input.
+    /// Height and width of the result; `None` keeps the input's.
     size: Option<[usize; 2]>,
 }
 
@@ -63,8 +63,8 @@ impl<T: Real> Op<T> for Resample {
 impl<'t, T: Real> Var<'t, T> {
     /// Bilinear resizing.
     ///
-    /// With `align_corners`, the centers of the corner pixels coincide, and row i is taken from the coordinate
-    /// i (H - 1) / (h - 1). Otherwise the corners of the images coincide, and it is taken from (i + 1/2) H / h - 1/2, clamped
+    /// With `align_corners`, the centers of the corner pixels coincide, and row i is taken from the coordinate i (H -
+    /// 1) / (h - 1). Otherwise the corners of the images coincide, and it is taken from (i + 1/2) H / h - 1/2, clamped
     /// to the image.
     ///
     /// x is `[N, C, H, W]`, with H and W at least 1; the result is `[N, C, h, w]`. Differentiable.
@@ -98,8 +98,8 @@ impl<'t, T: Real> Var<'t, T> {
 
     /// Antialiased bicubic resizing, without `align_corners`.
     ///
-    /// Uses Keys' kernel (1981) with a = -1/2 at the source coordinate (i + 1/2) H / h - 1/2, stretched by the scale when
-    /// shrinking; weights outside the image are dropped and the others scaled to sum to 1.
+    /// Uses Keys' kernel (1981) with a = -1/2 at the source coordinate (i + 1/2) H / h - 1/2, stretched by the scale
+    /// when shrinking; weights outside the image are dropped and the others scaled to sum to 1.
     ///
     /// x is `[N, C, H, W]`, with H and W at least 1; the result is `[N, C, h, w]`. Differentiable.
     ///

@@ -62,7 +62,8 @@ impl<T: Real> Op<T> for ScaleResidual {
     }
 }
 
-/// A residual connection with LayerScale: x + gamma * y, with one factor per channel (Touvron et al., arXiv 2103.17239).
+/// A residual connection with LayerScale: x + gamma * y, with one factor per channel (Touvron et al., arXiv
+/// 2103.17239).
 ///
 /// x and y `[.., D]`, gamma `[D]`; the result is `[.., D]`. Differentiable in all three.
 ///

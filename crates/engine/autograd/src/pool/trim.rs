@@ -6,8 +6,8 @@ use std::sync::PoisonError;
 impl Pool {
     /// Frees the buffers of element type `U` that are not in use.
     ///
-    /// Call it between parts of a computation whose buffers have different sizes, so that the unused buffers of one part do
-    /// not add to the memory of the next.
+    /// Call it between parts of a computation whose buffers have different sizes, so that the unused buffers of one
+    /// part do not add to the memory of the next.
     ///
     /// ```
     /// let pool = weaver_autograd::Pool::new();

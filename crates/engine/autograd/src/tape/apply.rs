@@ -26,7 +26,8 @@ impl<T: Real> Tape<T> {
     }
 
     /// Applies an op, or returns an error if the shapes of the inputs do not fit.
-    // Crates link this instead of compiling the op again; what does not depend on the type of the op is compiled once for all ops.
+    // Crates link this instead of compiling the op again; the code that does not depend on the type of the op is
+    // compiled once for all ops.
     #[inline(never)]
     pub fn try_apply<'t, O: Op<T>>(&'t self, mut op: O, inputs: &[Var<'t, T>]) -> Result<List<Var<'t, T>>, ShapeError> {
         let used = self.pool.used_bytes();
@@ -65,8 +66,8 @@ impl<T: Real> Tape<T> {
         Ok((outputs, shapes))
     }
 
-    /// Adds the outputs of an op, of which the last `auxiliary` have no gradient, and the op, if it is recorded. `used` is how many bytes
-    /// of the pool were in use before it ran.
+    /// Adds the outputs of an op, the last `auxiliary` without a gradient, and the op, if it is recorded. `used` is how
+    /// many bytes of the pool were in use before it ran.
     #[inline(never)]
     fn push_outputs<'t>(
         &'t self,

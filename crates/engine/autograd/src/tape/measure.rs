@@ -18,7 +18,8 @@ impl<T: Real> Tape<T> {
         self.profile.borrow().clone().map_or_else(Vec::new, Profile::into_times)
     }
 
-    /// Starts or stops recording a trace of every op as it runs; see [`Tape::trace`]. Starting forgets an earlier trace.
+    /// Starts or stops recording a trace of every op as it runs; see [`Tape::trace`]. Starting forgets an earlier
+    /// trace.
     pub fn set_tracing(&self, on: bool) {
         self.tracer.set(on);
     }
@@ -61,9 +62,9 @@ impl<T: Real> Tape<T> {
         }
     }
 
-    /// The memory held by each kind of op that is on the tape now, the largest first: outputs and what was saved for the
-    /// backward pass. Scratch memory and gradients are not included; [`Pool::peak_bytes`](crate::Pool::peak_bytes) counts
-    /// everything.
+    /// The memory held by each kind of op that is on the tape now, the largest first: outputs and tensors saved for the
+    /// backward pass. Scratch memory and gradients are not included; [`Pool::peak_bytes`](crate::Pool::peak_bytes)
+    /// counts everything.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -132,7 +133,7 @@ impl<T: Real> Tape<T> {
 pub struct NodeView<'a, T: Real> {
     /// The op itself.
     pub op: &'a dyn Op<T>,
-    /// Where in the model it was applied.
+    /// Its place in the model.
     pub path: &'a str,
     /// Its outputs; auxiliary ones come last.
     pub outputs: List<View<'a, T>>,

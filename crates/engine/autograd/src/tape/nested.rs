@@ -1,4 +1,4 @@
-//! Tapes inside ops: what runs on them appears in the trace of the outer tape, below its model path.
+//! Tapes inside ops: the ops on them appear in the trace of the outer tape, below its model path.
 
 use super::Tape;
 use crate::Pool;

@@ -7,11 +7,11 @@ use std::cell::Ref;
 use weaver_kernels::Real;
 
 impl<T: Real> Tape<T> {
-    /// A parameter as a leaf, shared without a copy; asked for again, a parameter is the same value. Frozen parameters are
-    /// constants.
+    /// A parameter as a leaf, shared without a copy; a second call for a parameter returns the same value. Frozen
+    /// parameters are constants.
     ///
-    /// All parameters on a tape must belong to one [`Params`], since they are told apart by their ids. Use
-    /// [`shared_constant`](Tape::shared_constant) for those of another model, which is not trained.
+    /// All parameters on a tape must belong to one [`Params`], since they are identified by their ids. Use
+    /// [`shared_constant`](Tape::shared_constant) for the parameters of another model, which is not trained.
     #[inline(never)]
     pub fn param(&self, params: &Params<T>, id: ParamId) -> Var<'_, T> {
         let param = params.get(id);
@@ -58,8 +58,8 @@ impl<T: Real> Tape<T> {
     }
 
     /// Forgets the ops and releases the parameters' values, so that [`Params::value_mut`] changes them in place. Their
-    /// gradients stay until [`reset`](Tape::reset). Needs the tape exclusively, so that no [`Var`] can ask for what was
-    /// released.
+    /// gradients stay until [`reset`](Tape::reset). Needs the tape exclusively, so that no [`Var`] can reach a released
+    /// value.
     #[inline(never)]
     pub fn release_params(&mut self) {
         let record = self.record.get_mut();

@@ -1,5 +1,5 @@
-//! Parts of a model: an author says what a part returns, and while nothing is recorded the rest of its memory is given
-//! back.
+//! Parts of a model: an author names the results of a part, and while nothing is recorded the rest of its memory is
+//! given back.
 
 use super::{List, Storage, Tape, ValueId};
 use crate::{Buffer, Var};
@@ -98,8 +98,8 @@ pub struct Steps<'t, T: Real, R> {
 }
 
 impl<'t, T: Real, R> Steps<'t, T, R> {
-    /// Runs the next step on what the latest one returned. While nothing is recorded, the memory of everything that was computed
-    /// since the first step is then given back, but for what this one returns.
+    /// Runs the next step on the result of the latest one. While nothing is recorded, the memory of everything computed
+    /// since the first step is then given back, but for this step's result.
     pub fn then<S: Outputs<T>>(self, step: impl FnOnce(R) -> S) -> Steps<'t, T, S> {
         let Self { tape, start, latest } = self;
         let latest = step(latest);
@@ -115,8 +115,8 @@ impl<'t, T: Real, R> Steps<'t, T, R> {
 
 impl<T: Real> Tape<T> {
     /// Runs a part of a model: `name` is appended to the model path that messages and profiles show (`encoder`, then
-    /// `encoder.block`, ...). While nothing is recorded ([`without_gradient`](Self::without_gradient)), what the part returns
-    /// is all that stays of it in memory; reading anything else that it computed then panics. While recording, everything
+    /// `encoder.block`, ...). While nothing is recorded ([`without_gradient`](Self::without_gradient)), only the result
+    /// of the part stays in memory; reading anything else that it computed then panics. While recording, everything
     /// stays for the backward pass.
     ///
     /// ```
@@ -131,16 +131,16 @@ impl<T: Real> Tape<T> {
         self.steps(f).end()
     }
 
-    /// Runs a part of a model that knows its full path, which is put in place of the model path; an empty one changes
-    /// nothing. Of the part's memory only its outputs stay, as of [`part`](Self::part)'s.
+    /// Runs a part of a model by its full path, which takes the place of the model path; an empty one changes nothing.
+    /// Of the part's memory only its outputs stay, as of [`part`](Self::part)'s.
     pub fn part_at<R: Outputs<T>>(&self, path: &str, f: impl FnOnce() -> R) -> R {
         let _path = self.replace_path(path);
         self.steps(f).end()
     }
 
-    /// Runs the first of some steps one behind the other, each of which gets what the one before returned
-    /// ([`Steps::then`]). While nothing is recorded, that is all that stays of the steps before: what a later step needs is
-    /// handed on, and what is not cannot be forgotten in memory.
+    /// Runs the first of several steps, each of which gets the result of the one before ([`Steps::then`]). While
+    /// nothing is recorded, only the latest result stays in memory, so a step has to hand on every value that a later
+    /// step needs.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -154,9 +154,8 @@ impl<T: Real> Tape<T> {
         Steps { tape: self, start, latest: () }.then(|()| first())
     }
 
-    /// Runs `f` for each item on the result for the item before, as [`Iterator::fold`] does, beginning with what
-    /// `first` returns; while nothing is recorded, only the latest result stays in memory: for layers one behind the
-    /// other.
+    /// Runs `f` for each item on the result for the item before, as [`Iterator::fold`] does, beginning with the result
+    /// of `first`; while nothing is recorded, only the latest result stays in memory: for layers one behind the other.
     ///
     /// ```
     /// use weaver_autograd::Tape;

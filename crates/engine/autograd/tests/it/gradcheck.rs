@@ -1,10 +1,10 @@
-//! The gradient check finds what is wrong at every scale, and nothing else.
+//! The gradient check finds wrong gradients at every scale, and accepts right ones.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use weaver_autograd::gradcheck::{Input, gradcheck};
 use weaver_autograd::{Backward, Op, Pool, Shape, ShapeError, Shapes, View, ViewMut};
 
-/// y = `offset` + `factor` x^2, whose gradient is `claimed` times what it should be, in the first element alone.
+/// y = `offset` + `factor` x^2, with a claimed gradient of `claimed` times the true one, in the first element alone.
 #[derive(Clone, Copy, Debug)]
 struct Square {
     offset: f64,

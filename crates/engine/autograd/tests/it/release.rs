@@ -51,8 +51,8 @@ fn forms<'t>(tape: &'t Tape<f64>, form: usize, x: Var<'t, f64>) -> Vec<Var<'t, f
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 5))]
 
-    /// Nested parts of every form give the same numbers with and without recording; without it they leave their outputs in memory
-    /// and nothing else.
+    /// Nested parts of every form give the same numbers with and without recording; without it they leave their outputs
+    /// in memory and nothing else.
     #[test]
     fn outputs_stay_and_nothing_else(order in prop::collection::vec(0..8usize, 1..6)) {
         let run = |tape: &Tape<f64>| {
@@ -81,7 +81,7 @@ proptest! {
     }
 }
 
-/// Steps of one part hold what they hand on, and not what they began with.
+/// Steps of one part hold the values that they hand on, and not their first input.
 #[test]
 fn a_longer_chain_of_steps_needs_no_more_memory() {
     let memory_of = |more: bool| {
@@ -128,7 +128,7 @@ fn a_parameter_of_a_finished_part_can_be_used_again() {
     assert_eq!(y.item(), 54.0);
 }
 
-/// Parameters in half precision give what the same numbers give in full precision, forward and backward.
+/// Parameters in half precision give the results of the same numbers in full precision, forward and backward.
 #[test]
 fn half_precision() {
     let numbers = || (0..6).map(|i| 0.3 * i as f32 - 0.7);

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use weaver_autograd::Shape;
 use weaver_autograd::gradcheck::Input;
 
-/// Few cases: every one of them tries many coordinates and directions. More where `PROPTEST_CASES` asks for more than 256.
+/// Few cases: every one of them tries many coordinates and directions. More if `PROPTEST_CASES` is above 256.
 pub fn cases(cases: u32) -> ProptestConfig {
     let default = ProptestConfig::default();
     ProptestConfig { cases: (default.cases * cases / 256).max(1), failure_persistence: None, ..default }

@@ -229,7 +229,7 @@ fn a_trace_has_every_op_in_order() {
     assert!(tape.trace().is_empty());
 }
 
-/// On the way there and on the way back, what a checkpoint runs shows inside it.
+/// In the forward and in the backward pass, the ops of a checkpoint show inside it.
 #[test]
 fn a_trace_shows_what_is_inside_a_checkpoint() {
     let tape = Tape::<f64>::new();

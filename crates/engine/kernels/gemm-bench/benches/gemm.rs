@@ -1,10 +1,11 @@
-//! The matrix product of weaver-kernels beside those of the `gemm` and `faer` crates, C = A B in `f32`, row-major, on one
-//! thread and on two:
+//! The matrix product of weaver-kernels beside the `gemm` and `faer` crates, C = A B in `f32`, row-major, on one thread
+//! and on two:
 //!
 //!     cargo bench --manifest-path crates/engine/kernels/gemm-bench/Cargo.toml
 //!
-//! Throughput is in floating-point operations. Before the timings, the bench checks each result against that of weaver-kernels,
-//! and prints whether a library gives the same bits on one, two and three threads and how often a repeated call allocates.
+//! Throughput is in floating-point operations. Before the timings, the bench checks each result against weaver-kernels,
+//! and prints whether a library gives the same bits on one, two and three threads and how often a repeated call
+//! allocates.
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use faer::linalg::matmul::matmul;
@@ -35,7 +36,7 @@ fn gemm([m, k, n]: [usize; 3], a: &[f32], b: &[f32], c: &mut [f32]) {
     let [k_stride, n_stride] = [k, n].map(|stride| stride as isize);
     assert!(a.len() == m * k && b.len() == k * n && c.len() == m * n);
     let (c, a, b) = (c.as_mut_ptr(), a.as_ptr(), b.as_ptr());
-    // The first factor is that of the old C, the second that of the product.
+    // The first factor applies to the old C, the second to the product.
     let (alpha, beta) = (0.0, 1.0);
     // SAFETY: the three matrices are contiguous and row-major, and their slices as long as they are.
     unsafe {
@@ -81,7 +82,7 @@ fn on_threads<R: Send>(threads: usize, job: impl FnOnce() -> R + Send) -> R {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool of threads").install(job)
 }
 
-/// Checks the results, and prints what else sets the libraries apart.
+/// Checks the results, and prints further differences between the libraries.
 fn compare() {
     for size in SIZES {
         let [m, k, n] = size;

@@ -47,7 +47,7 @@ pub struct AttentionOutput<'a, T> {
     pub lse: &'a [T],
 }
 
-/// Gradients of [`attention_forward`](super::attention_forward) with respect to q, k and v, each if asked for.
+/// Gradients of [`attention_forward`](super::attention_forward) with respect to q, k and v, each on request.
 ///
 /// `dout`, the gradient with respect to the output, is laid out like `output.out`.
 ///

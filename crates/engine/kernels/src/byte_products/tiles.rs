@@ -27,7 +27,7 @@ impl Tile {
         Self::Portable
     }
 
-    /// Rows of a tile; they divide those of a block.
+    /// Rows of a tile; they divide the rows of a block.
     pub fn rows(self) -> usize {
         match self {
             Self::Portable => 4,
@@ -38,7 +38,7 @@ impl Tile {
         }
     }
 
-    /// Takes the products of rows `a` with the columns of a panel into account; `number` is what the first column counts down from.
+    /// Takes the products of rows `a` with the columns of a panel into account; the columns count down from `number`.
     #[allow(unsafe_code)]
     #[inline]
     pub fn run(self, a: &[u8], panel: &[u8], number: u32, largest: &mut [Largest], maxima: &mut [u32; PANEL]) {
@@ -47,7 +47,7 @@ impl Tile {
             // SAFETY: the tile was made for a level that the processor supports.
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => unsafe { x86::avx2(a, panel, number, largest, maxima) },
-            // SAFETY: the processor was asked for the instruction.
+            // SAFETY: `new` makes this variant only where the processor has the instruction.
             #[cfg(target_arch = "x86_64")]
             Self::Vnni => unsafe { x86::vnni(a, panel, number, largest, maxima) },
         }
@@ -118,14 +118,14 @@ mod x86 {
     pub const AVX2_ROWS: usize = 6;
     pub const VNNI_ROWS: usize = 8;
 
-    /// Eight products, two parts of which are in 16-bit lanes side by side, in the upper halves of 32-bit lanes; 0 below.
+    /// Eight products, given as two parts in 16-bit lanes side by side, in the upper halves of 32-bit lanes; 0 below.
     #[target_feature(enable = "avx2")]
     fn joined(halves: __m256i) -> __m256i {
         let upper = _mm256_and_si256(halves, _mm256_set1_epi32(-65536));
         _mm256_add_epi32(_mm256_slli_epi32::<16>(halves), upper)
     }
 
-    /// Numbers counting down from that of the first lane.
+    /// Numbers counting down from the first lane's.
     #[target_feature(enable = "avx2")]
     fn numbers(first: u32) -> __m256i {
         _mm256_sub_epi32(_mm256_set1_epi32(first as i32), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7))

@@ -91,7 +91,7 @@ pub(super) fn forward<T: Real>(x: &Windows<'_, T>, [n, o, out_h]: [usize; 3], w:
     for_ranges(n * bands, 1, |task| {
         let (entry, band) = (task.start / bands, task.start % bands);
         let rows = band * rows..out_h.min((band + 1) * rows);
-        // The last tile of a row may read beyond the row, but does not use what it reads there.
+        // The last tile of a row may read beyond the row, but does not use the surplus.
         T::with_panel(x.c * layout.plane + tile_cols, |room| {
             x.copy_band(entry, 0..x.c, rows.clone(), layout, room);
             let mut offsets = [0; CHAIN];
@@ -111,8 +111,8 @@ pub(super) fn forward<T: Real>(x: &Windows<'_, T>, [n, o, out_h]: [usize; 3], w:
                             let at = (entry * o + outputs.start) * pixels + i * width + j;
                             debug_assert!(a + (outputs.len() - 1) * depth + offsets.len() <= w.len());
                             debug_assert!(at + (outputs.len() - 1) * pixels + cols <= y.len());
-                            // SAFETY: all elements lie inside the slices, which is asserted in debug builds, and each row of
-                            // the output belongs to one task.
+                            // SAFETY: all elements lie inside the slices, which is asserted in debug builds, and each
+                            // row of the output belongs to one task.
                             #[allow(unsafe_code)]
                             unsafe {
                                 let a = LeftOperand { start: w.as_ptr().add(a), strides: [depth, 1] };
@@ -199,8 +199,8 @@ pub(super) fn weights<T: Real>(
                                 }
                                 let at = panel * tile_cols * depth + k * padded;
                                 debug_assert!(at + (offsets.len() - 1) * padded + cols <= sums.len());
-                                // SAFETY: all elements lie inside the slices, which is asserted in debug builds, and each
-                                // window element belongs to one task.
+                                // SAFETY: all elements lie inside the slices, which is asserted in debug builds, and
+                                // each window element belongs to one task.
                                 #[allow(unsafe_code)]
                                 unsafe {
                                     let size = [cols, run, rows.len(), layout.row];

@@ -42,7 +42,8 @@ pub fn conv_transpose2d_forward<T: Real>(
     conv2d_dx(shape, w, x, (y, beta), scratch);
 }
 
-/// Gradient of [`conv_transpose2d_forward`] with respect to the input: `dy` is `[n, c, h, w]`, `dx` `[n, o, out_h, out_w]`.
+/// Gradient of [`conv_transpose2d_forward`] with respect to the input: `dy` is `[n, c, h, w]`, `dx` `[n, o, out_h,
+/// out_w]`.
 #[inline(never)]
 pub fn conv_transpose2d_dx<T: Real>(shape: &Conv2dShape, w: &[T], dy: &[T], dx: Target<T>) {
     correlate(shape, dy, w, dx);

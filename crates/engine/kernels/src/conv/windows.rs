@@ -25,7 +25,7 @@ impl<T: Real> Windows<'_, T> {
     fn write(&self, entry: usize, k: Range<usize>, pixels: Range<usize>, out: &mut [T], row: usize) {
         let taps = self.kh * self.kw;
         let image = &self.x[entry * self.c * self.h * self.w..][..self.c * self.h * self.w];
-        // The outer loop runs over output rows, so that what depends on the row is computed once.
+        // The outer loop runs over output rows, so that values depending on the row alone are computed once.
         let mut from = pixels.start;
         while from < pixels.end {
             let (i, j) = (from / self.out_w, from % self.out_w);

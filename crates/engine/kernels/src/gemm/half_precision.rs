@@ -10,8 +10,7 @@ use std::ops::Range;
 /// A matrix `[n, k]` stored in half precision, and how it is multiplied.
 #[derive(Clone, Copy, Debug)]
 pub enum Half<'a> {
-    /// Converted to full precision while it is packed: the result is bit for bit that of the same numbers in full
-    /// precision.
+    /// Converted to full precision while it is packed: the result has the bits of the same product in full precision.
     Bf16(&'a [bf16]),
     /// Multiplied by the processor's instruction for pairs of bf16 (AVX-512 BF16), which does twice the operations at a
     /// time. The other factor must be `f32` and is first rounded to bf16, whose 8 bits mean a relative error of up to
@@ -67,7 +66,8 @@ impl Half<'_> {
     }
 }
 
-/// Converts an f16 to `f32` without a branch: multiplying by 2^112 adjusts the exponent and normalizes subnormal numbers.
+/// Converts an f16 to `f32` without a branch: multiplying by 2^112 adjusts the exponent and normalizes subnormal
+/// numbers.
 #[inline(always)]
 fn widen_f16(bits: u16) -> f32 {
     let (sign, rest) = (u32::from(bits & 0x8000) << 16, u32::from(bits & 0x7fff) << 13);
@@ -168,8 +168,8 @@ pub fn gemm_half_scratch_len(m: usize, k: usize, w: Half) -> usize {
 
 /// C = A W^T + beta C, where W is stored in half precision.
 ///
-/// `a` is m x k with contiguous rows, `w` `[n, k]` and contiguous, `c` m x n; with `beta` 0, C is not read. `scratch` has
-/// [`gemm_half_scratch_len`] elements with any content. Unless W is multiplied in pairs, the bits are those that
+/// `a` is m x k with contiguous rows, `w` `[n, k]` and contiguous, `c` m x n; with `beta` 0, C is not read. `scratch`
+/// has [`gemm_half_scratch_len`] elements with any content. Unless W is multiplied in pairs, the bits are those that
 /// [`gemm`](super::gemm) gives for W in full precision.
 ///
 /// # Panics
@@ -234,7 +234,7 @@ mod tests {
     const SIZES: [[usize; 3]; 7] =
         [[1, 1, 1], [3, 17, 5], [50, 40, 300], [7, 0, 4], [4, 6, 0], [200, 70, 64], [30, 200, 1101]];
 
-    /// The bits are those of the product with the converted matrix, and C is not read when beta is 0.
+    /// The bits equal the product with the converted matrix, and C is not read when beta is 0.
     #[test]
     fn equal_to_the_widened_product() {
         for [m, n, k] in SIZES {
@@ -257,7 +257,7 @@ mod tests {
         }
     }
 
-    /// Products of pairs equal those of the rounded numbers up to the rounding of `f32` sums.
+    /// Products of pairs equal the products of the rounded numbers up to the rounding of `f32` sums.
     #[test]
     fn pairs_are_products_of_rounded_numbers() {
         let paired = f32::gemm_pairs(Mat::new(&[], 0, 0), &[], 0.0, MatMut::new(&mut [], 0, 0), &mut []).is_ok();

@@ -8,8 +8,8 @@ use std::ops::Range;
 
 /// The right factor of a [`Product`](super::Product): a matrix in memory, or one that is generated while it is packed.
 pub(crate) trait Panels<T>: Sync {
-    /// Writes rows `k` and columns `cols` of matrix `entry` to `panel`, in rows of `padded` elements with zeros after the
-    /// columns. `spare` is scratch space as long as the largest panel.
+    /// Writes rows `k` and columns `cols` of matrix `entry` to `panel`, in rows of `padded` elements with zeros after
+    /// the columns. `spare` is scratch space as long as the largest panel.
     fn pack(&self, entry: usize, k: Range<usize>, cols: Range<usize>, padded: usize, panel: &mut [T], spare: &mut [T]);
 }
 
@@ -54,7 +54,7 @@ pub(crate) fn pack<T: Real>(data: &[T], strides: [usize; 2], depth: usize, width
                     to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
                     if whole < width {
                         match (row[whole..].first_chunk::<LANES>(), out[whole..].first_chunk_mut::<LANES>()) {
-                            // The next row overwrites what is copied beyond the end of this one.
+                            // The next row overwrites the surplus beyond the end of this one.
                             (Some(from), Some(to)) if padded == width => *to = *from,
                             _ => out[whole..width].copy_from_slice(&row[whole..width]),
                         }

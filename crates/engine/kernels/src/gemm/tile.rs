@@ -1,5 +1,5 @@
-//! The register tile of [`gemm`](super) for each instruction set: a few rows of A times a packed panel of B, with the sums
-//! kept in vector registers over the whole depth.
+//! The register tile of [`gemm`](super) for each instruction set: a few rows of A times a packed panel of B, with the
+//! sums kept in vector registers over the whole depth.
 
 use super::half_precision::gemm_pairs;
 use super::{Mat, MatMut};
@@ -16,15 +16,15 @@ pub trait Tile: Sized {
     /// Rows and columns of the largest tile.
     fn tile(level: Level) -> (usize, usize);
 
-    /// Row length of a packed panel of `width` columns, at most those of a tile.
+    /// Row length of a packed panel of `width` columns, at most the columns of a tile.
     fn panel_width(level: Level, width: usize) -> usize;
 
     /// Calls `body` with `len` elements of this thread's packing buffer, aligned to a cache line, with any content.
     fn with_panel<R>(len: usize, body: impl FnOnce(&mut [Self]) -> R) -> R;
 
     /// Calls `body` with `len` elements of this thread's second buffer, with any content, for a kernel that calls
-    /// [`gemm_serial`](super::gemm_serial) on parts of it. `body` must not wait for other tasks: one that needs the same
-    /// buffer could run on this thread meanwhile.
+    /// [`gemm_serial`](super::gemm_serial) on parts of it. `body` must not wait for other tasks: one that needs the
+    /// same buffer could run on this thread meanwhile.
     fn with_scratch<R>(len: usize, body: impl FnOnce(&mut [Self]) -> R) -> R;
 
     /// C = alpha A B + beta C for one tile of `[rows, cols, depth]`; C is not read if `beta` is 0.
@@ -106,7 +106,7 @@ pub struct LeftOperand<T> {
     pub strides: [usize; 2],
 }
 
-/// Where a tile writes C: row i begins at `start + i * stride`.
+/// Place of a tile in C: row i begins at `start + i * stride`.
 #[derive(Clone, Copy, Debug)]
 pub struct OutputRows<T> {
     pub start: *mut T,

@@ -1,4 +1,5 @@
-//! Processing of several rows of a matrix together, so that their sums, which are independent, hide each other's latency.
+//! Processing of several rows of a matrix together, so that their sums, which are independent, hide each other's
+//! latency.
 
 use super::{LANES, Lanes, split};
 

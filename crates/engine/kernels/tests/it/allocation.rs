@@ -16,7 +16,7 @@ use weaver_kernels::resample::Resample;
 use weaver_kernels::rows::scatter_add_rows;
 use weaver_kernels::softmax::softmax_forward;
 
-/// Counts what each thread asks for.
+/// Counts the allocations of each thread.
 struct Counting;
 
 thread_local!(static COUNT: Cell<usize> = const { Cell::new(0) });

@@ -3,7 +3,8 @@
 use weaver_kernels::byte_products::{LARGEST_SQUARE, TopTwo, chosen_products, top_products};
 use weaver_kernels::random::Stream;
 
-/// Vectors of random bytes, as long as they may be; some are one another's doubles, some lie along two bytes alone, and some are 0.
+/// Vectors of random bytes, as long as they may be; some are one another's doubles, some lie along two bytes alone, and
+/// some are 0.
 fn vectors(n: usize, depth: usize, seed: u64) -> Vec<u8> {
     let mut all = Vec::new();
     for i in 0..n {
@@ -60,7 +61,7 @@ fn largest_products_are_those_of_the_slow_twin() {
     assert!(ties > 10, "doubles were to be told apart: {ties}");
 }
 
-/// As many vectors as do not fit the numbers beside products.
+/// More vectors than the numbers beside products can count.
 #[test]
 fn columns_beyond_sixteen_bits_are_found() {
     let (depth, m) = (32, (1 << 16) + 20);

@@ -1,5 +1,5 @@
-//! What holds for every kernel alike: the same bits at any number of threads, the same numbers by every instruction set, and NaN
-//! and infinities that reach what depends on them and nothing else.
+//! Promises of every kernel: the same bits at any number of threads, the same numbers by every instruction set, and NaN
+//! and infinities that reach the values depending on them and nothing else.
 
 mod suite;
 
@@ -41,8 +41,8 @@ fn change<T: Real>(from: T, to: T) -> i32 {
     i32::from(to > from) - i32::from(to < from)
 }
 
-/// NaN, or an infinity, in one place of one input: what depends on that place becomes NaN (or, in linear kernels, an infinity of
-/// the right sign), everything else stays as it was, to the bit.
+/// NaN, or an infinity, in one place of one input: values that depend on that place become NaN (or, in linear kernels,
+/// an infinity of the right sign), everything else stays as it was, to the bit.
 fn special_values_go_where_they_belong<T: Real>(kernel: &Kernel<T>, seed: u64) {
     let plain = (kernel.run)(&kernel.inputs);
     for which in 0..kernel.inputs.len() {
@@ -179,7 +179,7 @@ fn lesser_instruction_sets_pass_the_same_tests() {
     }
 }
 
-/// The next results are those of these kernels; equal up to rounding, which sums of products in another order have.
+/// The next results belong to these kernels; equal up to the rounding of sums of products in another order.
 fn compare<'a, T: Real>(
     level: &str,
     kernels: Vec<Kernel<T>>,

@@ -61,9 +61,9 @@ fn small_f64() {
     all_small::<f64>();
 }
 
-/// Every size from 1 to 70 in all three dimensions together: windows of three large matrices of small integers, whose products are
-/// exact. The expected product grows with k. One in nine of them where nobody asks for more: each size of a dimension with some
-/// of the others.
+/// Every size from 1 to 70 in all three dimensions together: windows of three large matrices of small integers, whose
+/// products are exact. The expected product grows with k. One in nine of them by default: each size of a dimension with
+/// some of the others.
 fn every_size<T: Real + PartialEq>() {
     const MOST: usize = 70;
     let integers = |seed| -> Vec<T> {
@@ -126,8 +126,8 @@ fn larger() {
     }
 }
 
-/// Sizes at which everything is cut that can be: several sweeps over packed rows of A, several blocks of the depth, rows of A a
-/// multiple of 4 KiB apart. Of small integers, whose products are exact.
+/// Sizes at which everything is cut that can be: several sweeps over packed rows of A, several blocks of the depth,
+/// rows of A a multiple of 4 KiB apart. Of small integers, whose products are exact.
 #[test]
 fn every_cut() {
     for [m, n, k] in [[300, 100, 520], [13, 100, 1024], [7, 1100, 20]] {

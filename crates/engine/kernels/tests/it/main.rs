@@ -59,7 +59,7 @@ fn assert_close<T: Real>(got: &[T], expected: &[f64], tolerance: f64, what: &str
     }
 }
 
-/// A `rows` x `cols` matrix, stored as its transpose if so asked.
+/// A `rows` x `cols` matrix, stored as its transpose if `transposed`.
 fn matrix<T: Real>(data: &[T], rows: usize, cols: usize, transposed: bool) -> Mat<'_, T> {
     if transposed { Mat::new(data, cols, rows).transposed() } else { Mat::new(data, rows, cols) }
 }
@@ -69,7 +69,7 @@ fn widen<T: Real>(x: &[T]) -> Vec<f64> {
     x.iter().map(|x| x.to_f64()).collect()
 }
 
-/// Asserts that `gradient` is that of `value` at `x`, by central differences.
+/// Asserts that `gradient` is the gradient of `value` at `x`, by central differences.
 fn assert_gradient(gradient: &[f64], x: &[f64], value: impl Fn(&[f64]) -> f64, tolerance: f64) {
     let mut at = x.to_vec();
     for i in (0..x.len()).step_by(x.len() / 40 + 1) {

@@ -21,7 +21,7 @@ fn direct(from: [usize; 2], to: [usize; 2], x: &[f64], weight: impl Fn(usize, us
     out
 }
 
-/// A triangle around the source position; what falls outside goes to the border pixel.
+/// A triangle around the source position; the part that falls outside goes to the border pixel.
 fn triangle(align: bool) -> impl Fn(usize, usize, usize, usize) -> f64 {
     move |n, m, i, x| {
         let at = match (align, m) {

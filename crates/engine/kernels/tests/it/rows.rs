@@ -173,7 +173,7 @@ proptest! {
     fn sparse_adamw(total in 1..3000usize, width in 1..20usize, share in 0.0..1.0_f64, seed: u64) {
         let settings = AdamW { rate: 0.01, beta1: 0.9, beta2: 0.99, eps: 1e-8, weight_decay: 0.1, gradient_scale: 0.5 };
         let n = total * width;
-        // The last step has every row, so that each shows what was left out before.
+        // The last step has every row, so that each shows the steps that it missed.
         let mut steps: Vec<_> = (0..4).map(|step| some_rows(total, share, seed ^ step)).collect();
         steps.push((0..total as u32).collect());
         let begin = || [noise::<f64>(n, 1), noise(n, 2), noise(n, 3).into_iter().map(f64::abs).collect()];

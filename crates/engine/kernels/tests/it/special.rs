@@ -166,7 +166,7 @@ fn f64_is_within_two_ulp_over_the_whole_range() {
     assert!(erf_f64(f64::NAN).is_nan() && erf_f64(f64::MAX) == 1.0);
 }
 
-/// A generic expression, so that the methods are those of [`Real`].
+/// A generic expression, so that the methods of [`Real`] are called.
 #[inline(always)]
 fn wavy<T: Real>(x: T) -> T {
     x.exp() + x.tanh() * x.erf()

@@ -7,7 +7,7 @@ use weaver_kernels::subdivision::subdivide;
 /// A range of numbers.
 type Range = std::ops::Range<usize>;
 
-/// Up to three parts; none of what is short.
+/// Up to three parts; none of a short range.
 fn parts(range: &Range, most: usize) -> Vec<Range> {
     let of = most.min(range.len());
     let cut = |i: usize| range.start + range.len() * i / of;

@@ -1,5 +1,5 @@
-//! exp, tanh and erf with some thirty digits, to measure the last digits of `f64` with: unevaluated sums of two numbers (Dekker,
-//! Numerische Mathematik 18, 1971), and plain series.
+//! exp, tanh and erf with some thirty digits, to measure the last digits of `f64` with: unevaluated sums of two numbers
+//! (Dekker, Numerische Mathematik 18, 1971), and plain series.
 
 /// A number as the sum of two, the second at most half a unit in the last place of the first.
 #[derive(Clone, Copy, Debug)]
@@ -79,7 +79,8 @@ pub fn tanh(x: f64) -> Twofold {
     e.add(one.neg()).div(e.add(one))
 }
 
-/// erf x by its alternating series up to 4, which loses seven of the digits there; beyond, 1 less the continued fraction of erfc.
+/// erf x by its alternating series up to 4, which loses seven of the digits there; beyond, 1 less the continued
+/// fraction of erfc.
 pub fn erf(x: f64) -> Twofold {
     let a = x.abs();
     let value = if a < 4.0 {
@@ -99,7 +100,7 @@ pub fn erf(x: f64) -> Twofold {
 
 #[test]
 fn agrees_with_published_digits() {
-    // e and erf(1/2) to 32 digits: what the first number leaves out is in the second.
+    // e and erf(1/2) to 32 digits: the second number holds the remainder of the first.
     let e = exp(1.0);
     assert!(e.0 == std::f64::consts::E && (e.1 - 1.445_646_891_729_250_2e-16).abs() < 1e-31, "{e:?}");
     let t = tanh(0.5);

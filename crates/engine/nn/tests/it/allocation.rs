@@ -8,7 +8,7 @@ use weaver_nn::{
 
 #[test]
 fn a_repeated_step_allocates_nothing() {
-    // A thread of the pool: what the kernels hand to the pool then runs on it, too, and is counted.
+    // A thread of the pool: work that the kernels hand to the pool then runs on it, too, and is counted.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread pool");
     let counts = pool.install(|| {
         let mut params = Params::<f32>::new();

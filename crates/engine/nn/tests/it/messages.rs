@@ -1,4 +1,5 @@
-//! What a layer says of an input of the wrong shape: where in the model, which op, what it expected and what it found.
+//! The message of a layer about an input of the wrong shape: the place in the model, the op, the expected and the found
+//! shape.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use weaver_autograd::{Params, Tape, Var};

@@ -24,7 +24,8 @@ fn step(optimizer: &mut RAdam<f64>, params: &mut Params<f64>, ids: [ParamId; 2])
     optimizer.step(params, &mut tape, |id| if id == ids[0] { 0.1 } else { 0.02 });
 }
 
-/// `torch.optim.RAdam` 2.15, f64: after steps 1 and 5, the last that goes along the mean, and 6 and 12, which are rectified.
+/// `torch.optim.RAdam` 2.15, f64: after steps 1 and 5, the last that goes along the mean, and 6 and 12, which are
+/// rectified.
 #[test]
 fn steps_are_those_of_pytorch() {
     let published = [

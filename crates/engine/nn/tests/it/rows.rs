@@ -92,7 +92,7 @@ impl Run {
         file
     }
 
-    /// A run from a file, whatever rows the parameter had when the model was built.
+    /// A run from a file, with any number of rows of the parameter when the model was built.
     fn read(file: &tempfile::NamedTempFile) -> Self {
         let (mut run, tensors) = (Self::new(2), Tensors::read(file.path()).expect("read"));
         let shape = tensors.tensors["param.w"].shape.clone();
@@ -248,7 +248,8 @@ proptest! {
         prop_assert_eq!(moments(&dense), moments(&sparse));
     }
 
-    /// The stated difference from dense AdamW: the moments agree up to rounding, the values of skipped rows do not move.
+    /// The stated difference from dense AdamW: the moments agree up to rounding, the values of skipped rows do not
+    /// move.
     #[test]
     fn skipped_rows_and_gradients_of_zero(skipped in 1..20usize, seed: u64) {
         let (mut dense, mut sparse) = (Run::new(1), Run::new(1));

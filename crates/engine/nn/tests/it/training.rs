@@ -1,4 +1,4 @@
-//! Optimizer, clipping, averages, and what they store.
+//! Optimizer, clipping, averages, and their stored state.
 
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape};

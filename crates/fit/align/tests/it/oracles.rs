@@ -1,4 +1,4 @@
-//! What must hold whatever the scene is.
+//! Properties that hold for any scene.
 
 use crate::cloud::{Cloud, apart, camera, disturbed, photo};
 use rayon::ThreadPoolBuilder;

@@ -1,4 +1,4 @@
-//! What cannot be aligned, and what it says.
+//! Photos that cannot be aligned, and the errors.
 
 use crate::cloud::{Cloud, camera, photo};
 use weaver_align::{AlignError, Aligned, Method, Options, Outcome, Photo, Scene, align, mean_square};

@@ -1,4 +1,4 @@
-//! C3DGS (Niedermayr et al., 2024): codebooks of colors and of shapes, weighted by what pictures are sensitive to.
+//! C3DGS (Niedermayr et al., 2024): codebooks of colors and of shapes, weighted by the sensitivity of pictures.
 
 use crate::codes::Codes;
 use crate::method::Point;
@@ -18,8 +18,8 @@ const LARGEST: f32 = 255.0;
 /// Numbers of a shape: the upper half of a covariance.
 const SHAPE: usize = 6;
 
-/// Colors with all harmonics by a codebook, shapes (covariances over their trace) by another, each weighted by sensitivity; 8 bits of sizes and
-/// opacities; trained with colors as their codes and opacities rounded.
+/// Colors with all harmonics by a codebook, shapes (covariances over their trace) by another, each weighted by
+/// sensitivity; 8 bits of sizes and opacities; trained with colors as their codes and opacities rounded.
 #[derive(Clone, Copy, Debug)]
 pub struct C3dgs {
     /// Codes of each codebook at most, 4096 in the paper.

@@ -1,4 +1,4 @@
-//! Controls: what general packing is worth, and what the choice of Gaussians is worth.
+//! Controls: the gain by general packing, and by the choice of Gaussians.
 
 use super::format::{from_ply, ply};
 use crate::method::Point;

@@ -1,4 +1,5 @@
-//! HAC (Chen et al., 2024), small: anchors of Scaffold-GS (Lu et al., 2023) whose numbers are coded by what a hash grid predicts of them.
+//! HAC (Chen et al., 2024), small: anchors of Scaffold-GS (Lu et al., 2023) whose numbers are coded by the predictions
+//! of a hash grid.
 //!
 //! | | papers | here |
 //! |---|---|---|
@@ -12,8 +13,9 @@
 //! | steps `Q` of features, scalings, offsets | 1, 0.001, 0.2 times `1 + tanh` | 1, 0.05 of logarithms, 0.2 times `1 + tanh` |
 //! | training | 30,000 steps from points, bits of 5 % of the anchors | 6 times `--steps`: the numbers of the scene, then pictures; bits of all anchors |
 //!
-//! Colors are harmonics so that what is decoded is plain Gaussians, as of every other method: the same pictures judge it, and any viewer draws it. The
-//! context is evaluated by arithmetic that has the same bits on every machine, as encoder and decoder must agree about it.
+//! Colors are harmonics so that it decodes to plain Gaussians, as every other method does: the same pictures judge it,
+//! and any viewer draws it. The context is evaluated by arithmetic that has the same bits on every machine, as encoder
+//! and decoder must agree about it.
 
 mod coding;
 mod model;
@@ -26,8 +28,9 @@ use crate::{CompressError, Method, Task, Training};
 use training::HacTraining;
 use weaver_scene::Gaussians;
 
-/// Anchors with features, scalings and offsets, from which networks make the Gaussians; all rounded with steps, and coded by normal distributions,
-/// that a network predicts of a binary hash grid; trained with noise for rounding, and with its bits in the loss.
+/// Anchors with features, scalings and offsets, from which networks make the Gaussians; all rounded with steps, and
+/// coded by normal distributions, that a network predicts of a binary hash grid; trained with noise for rounding, and
+/// with its bits in the loss.
 #[derive(Clone, Copy, Debug)]
 pub struct HacLite {
     /// Weight of the bits of a number in the loss, 0.001 in the paper.

@@ -12,14 +12,14 @@ use weaver_scene::Gaussians;
 const DEPTH: u32 = 16;
 /// Degree that harmonics are distilled to.
 const DEGREE: usize = 2;
-/// Codes of harmonics, and the share of rows that have one: those of the least significant Gaussians.
+/// Codes of harmonics, and the share of rows that have one: the least significant Gaussians.
 const CODES: usize = 8192;
 const CODED: f64 = 0.6;
 /// Largest magnitude of a logit that is written.
 const LOGIT: f32 = 16.0;
 
-/// Gaussians pruned by weight and volume, then trained; harmonics of degree 3 left out and the others trained to make up for it; a codebook for the
-/// harmonics of 60 % of the Gaussians. Everything else but positions is 16-bit floats.
+/// Gaussians pruned by weight and volume, then trained; harmonics of degree 3 left out and the others trained to make
+/// up for it; a codebook for the harmonics of 60 % of the Gaussians. Everything else but positions is 16-bit floats.
 #[derive(Clone, Copy, Debug)]
 pub struct LightGaussian {
     /// Share of the Gaussians that stay, 0.34 in the paper.

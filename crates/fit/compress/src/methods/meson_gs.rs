@@ -26,8 +26,9 @@ const CHANNELS: usize = 10;
 /// Steps of training, of 5000.
 const STEPS: f64 = 3000.0 / 5000.0;
 
-/// Gaussians pruned by weight and volume; positions on a grid of 2^12; opacity, scales, Euler angles and colors transformed by RAHT and rounded to
-/// 8 bits in 66 blocks; further harmonics by a codebook; trained with all of this in place.
+/// Gaussians pruned by weight and volume; positions on a grid of 2^12; opacity, scales, Euler angles and colors
+/// transformed by RAHT and rounded to 8 bits in 66 blocks; further harmonics by a codebook; trained with all of this in
+/// place.
 #[derive(Clone, Copy, Debug)]
 pub struct MesonGs {
     /// Share of the Gaussians that stay, 0.34 in the paper.
@@ -71,7 +72,8 @@ fn codes_of(gaussians: &Gaussians, task: &Task<'_>) -> Result<Option<Codes>, Com
     Ok(Some(Codes::fit(&rest_of(&gaussians.sh, gaussians.coefficients()), width, &weights, CODES)?))
 }
 
-/// Ranges of blocks, least value and step, and symbols: of coefficients from coarse to fine, `[N - 1, 10]`; the mean apart.
+/// Ranges of blocks, least value and step, and symbols: of coefficients from coarse to fine, `[N - 1, 10]`; the mean
+/// apart.
 struct Coefficients {
     mean: Vec<f32>,
     ranges: Vec<f32>,
@@ -142,7 +144,7 @@ fn channels(gaussians: &Gaussians, i: usize) -> [f64; CHANNELS] {
     [f64::from(gaussians.opacity_logits[i].clamp(-LOGIT, LOGIT)), s, t, u, a, b, c, red, green, blue]
 }
 
-/// Sets what [`channels`] reads.
+/// Sets the numbers that [`channels`] reads.
 fn set_channels(gaussians: &mut Gaussians, i: usize, values: &[f64]) {
     gaussians.opacity_logits[i] = values[0] as f32;
     gaussians.log_scales[i] = [1, 2, 3].map(|k| values[k] as f32);

@@ -1,4 +1,4 @@
-//! Pruning by what Gaussians add to pictures.
+//! Pruning by the contributions of Gaussians to pictures.
 
 use crate::views::contributions;
 use crate::{CompressError, Task};
@@ -9,8 +9,8 @@ const LARGE: f64 = 0.1;
 /// Power of volumes.
 const POWER: f32 = 0.1;
 
-/// Significance of LightGaussian, which MesonGS shares: the sum of blending weights over all pixels of all pictures, times the volume over that
-/// of the 90 % quantile, at most 1, to the power of 0.1; `[N]`.
+/// Significance of LightGaussian, which MesonGS shares: the sum of blending weights over all pixels of all pictures,
+/// times the volume over the 90 % quantile of volumes, at most 1, to the power of 0.1; `[N]`.
 pub(super) fn significance(gaussians: &Gaussians, task: &Task<'_>) -> Result<Vec<f32>, CompressError> {
     let volumes: Vec<f32> = gaussians.log_scales.iter().map(|s| s.iter().sum::<f32>().exp()).collect();
     let mut sorted = volumes.clone();

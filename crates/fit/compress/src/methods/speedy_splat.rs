@@ -17,8 +17,9 @@ const INTERVAL: f64 = 3000.0 / 5000.0;
 
 /// Rounds of pruning with training between them, stored as PLY: the method saves Gaussians, not bits of a Gaussian.
 ///
-/// The score of a Gaussian is the sum over all pixels of the squared derivative of the pixel with respect to the Gaussian's value there. In the
-/// paper soft pruning falls into the time when Gaussians still split; a scene that is complete loses more by it.
+/// The score of a Gaussian is the sum over all pixels of the squared derivative of the pixel with respect to the
+/// Gaussian's value there. In the paper soft pruning falls into the time when Gaussians still split; a scene that is
+/// complete loses more by it.
 #[derive(Clone, Copy, Debug)]
 pub struct SpeedySplat {
     /// True with soft pruning at the beginning.

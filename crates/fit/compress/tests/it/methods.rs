@@ -26,7 +26,7 @@ fn bytes_alone_give_back_pictures() {
         let bytes = method.encode(&task).unwrap();
         let decoded = method.decode(&bytes).unwrap();
         assert!(decoded.lengths_agree() && !decoded.is_empty() && decoded.len() <= 400, "{name}");
-        // Random numbers are not what networks make others of.
+        // Networks predict random numbers badly.
         let much = ["half-random", "haclite"].iter().any(|other| name.starts_with(other)) || name.contains("soft");
         let least = if much { 12.0 } else { 17.0 };
         let psnr = judge.psnr(&decoded).unwrap();

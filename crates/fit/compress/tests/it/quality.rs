@@ -33,7 +33,7 @@ fn what_no_picture_shows_takes_the_largest_step() {
         let mut judge = Judge::new(gaussians, &pictures(&cameras)).unwrap();
         compress(gaussians, 40.0, &mut judge, |_| {}).unwrap().quality.rotation_step
     };
-    // The bound of rotations' steps, and what the figures of thin ones come to: about half of it.
+    // Rotations' steps reach their bound for balls, and about half of it for thin Gaussians.
     let [balls, thin] = [step(&balls), step(&thin)];
     assert_eq!(balls, 0.2);
     assert!(thin < 0.6 * balls && balls > 10.0 * Quality::default().rotation_step, "{thin}");

@@ -14,7 +14,7 @@ proptest! {
             prop_assert!(schedule.next_step().is_none_or(|next| next >= step));
             found.extend(schedule.take_due(step).into_iter().map(|task| (step, numbered[task].1, task)));
         }
-        // Going on at a step is what is left of the whole run from there.
+        // Going on at a step gives the rest of the whole run from there.
         let mut expected: Vec<_> = numbered.into_iter().filter(|(step, ..)| *step >= start).collect();
         expected.sort_unstable();
         prop_assert_eq!(found, expected);

@@ -39,7 +39,7 @@ fn balls_are_as_far_apart_as_their_radii_differ() {
     assert!(hardly < 0.1 * found, "{hardly} beside {found}");
 }
 
-/// A surface of which nothing is there is as far off as can be, a twentieth of the cameras' distance.
+/// A surface without any points is as far off as can be, a twentieth of the cameras' distance.
 ///
 /// Promise of `nothing_is_no_good_mesh`.
 #[test]

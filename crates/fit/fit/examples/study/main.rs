@@ -1,14 +1,18 @@
-//! Compares settings over captures, budgets and seeds, and prints a table of the PSNR of held-out photos, in the mean also with their colors aligned:
-//! `study STEPS BUDGETS SEEDS CAPTURES NAME=SETTINGS...`, lists divided by commas, settings as JSON.
+//! Compares settings over captures, budgets and seeds, and prints a table of the PSNR of held-out photos, in the mean
+//! also with their colors aligned: `study STEPS BUDGETS SEEDS CAPTURES NAME=SETTINGS...`, lists divided by commas,
+//! settings as JSON.
 //!
 //! `study 3000 5000,15000 0,1,2 DATA/fox,DATA/bonsai 'split={}' 'even={"even":true}'`
 //!
-//! Beside the keys of [`FitSettings`], settings may hold `views` (so many of the training photos, evenly spread), `by_photos` (background
-//! and dropout, unless it is given, follow from the photos, as in the command), `by_colors` (so does whether exposures are corrected), `planted` (a thing of its own before every so many photos), `kinds` (things of several kinds), `from` (the folder of
-//! the capture that things are cut from, where that is not its own), `known` (things are masked, as somebody who knows them would), `found` (1: what is found of the things is printed, 2: of each), `dense` (Gaussians begin on surfaces that
-//! photos agree about), `side` (the longest side of the photos that are fitted to, where that is not the size they are judged at), `looks` (so many times in a run the
-//! held-out photos are met, which is printed), and `even` (no density control, but
-//! all of the budget from the beginning: points that are too few are split evenly). A capture may end with `@SIDE`, the longest side of its photos.
+//! Beside the keys of [`FitSettings`], settings may hold `views` (so many of the training photos, evenly spread),
+//! `by_photos` (background and dropout, unless it is given, follow from the photos, as in the command), `by_colors` (so
+//! does the correction of exposures), `planted` (a thing of its own before every so many photos), `kinds` (things of
+//! several kinds), `from` (the folder of the capture that things are cut from, where it is another one), `known`
+//! (things are masked, as somebody who knows them would), `found` (1: statistics of the found things are printed, 2: of
+//! each), `dense` (Gaussians begin on surfaces that photos agree about), `side` (the longest side of the photos that
+//! are fitted to, where it differs from the size they are judged at), `looks` (so many times in a run the held-out
+//! photos are met, which is printed), and `even` (no density control, but all of the budget from the beginning: points
+//! that are too few are split evenly). A capture may end with `@SIDE`, the longest side of its photos.
 
 mod things;
 
@@ -124,7 +128,8 @@ fn variant(argument: &str) -> Result<Variant, Failure> {
     })
 }
 
-/// Fits a capture, and returns the quality of the held-out photos of another, the same at its own size, and the pairs, in millions, of the last step.
+/// Fits a capture, and returns the quality of the held-out photos of another, the same at its own size, and the pairs,
+/// in millions, of the last step.
 fn fit([capture, judged]: [&PosedPhotos; 2], variant: &Variant, base: Value) -> Result<(Quality, f64), Failure> {
     let mut settings = serde_json::to_value(FitSettings::default())?;
     merge(&mut settings, base);
@@ -213,7 +218,7 @@ fn met(fit: &mut Fit, photos: &[&PosedPhoto]) -> Result<Quality, Failure> {
     Ok(Quality::mean(&quality).ok_or("no held-out photos")?)
 }
 
-/// Gaussians on surfaces that photos agree about and on the points that these do not show, and what that took.
+/// Gaussians on surfaces that photos agree about and on the points that these do not show, and the time for it.
 fn dense(
     training: &[Photo],
     capture: &PosedPhotos,

@@ -26,7 +26,8 @@ pub struct Things {
 }
 
 impl Things {
-    /// Puts a thing of its own before every so many photos, of one kind after another or ellipses alone. It shows a part of one of the `shown` photos, upside down.
+    /// Puts a thing of its own before every so many photos, of one kind after another or ellipses alone. It shows a
+    /// part of one of the `shown` photos, upside down.
     pub fn plant(photos: &mut [Photo], every: usize, shown: &[Photo], all_kinds: bool) -> Self {
         let count = photos.len();
         let mut of = vec![None; count];
@@ -63,8 +64,8 @@ impl Things {
         }
     }
 
-    /// The part of the things that is left out, the part of what is left out that is things, and the part of photos without one that is left out; with
-    /// `each`, also the first two of every thing.
+    /// The part of the things that is left out, the part of the left-out pixels that are things, and the part of photos
+    /// without one that is left out; with `each`, also the first two of every thing.
     pub fn found(&self, fit: &Fit, each: bool) -> String {
         let [mut hits, mut things, mut hidden_there, mut wrong, mut elsewhere] = [0; 5];
         let mut rows = String::new();

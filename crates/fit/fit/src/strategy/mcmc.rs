@@ -7,8 +7,8 @@ use weaver_kernels::parallel;
 use weaver_scene::forms;
 use weaver_splat::GaussianStatistics;
 
-/// Dead Gaussians move onto live ones, drawn by opacity; the number grows to the budget in the same way; noise moves means
-/// of transparent Gaussians, and small weights pull opacities and scales down.
+/// Dead Gaussians move onto live ones, drawn by opacity; the number grows to the budget in the same way; noise moves
+/// means of transparent Gaussians, and small weights pull opacities and scales down.
 ///
 /// Source: Kheradmand et al., 3D Gaussian Splatting as Markov Chain Monte Carlo, 2024, equations 8 to 10.
 #[derive(Clone, Debug)]

@@ -6,7 +6,7 @@ use weaver_fit::{Fit, FitSettings, Photo, init};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, Pose};
 
-/// Counts what each thread asks for.
+/// Counts the allocations of each thread.
 struct Counting;
 
 thread_local!(static COUNT: Cell<usize> = const { Cell::new(0) });

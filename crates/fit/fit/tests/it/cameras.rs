@@ -49,7 +49,8 @@ fn world() -> (Vec<Photo>, PointCloud) {
     (photos, points)
 }
 
-/// The pose turned by some degrees about a random axis, and moved by as many percent of this distance in a random direction.
+/// The pose turned by some degrees about a random axis, and moved by as many percent of this distance in a random
+/// direction.
 fn disturbed(pose: &Pose, degrees: f64, distance: f64, stream: Stream) -> Pose {
     let direction = |s: Stream| DVec3::new(s.normal(0), s.normal(1), s.normal(2)).normalize();
     let rotation = so3::exp(direction(stream.fork(0)) * degrees.to_radians()) * pose.rotation;
@@ -74,8 +75,8 @@ fn fitted(photos: &[Photo], points: &PointCloud, settings: FitSettings, steps: u
     fit
 }
 
-/// Median over pairs of cameras of the angle that the turn from one to the other is wrong by, degrees. (Centers along an arc
-/// of a few cameras leave the rotation of a similarity too free to compare poses after it.)
+/// Median over pairs of cameras of the angle that the turn from one to the other is wrong by, degrees. (Centers along
+/// an arc of a few cameras leave the rotation of a similarity too free to compare poses after it.)
 fn median_error(found: &[Pose], photos: &[Photo]) -> f64 {
     let truth: Vec<Pose> = photos.iter().map(|photo| photo.camera.pose).collect();
     let angle = |i: usize, j: usize| found[i].relative_to(&found[j]).angle_to(&truth[i].relative_to(&truth[j]));

@@ -1,4 +1,4 @@
-//! What is masked has no influence.
+//! Masked pixels have no influence.
 
 use crate::scenes::{cloud, finish, photos, plain};
 use weaver_fit::{Fit, FitSettings, Photo, StrategyKind, init};

@@ -1,4 +1,4 @@
-//! What a fit finds again.
+//! Parameters that a fit recovers.
 
 use crate::scenes::{SIZE, camera, cloud, finish, photos, plain};
 use weaver_fit::{Exposure, Fit, FitSettings, Judge, Objective, Photo, StrategyKind, init};
@@ -21,7 +21,7 @@ fn a_picture() {
     assert!(psnr(&after) > 25.0, "{} to {}", psnr(&before), psnr(&after));
 }
 
-/// Photo 1 is darker by a factor and lighter by a constant: corrections say so, up to what is common to all photos.
+/// Photo 1 is darker by a factor and lighter by a constant: corrections say so, up to a change common to all photos.
 #[test]
 fn exposures() {
     let scene = cloud(60, 1);
@@ -36,7 +36,7 @@ fn exposures() {
         fit.exposure(photo).expect("an exposure").apply(&[x; 3], &mut corrected);
         corrected.iter().sum::<f32>() / 3.0
     };
-    // Corrections of the others undone: `apply(0, x)` is what was 0.3, 0.6, 0.9.
+    // Corrections of the others undone: `apply(0, x)` has been 0.3, 0.6, 0.9.
     for gray in [0.3_f32, 0.6, 0.9] {
         let (from, to) = (apply(0, 0.0), apply(0, 1.0));
         let x = (gray - from) / (to - from);
@@ -45,7 +45,7 @@ fn exposures() {
     }
 }
 
-/// Photos along a path, of which the later ones are the darker: a camera is in the light of the photos beside it.
+/// Photos along a path, the later ones darker: a camera is in the light of the photos beside it.
 #[test]
 fn exposures_of_neighbors() {
     let scene = cloud(60, 1);

@@ -1,4 +1,4 @@
-//! What cannot be fitted is refused, not panicked at.
+//! Inputs that cannot be fitted are refused, not panicked at.
 
 use crate::scenes::{cloud, photos, plain};
 use weaver_fit::{Fit, FitError, FitSettings, Photo, StrategyKind, init};

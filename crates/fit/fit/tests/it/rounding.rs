@@ -113,7 +113,7 @@ fn removal_costs_are_changes_of_pictures() {
         let others: Vec<usize> = (0..12).filter(|j| *j != i).collect();
         let without = drawn(&scene.select(&others));
         let expected: f64 = all.iter().zip(&without).map(|(a, b)| f64::from(a - b).powi(2)).sum();
-        // What is far below a pixel's last bit is not drawn.
+        // A Gaussian far below a pixel's last bit is not drawn.
         assert!((cost - expected).abs() < 0.02 * expected + 1e-4, "{i}: {cost} of {expected}");
     }
 }

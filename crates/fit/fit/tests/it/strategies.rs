@@ -1,4 +1,4 @@
-//! What strategies do to a population.
+//! The effect of strategies on a population.
 
 use crate::scenes::{camera, cloud, finish, photos, plain, render};
 use proptest::prelude::*;
@@ -118,7 +118,7 @@ fn a_split_leaves_the_picture_nearly_as_it_was() {
     }
 }
 
-/// The integral over a line of what `copies` stacked Gaussians cover, by the trapezoidal rule.
+/// The integral over a line of the coverage of `copies` stacked Gaussians, by the trapezoidal rule.
 fn integral(opacity: f64, scale: f64, copies: i32) -> f64 {
     let (reach, parts) = (12.0, 20_000);
     let at = |i: i32| -reach + 2.0 * reach * f64::from(i) / f64::from(parts);

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use weaver_fit::{Fit, FitSettings, Moment, Population, Strategy, StrategyKind, Thinning};
 use weaver_splat::{CpuRasterizer, GaussianStatistics};
 
-/// Steps of the runs, all of which are numbered.
+/// Steps of the runs, numbered throughout.
 const STEPS: usize = 60;
 
 /// A strategy that counts its rounds, ten of any run.
@@ -57,7 +57,8 @@ fn thinned_runs_have_all_their_rounds() {
     }
 }
 
-/// promise: settings that name the steps that are left out lead to the same bits, after an interruption at any step as well.
+/// promise: settings that name the steps that are left out lead to the same bits, after an interruption at any step as
+/// well.
 ///
 /// Promise of `thinned_runs_have_all_their_rounds`.
 #[test]

@@ -29,7 +29,7 @@ impl Strategy for Slow {
     }
 }
 
-/// promise: what a run does as often however long it is counts once, and no part of it as the steps'.
+/// promise: periodic work counts once for a run of any length, and no part of it as the steps'.
 ///
 /// Promise (scenes): the time of density control and searches is counted apart from the time of steps, and a long run
 /// has more of it.
@@ -42,7 +42,7 @@ fn rounds_are_no_part_of_steps() {
         let start = Instant::now();
         let found = Rehearsal::of(&mut fit, seconds).expect("a rehearsal");
         let rounds = 5.0 * ROUND as f64 / 1000.0;
-        // A sleep takes no less than is asked for.
+        // A sleep takes no less than its length.
         assert!(found.rounds >= rounds, "{found:?}");
         // The shortest run alone has 30 steps; rounds that counted twice would make them longer than all of it.
         let all = start.elapsed().as_secs_f64();

@@ -1,4 +1,4 @@
-//! What one photo alone shows is left out, and nothing else is.
+//! A thing in one photo alone is left out, and nothing else is.
 
 use crate::scenes::finish;
 use weaver_data::procedural::{ProceduralOptions, scene};
@@ -53,7 +53,7 @@ fn finished(planted: bool, transients: bool) -> Fit {
     fit
 }
 
-/// Mean squared difference of what the scene shows and the photo without the thing, where the thing is.
+/// Mean squared difference between the scene and the photo without the thing, where the thing is.
 fn error_behind(fit: &mut Fit) -> f64 {
     let camera = fit.camera(PLANTED);
     let image = fit.render(&camera).expect("an image");
@@ -64,8 +64,8 @@ fn error_behind(fit: &mut Fit) -> f64 {
     inside.iter().map(|d| d * d).sum::<f64>() / inside.len() as f64
 }
 
-/// promise: a thing before one photo is left out of it, what is behind it comes from the other photos, and those lose nothing. A fit that was
-/// interrupted after the thing was found goes on to the same bits.
+/// promise: a thing before one photo is left out of it, its background comes from the other photos, and those lose
+/// nothing. A fit that was interrupted after the thing was found goes on to the same bits.
 ///
 /// Promise (kept): an object before one photo is left out of it, and nothing of a clean capture; a stopped fit goes
 /// on with the objects it had found.
@@ -111,7 +111,7 @@ fn nothing_is_left_out_of_a_clean_capture() {
     assert!(fit.counted(0).is_none() || !parts.is_empty());
 }
 
-/// promise: a run that is timed leaves nothing behind, also of what it found.
+/// promise: a run that is timed leaves no trace, and no transients.
 #[test]
 fn timing_leaves_nothing_behind() {
     let (mut timed, fresh) = (fit(true, true), fit(true, true));
@@ -120,7 +120,7 @@ fn timing_leaves_nothing_behind() {
     assert!(timed.population() == fresh.population());
 }
 
-/// promise: the mean color is that of the pixels that count, white where none does.
+/// promise: the mean color is taken over the pixels that count, white where none does.
 #[test]
 fn mean_colors() {
     let (mut photos, _) = world(false);

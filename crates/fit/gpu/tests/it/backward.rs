@@ -1,4 +1,4 @@
-//! Gradients on the device against those of the CPU.
+//! Gradients on the device against the CPU's.
 
 use crate::device::{decided, gradients, masked, narrow, rasterizer, render, rounded};
 use crate::scene::{NAMES, Scene, relative};
@@ -15,7 +15,7 @@ fn check(rasterizer: &GpuRasterizer, scene: &Scene<f64>, seed: u64) -> Result<()
     let mut workspace = GpuWorkspace::default();
     render(rasterizer, &mut workspace, &single);
     let own = gradients(rasterizer, &mut workspace, &single, &cotangents.to_f32());
-    // The CPU at the same precision knows what rounding alone does.
+    // The CPU at the same precision shows the effect of rounding alone.
     let on_cpu = single.gradients(&cotangents.to_f32());
     let expected = exact.gradients(&cotangents);
     for (i, name) in NAMES.iter().enumerate().filter(|(_, name)| **name != "features") {
@@ -61,7 +61,7 @@ fn gradients_of_bands_add_up() {
     check(&narrow, &scene, 8).unwrap();
 }
 
-/// Gradients are added where that is asked for, and cotangents may be left out.
+/// Gradients are added on request, and cotangents may be left out.
 #[test]
 fn targets_are_added_to() {
     let Some(rasterizer) = rasterizer() else { return };

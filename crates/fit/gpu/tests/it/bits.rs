@@ -22,7 +22,7 @@ fn every_run_has_the_same_bits() {
     for _ in 0..20 {
         assert!(run(&mut workspace) == first, "another run, other bits");
     }
-    // What an earlier drawing left is not looked at.
+    // Remains of an earlier drawing are not read.
     render(&rasterizer, &mut workspace, &larger);
     gradients(&rasterizer, &mut workspace, &larger, &larger_cotangents);
     assert!(run(&mut workspace) == first, "other bits after a larger drawing");

@@ -1,4 +1,4 @@
-//! The device that all tests share, and what they do with it.
+//! The device that all tests share, and its use.
 
 use crate::scene::{Planes, Scene, flatten};
 use std::sync::OnceLock;
@@ -87,8 +87,9 @@ pub fn gradients(
     out
 }
 
-/// The pixels at which rounding decides nothing: as many Gaussians add to them with all alphas a ten-thousandth larger as with
-/// all as much smaller. The same with every alpha means that none is that close to 1/255, and no transmittance to 1e-4.
+/// The pixels at which rounding decides nothing: as many Gaussians add to them with all alphas a ten-thousandth larger
+/// as with all as much smaller. The same with every alpha means that none is that close to 1/255, and no transmittance
+/// to 1e-4.
 pub fn decided(scene: &Scene<f64>) -> Vec<bool> {
     let counts = |factor: f64| {
         let mut scene = scene.clone();

@@ -93,7 +93,7 @@ fn a_recorded_drawing_has_the_bits_of_any_other() {
     }
 }
 
-/// Too little room leaves out what is farthest, says so, and spoils nothing.
+/// Too little room leaves out the farthest entries, says so, and spoils nothing.
 ///
 /// Promise of `a_recorded_drawing_has_the_bits_of_any_other`.
 #[test]

@@ -1,4 +1,4 @@
-//! Images on the device against those of the CPU.
+//! Images on the device against the CPU's.
 
 use crate::device::{NARROW, decided, masked, narrow, rasterizer, render, rounded};
 use crate::scene::{Planes, Scene};

@@ -1,11 +1,11 @@
-//! Numbers and arguments that nobody should pass, and somebody will.
+//! Numbers and arguments that no caller should pass, and some will.
 
 use crate::device::{gradients, rasterizer, render, with_limits};
 use crate::scene::{Planes, Scene};
 use weaver_gpu::{Choice, Context, GpuError, GpuRasterizer, GpuWorkspace, adapters, wgpu};
 use weaver_splat::{Cotangents, Gradients, Images, Workspace};
 
-/// Whatever is not finite is left out and counted, as on the CPU, and spoils nothing else.
+/// A number that is not finite is left out and counted, as on the CPU, and spoils nothing else.
 #[test]
 fn what_is_not_finite_is_left_out() {
     let Some(rasterizer) = rasterizer() else { return };
@@ -24,7 +24,7 @@ fn what_is_not_finite_is_left_out() {
             numbers.iter_mut().step_by(len / 7).for_each(|x| *x = bad);
             let (own, stats) = render(&rasterizer, &mut workspace, &scene);
             let (expected, on_cpu) = scene.render_in(&mut Workspace::new());
-            // The largest number is finite; what it leads to may be so in one place and not in another.
+            // The largest number is finite; its results may be so in one place and not in another.
             if bad != f32::MAX {
                 assert_eq!(stats.rejected, on_cpu.rejected, "{bad} in part {part}");
                 let error = own.flat().iter().zip(expected.flat()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -123,8 +123,8 @@ fn a_missing_adapter_is_named() {
     }
 }
 
-/// A machine without a driver gets an empty list, and an error that says what may be missing. The process is another one, for
-/// drivers are looked for once.
+/// A machine without a driver gets an empty list, and an error that names possible reasons. The process is another one,
+/// for drivers are looked for once.
 #[test]
 fn a_machine_without_a_driver_has_no_adapters() {
     const CHILD: &str = "WEAVER_GPU_WITHOUT_DRIVER";
@@ -145,7 +145,7 @@ fn a_machine_without_a_driver_has_no_adapters() {
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stdout));
 }
 
-/// A device that somebody else has opened.
+/// A device that another program has opened.
 #[test]
 fn a_device_of_ones_own_draws_the_same() {
     let Some(rasterizer) = rasterizer() else { return };
@@ -187,7 +187,7 @@ fn memory_that_no_buffer_may_have_is_an_error() {
     let limits =
         wgpu::Limits { max_buffer_size: 256 << 10, max_storage_buffer_binding_size: 256 << 10, ..Default::default() };
     let Some(small) = with_limits(limits) else { return println!("skipped: no adapter") };
-    // The image itself is what does not fit.
+    // The image itself is too large.
     let scene = Scene::random(28, 5, 1, (200, 150), None).with_channels(0).to_f32();
     let (mut image, mut alpha) = (vec![0.0; 3 * scene.pixels()], vec![0.0; scene.pixels()]);
     let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };

@@ -1,10 +1,11 @@
-//! Shaders that are wrong in one line: what is compared elsewhere notices.
+//! Shaders that are wrong in one line: the comparisons of other tests notice.
 
 use crate::device::{gradients, render};
 use crate::scene::{Scene, relative};
 use weaver_gpu::{Choice, Context, GpuError, GpuRasterizer, GpuWorkspace, Shader, adapters, sort_pairs, wgpu};
 
-/// The rasterizer with `from` in place of `to` in the shader with this entry, or the error of opening it; `None` without an adapter.
+/// The rasterizer with `from` in place of `to` in the shader with this entry, or the error of opening it; `None`
+/// without an adapter.
 fn mutated(entry: &str, from: &str, to: &str) -> Option<Result<GpuRasterizer, GpuError>> {
     if adapters().is_empty() {
         println!("skipped: no adapter");
@@ -23,7 +24,7 @@ fn mutated(entry: &str, from: &str, to: &str) -> Option<Result<GpuRasterizer, Gp
     Some(context.map(GpuRasterizer::new))
 }
 
-/// True if images or gradients are further from those of the CPU than rounding explains.
+/// True if images or gradients are further from the CPU's than rounding explains.
 fn is_noticed(rasterizer: &GpuRasterizer) -> bool {
     let exact = Scene::random(31, 400, 1, (70, 50), Some(1)).with_channels(0);
     let (single, cotangents) = (exact.to_f32(), exact.cotangents(31));

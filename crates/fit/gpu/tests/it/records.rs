@@ -1,4 +1,4 @@
-//! What lies between Gaussians and images: splats, their order, and the lists of the tiles, against formulas in `f64`.
+//! The steps between Gaussians and images: splats, their order, and the lists of the tiles, against formulas in `f64`.
 
 use crate::device::{rasterizer, render, rounded};
 use crate::scene::Scene;

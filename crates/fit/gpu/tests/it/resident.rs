@@ -77,7 +77,7 @@ impl Example {
         }
     }
 
-    /// The loss and gradients with respect to what is stored, on the CPU; statistics.
+    /// The loss and gradients with respect to the stored form, on the CPU; statistics.
     fn on_cpu<T: Real>(&self, scene: &Scene<T>) -> (f64, f64, [Vec<T>; 5], Vec<T>) {
         let mut workspace = Workspace::new();
         let (mut drawn, _) = scene.render_in(&mut workspace);
@@ -104,7 +104,7 @@ impl Example {
     }
 }
 
-/// The fit on the device, with what is stored loaded.
+/// The fit on the device, with the stored form loaded.
 fn loaded(stored: &Stored<f32>, degree: usize) -> Option<Box<dyn DeviceFit>> {
     let mut fit = rasterizer()?.device_fit().expect("a device has one");
     let [means, quats, log_scales, logits, sh] = stored.0.each_ref().map(|field| field.each_ref().map(|x| &x[..]));
@@ -132,8 +132,8 @@ fn close(name: &str, ours: f64, theirs: f64) -> Result<(), TestCaseError> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 32, failure_persistence: None, ..Default::default() })]
 
-    /// Loss, gradients (which Adam's first moments are a tenth of) and statistics are those of the CPU; what Adam does with them is
-    /// what it should; and the next step draws what the first one stored.
+    /// Loss, gradients (ten times Adam's first moments) and statistics equal the CPU's; Adam's step is right; and the
+    /// next step draws the stored result of the first one.
     #[test]
     fn a_step_is_that_of_the_cpu(
         seed: u64,
@@ -147,7 +147,7 @@ proptest! {
         let mut example = Example { weight, ..Example::new(seed, n, size, degree, masked) };
         example.scene.settings = RasterSettings { antialiased, ..RasterSettings::default() };
         let stored = Stored::of(&example.scene.to_f32());
-        // From what `f32` stores, so that both begin with the same numbers.
+        // From the numbers that `f32` stores, so that both begin with the same ones.
         let exact_stored = Stored(stored.0.clone().map(|field| field.map(|x| x.iter().map(|x| f64::from(*x)).collect())));
         exact_stored.activate(&mut example.scene);
         // Where rounding decides, the photo does not count.
@@ -188,7 +188,7 @@ proptest! {
         let error = relative(&statistics, &expected_statistics, 1e-6);
         prop_assert!(error <= 1e-4, "statistics: {error:e}");
 
-        // What was activated is what was stored.
+        // The next drawing starts from the stored numbers.
         let next = fit.step(&example.step(&single, 2)).unwrap();
         let moved = Stored(after.0.map(|field| field.map(|x| x.iter().map(|x| f64::from(*x)).collect())));
         moved.activate(&mut example.scene);
@@ -199,7 +199,7 @@ proptest! {
     }
 }
 
-/// Fits an example for some steps on the device: losses of all steps, and what is stored at the end.
+/// Fits an example for some steps on the device: losses of all steps, and the stored form at the end.
 fn fitted(example: &Example, steps: u64, degree: usize) -> Option<(Vec<PhotoLoss>, Stored<f32>)> {
     let stored = Stored::of(&example.scene.to_f32());
     let mut fit = loaded(&stored, degree)?;

@@ -1,5 +1,5 @@
-//! The shaders without a device: they are WGSL, need no more than WebGPU promises, and have no barrier that some threads of a work
-//! group may miss.
+//! The shaders without a device: they are WGSL, need no more than WebGPU promises, and have no barrier that some
+//! threads of a work group may miss.
 
 use crate::uniformity;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -55,7 +55,7 @@ fn barriers_are_reached_by_all_threads() {
     }
 }
 
-/// The walk finds what browsers refuse: barriers under conditions on the thread, and behind a return of some.
+/// The walk finds errors that browsers refuse: barriers under conditions on the thread, and behind a return of some.
 #[test]
 fn barriers_that_some_threads_miss_are_found() {
     let shader = |body: &str| {

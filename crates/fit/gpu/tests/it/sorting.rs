@@ -1,4 +1,4 @@
-//! The sort on the device: ascending and stable, whatever the number and the kind of keys.
+//! The sort on the device: ascending and stable, for any number and kind of keys.
 
 use crate::device::rasterizer;
 use weaver_gpu::{GpuRasterizer, sort_pairs};

@@ -1,8 +1,9 @@
-//! Which barriers of a shader all threads of a work group are sure to reach: a walk of the module, as strict as browsers are and
-//! naga is not.
+//! Barriers of a shader that all threads of a work group are sure to reach: a walk of the module, as strict as browsers
+//! are and naga is not.
 //!
-//! A value is uniform if it is made of constants, the work group's number, uniform buffers, read-only storage at uniform
-//! places, and `workgroupUniformLoad`. A local variable is, if all that is ever stored in it is, by all threads alike.
+//! A value is uniform if it is made of constants, the work group's number, uniform buffers, read-only storage at
+//! uniform places, and `workgroupUniformLoad`. A local variable is, if all that is ever stored in it is, by all threads
+//! alike.
 
 use naga::{
     AddressSpace, Binding, Block, BuiltIn, Expression, Function, Handle, LocalVariable, Module, Statement,
@@ -92,7 +93,7 @@ impl<'a> Walk<'a> {
                 }
             }
             Statement::Call { arguments, .. } => {
-                // What a function writes through a pointer is its own affair.
+                // A write through a pointer counts as not uniform.
                 let written = arguments.iter().filter_map(|argument| self.local(*argument));
                 self.apart.extend(written.collect::<Vec<_>>());
             }
@@ -199,7 +200,7 @@ impl<'a> Walk<'a> {
             Expression::Math { arg, arg1, arg2, arg3, .. } => {
                 [Some(*arg), *arg1, *arg2, *arg3].into_iter().flatten().all(|part| self.uniform(part))
             }
-            // group_index and the like: as uniform as what they are given.
+            // group_index and the like: as uniform as their arguments.
             Expression::CallResult(_) => self.called(expression),
             _ => false,
         }

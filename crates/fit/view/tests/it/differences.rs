@@ -1,4 +1,4 @@
-//! Pictures of the page beside those of the rasterizer.
+//! Pictures of the page beside the rasterizer's.
 
 use crate::browser::Browser;
 use crate::pages::Written;
@@ -67,7 +67,7 @@ fn look(antialiased: bool, alpha_max: f64, background: [f32; 3]) -> Look {
     }
 }
 
-/// Pictures of generated scenes are those of the rasterizer.
+/// Pictures of generated scenes equal the rasterizer's.
 ///
 /// Promise (scenes): pictures of the page equal the rasterizer's within 6 of 255 and 52 dB, of every degree,
 /// antialiased, at both limits of alpha and from within.
@@ -92,7 +92,7 @@ fn pictures_of_generated_scenes_agree() {
     compare("2,000 from within", &scene, camera([0.3, 0.1, -0.2], 320, 240), look(false, 0.99, [1.0; 3]), &browser);
 }
 
-/// Pictures of real scenes are those of the rasterizer.
+/// Pictures of real scenes equal the rasterizer's.
 ///
 /// Promise of `pictures_of_generated_scenes_agree`.
 #[test]

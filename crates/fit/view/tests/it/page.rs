@@ -107,7 +107,7 @@ fn cameras_show_their_photos_beside_the_render() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
-/// The bar is as long as its text says, at the distance of the center, whatever that is.
+/// The bar is as long as its text says, at any distance of the center.
 ///
 /// Promise (scenes): the scale bar is as long as its label, and there is none where the unit is unknown.
 #[test]
@@ -139,7 +139,7 @@ fn a_bar_shows_the_scale_where_it_is_known() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
-/// The slider of a file goes to the nearest moment that it holds, and needs nobody for that.
+/// The slider of a file goes to the nearest moment that it holds, and needs no server for that.
 #[test]
 fn a_film_in_one_file_is_shown_at_its_moments() {
     let Some(browser) = Browser::start("a_film_in_one_file") else { return };

@@ -20,7 +20,7 @@ fn parametrizations() -> impl Strategy<Value = Parametrization> {
     prop_oneof![Just(published), Just(Parametrization::footprint()), Just(Parametrization::patch())]
 }
 
-/// The inputs of what Gaussians' raw numbers are relative to.
+/// The inputs that Gaussians' raw numbers are relative to.
 fn origin_inputs(parametrization: Parametrization, n: usize, seed: u64) -> Vec<Input> {
     let color = Input::uniform(seed + 3, 0.0, 1.0, [n, 3]).constant();
     match parametrization {

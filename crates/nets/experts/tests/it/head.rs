@@ -1,4 +1,4 @@
-//! The head put together: mechanisms that must hold whatever the numbers.
+//! The head put together: mechanisms that must hold for any numbers.
 
 use weaver_autograd::{Params, Pool, Tape, Var};
 use weaver_experts::{

@@ -8,15 +8,16 @@ use weaver_model::ModelConfig;
 
 /// Bytes that running a checkpoint on `views` photos of `size` (H, W) takes, weights included.
 ///
-/// The largest of what is alive at once: the weights with the tokens and the widest layer of a transformer block, or with
-/// the dense heads' maps of one view beside what all views leave behind; or, when the backbone's weights have left memory,
+/// The largest memory in use at once: the weights with the tokens and the widest layer of a transformer block, or with
+/// the dense heads' maps of one view beside the results of all views; or, when the backbone's weights have left memory,
 /// the attention of the Gaussians over their neighbors.
 pub fn bytes(opened: &Opened, views: usize, size: [usize; 2]) -> u64 {
     let [dense, neighbors] = activations(&opened.config, opened.has_gaussians, views as u64, size);
     (opened.bytes() + dense).max(opened.bytes_after_backbone() + neighbors)
 }
 
-/// Bytes of activations (without weights) while the network processes photos, and while Gaussians attend to their neighbors.
+/// Bytes of activations (without weights) while the network processes photos, and while Gaussians attend to their
+/// neighbors.
 pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, width]: [usize; 2]) -> [u64; 2] {
     const NUMBER: u64 = 4;
     let [height, width, patch, dim] = [height, width, config.patch, config.backbone.dim].map(|n| n as u64);
@@ -38,11 +39,12 @@ pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, w
     if !gaussians || !config.gaussians.neighbor_attention {
         return [dense, 0];
     }
-    // The number of Gaussians is not known in advance; published scenes have fewer than 0.6 per pixel. Each has its pixel's
-    // features, its raw parameters in several layouts, and its projections for the attention. Pairs of neighbors exist for
-    // one chunk of the Gaussians at a time, in some six tensors. The pool's buffers are an eighth larger than
-    // asked for, on average. Against what was measured at the published size, the larger of both parts with its weights is 17,
-    // 20 and 20 % too much for 2, 4 and 8 photos; for a small network, where this part decides, 20 and 1 % for 8 and 16.
+    // The number of Gaussians is not known in advance; published scenes have fewer than 0.6 per pixel. Each has its
+    // pixel's features, its raw parameters in several layouts, and its projections for the attention. Pairs of
+    // neighbors exist for one chunk of the Gaussians at a time, in some six tensors. The pool's buffers are an eighth
+    // larger than requested, on average. Compared with measurements at the published size, the larger of both parts
+    // with its weights is 17, 20 and 20 % too much for 2, 4 and 8 photos; for a small network, where this part decides,
+    // 20 and 1 % for 8 and 16.
     let drawn = views * pixels * 6 / 10;
     let slot = slot_width(config.gaussians.sh_degree) as u64;
     let [neighbors, width] = [config.gaussians.neighbors, config.gaussians.predictor].map(|n| n as u64);
@@ -51,7 +53,7 @@ pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, w
     [dense, NUMBER * (kept + drawn * each + 6 * pairs) * 9 / 8]
 }
 
-/// Checks that the free memory suffices, where it is known.
+/// Checks that the free memory suffices, if it is known.
 ///
 /// # Errors
 /// [`Error::Memory`] with the figures.
@@ -75,8 +77,8 @@ mod tests {
         assert!(check(5, Some(6), true).is_ok() && check(5, None, true).is_ok());
     }
 
-    /// Pairs of neighbors exist for one chunk of the Gaussians at a time: memory grows with the number of Gaussians, not of
-    /// pairs.
+    /// Pairs of neighbors exist for one chunk of the Gaussians at a time: memory grows with the number of Gaussians,
+    /// not of pairs.
     #[test]
     fn pairs_of_neighbors_are_not_all_there_at_once() {
         let mut config = ModelConfig::splatweaver_1b();

@@ -55,8 +55,8 @@ fn wrong(path: &Path, message: impl Into<String>) -> Error {
 }
 
 impl Opened {
-    /// Opens a safetensors file, an index of several, or a folder, and recognizes the network by its tensors' names. Without
-    /// `gaussians` the Gaussian head is ignored.
+    /// Opens a safetensors file, an index of several, or a folder, and recognizes the network by its tensors' names.
+    /// Without `gaussians` the Gaussian head is ignored.
     ///
     /// # Errors
     /// When it cannot be read or is a checkpoint of another model.
@@ -117,8 +117,8 @@ impl Opened {
             || (!self.has_gaussians && name.starts_with("gaussian_param_head."))
     }
 
-    /// Builds the network and points its parameters to the weights. Matrices in half precision stay as they are; of what
-    /// else is in half precision (a thousandth), f32 copies are made. With `bf16_products`, products with matrices in bf16
+    /// Builds the network and points its parameters to the weights. Matrices in half precision stay as they are; other
+    /// tensors in half precision (a thousandth) are copied to f32. With `bf16_products`, products with matrices in bf16
     /// round the other factor, too ([`HalfValues::Bf16Pairs`]).
     ///
     /// # Errors
@@ -163,8 +163,8 @@ impl Opened {
         if messages.is_empty() { Ok((network, params)) } else { Err(wrong(self.weights.path(), messages.join("; "))) }
     }
 
-    /// Gives those declared parameters the checkpoint's weights that have their name and shape, widened to `f32`, and leaves the others: a
-    /// network of another kind may have the published backbone.
+    /// Gives those declared parameters the checkpoint's weights that have their name and shape, widened to `f32`, and
+    /// leaves the others: a network of another kind may have the published backbone.
     ///
     /// # Errors
     /// When none fits, or one that does is not finite.

@@ -10,8 +10,8 @@ use weaver_io::{Image, PhotoFile};
 pub enum Framing {
     /// As the official evaluation does: resized until they cover the size, and cut to it about the middle.
     Crop,
-    /// Resized whole: the long side becomes the longer of the size, the other follows, rounded to whole patches. Nothing is
-    /// lost; the proportions may change by a fraction of a patch.
+    /// Resized whole: the long side becomes the longer of the size, the other follows, rounded to whole patches.
+    /// Nothing is lost; the proportions may change by a fraction of a patch.
     KeepAspect,
 }
 
@@ -27,7 +27,8 @@ pub fn size_of(paths: &[PathBuf], size: [usize; 2], patch: usize, framing: Frami
     })
 }
 
-/// Reads photos and brings all to `size` (H, W). Where proportions are kept, those of other proportions are cut.
+/// Reads photos and brings all to `size` (H, W). With [`Framing::KeepAspect`], photos of other proportions than the
+/// first are cut.
 ///
 /// # Errors
 /// When a file is missing or no image.

@@ -1,4 +1,4 @@
-//! What a published checkpoint says of photos, for others to learn from.
+//! Cameras and depth by a published checkpoint, for others to learn from.
 
 use super::{Opened, estimate};
 use crate::{Error, planar};
@@ -56,7 +56,8 @@ impl Geometry {
     }
 }
 
-/// A published checkpoint that tells cameras and depth of photos: SplatWeaver's or VGGT's, whose Gaussian head is not used.
+/// A published checkpoint that gives cameras and depth of photos: SplatWeaver's or VGGT's, whose Gaussian head is not
+/// used.
 #[derive(Debug)]
 pub struct Teacher {
     opened: Opened,
@@ -76,8 +77,8 @@ impl Teacher {
         self.opened.weights().checksum()
     }
 
-    /// The size (H, W) nearest to the checkpoint's own of photos with the shape of `like` (H, W): the longer side is the longer of its
-    /// own, the other follows in whole patches.
+    /// The size (H, W) nearest to the checkpoint's own of photos with the shape of `like` (H, W): the longer side is
+    /// the longer of its own, the other follows in whole patches.
     pub fn size(&self, like: [usize; 2]) -> [usize; 2] {
         let config = &self.opened.config;
         let (long, patch) = (config.height.max(config.width), config.patch);
@@ -88,7 +89,7 @@ impl Teacher {
     /// Cameras and depth of photos of one size, which are whole patches, all in one pass.
     ///
     /// # Errors
-    /// When memory does not suffice, the weights do not fit, or what comes out is not finite.
+    /// When memory does not suffice, the weights do not fit, or the results are not finite.
     pub fn teach(&self, photos: &[Image]) -> Result<Geometry, Error> {
         let Some(first) = photos.first() else { return Ok(Geometry::default()) };
         let size = [first.height, first.width];

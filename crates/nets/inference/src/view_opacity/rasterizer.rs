@@ -10,11 +10,11 @@ use weaver_splat::{
     AnyRasterizer, Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterizer, Session, Target,
 };
 
-/// Draws Gaussians by another rasterizer, with the opacities that the camera sees in place of those that they are given with, and
-/// differentiates through them: by the view matrix `[A | t]`, whose center is `-A^T t`, and by the means.
+/// Draws Gaussians by another rasterizer, with the opacities that the camera sees in place of those that they are given
+/// with, and differentiates through them: by the view matrix `[A | t]`, whose center is `-A^T t`, and by the means.
 ///
-/// One view in a call. Gradients by opacities are refused, since those given take no part. Without a [`ViewOpacity`] it is the other
-/// rasterizer.
+/// One view in a call. Gradients by opacities are refused, since those given take no part. Without a [`ViewOpacity`] it
+/// is the other rasterizer.
 #[derive(Clone, Debug)]
 pub struct ViewOpacityRasterizer<T: Real> {
     /// The rasterizer.
@@ -23,7 +23,7 @@ pub struct ViewOpacityRasterizer<T: Real> {
     pub opacity: Option<Arc<ViewOpacity>>,
 }
 
-/// A session of the other rasterizer, and what forward leaves for backward.
+/// A session of the other rasterizer, and the data that forward leaves for backward.
 #[derive(Debug)]
 struct ViewOpacitySession<T: Real> {
     session: Box<dyn Session<T>>,

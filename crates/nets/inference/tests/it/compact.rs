@@ -30,7 +30,7 @@ fn damaged_weights_are_refused_by_name() {
     assert!(matches!(error, Error::Checkpoint { .. }) && error.to_string().contains("other"), "{error}");
 }
 
-/// A network with a weight that is not finite would draw nothing, and figures of it would be taken for those of the network.
+/// A network with a weight that is not finite would draw nothing, and its figures would pass for the network's own.
 ///
 /// Promise (servers): weights of a run that are not finite are refused by name.
 #[test]

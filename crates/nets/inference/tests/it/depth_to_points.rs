@@ -1,4 +1,4 @@
-//! Depth brought to points: what it recovers, what it ignores, and a slow twin.
+//! Depth brought to points: recovery, robustness, and a slow twin.
 
 use proptest::prelude::*;
 use weaver_inference::{SeenPoint, depth_to_points};
@@ -76,7 +76,7 @@ fn a_fifth_of_gross_outliers_changes_little() {
         found.iter().zip(&depth).map(|(l, d)| (f64::from(*l) - line(f64::from(*d).ln())).abs()).collect();
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
     assert!(mean < 0.1, "{mean}");
-    // What outliers do is what they say about their own surroundings, within 0.5.
+    // Outliers affect only their own surroundings, within 0.5.
     assert!(errors.iter().all(|error| *error < 0.5));
 }
 

@@ -1,4 +1,4 @@
-//! Cameras that come with points: units, what is told of them, and what is passed on.
+//! Cameras that come with points: units, messages about them, and the cameras that are passed on.
 
 use std::sync::mpsc::{Sender, channel};
 use weaver_autograd::Params;
@@ -15,7 +15,7 @@ use weaver_splat::Renderer;
 
 const VIEWS: usize = 3;
 
-/// A network that was never trained, photos for it, and their cameras and points in units of which one is `unit` training units.
+/// A network that was never trained, photos for it, and their cameras and points in units of `unit` training units.
 fn untrained(unit: f64) -> (SplatWeaverPredictor, Vec<f32>, Vec<Camera>, SparsePoints) {
     let config = ModelConfig::preset("micro").unwrap();
     let [height, width] = [config.height, config.width];
@@ -112,7 +112,7 @@ fn what_does_not_fit_together_is_refused() {
     refused(&cameras, &unknown, "found 1000000");
 }
 
-/// A predictor without Gaussians that tells what cameras it was given.
+/// A predictor without Gaussians that reports its given cameras.
 #[derive(Debug)]
 struct Listener {
     heard: Sender<(Vec<Camera>, SparsePoints)>,

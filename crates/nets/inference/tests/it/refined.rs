@@ -1,4 +1,4 @@
-//! Refinement of predictions on their own photos: what it gains there, and what it leaves.
+//! Refinement of predictions on their own photos: its gain there, and the parts that it leaves.
 
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_fit::FitSettings;
@@ -40,7 +40,8 @@ fn refinement_meets_photos_better() {
     assert_ne!(moved.gaussians.means, adjusted.gaussians.means);
 }
 
-/// Settings reach the optimization: without rates no number changes however long it goes, and with the usual ones all kinds do.
+/// Settings reach the optimization: without rates no number changes however long it goes, and with the usual ones all
+/// kinds do.
 #[test]
 fn settings_that_are_said() {
     let scene = scene(9, &ProceduralOptions { width: 64, height: 48, views: 2 });

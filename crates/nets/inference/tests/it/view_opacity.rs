@@ -137,7 +137,7 @@ fn a_view_is_drawn_with_the_opacities_that_it_sees() {
     assert!((case.loss(&rows, &case.means) - background).abs() > 1e-3);
 }
 
-/// Several views and slopes by what takes no part are refused.
+/// Several views and slopes of inputs that take no part are refused.
 #[test]
 fn several_views_are_refused() {
     let case = Case::new(2, 3);

@@ -1,4 +1,4 @@
-//! Checks of settings: the key that is wrong, what was expected and what was found.
+//! Checks of settings: the key that is wrong, the expected and the found value.
 
 use super::{BackboneConfig, CameraConfig, ModelConfig, ParametrizationConfig, RasterConfig};
 use std::fmt::Display;
@@ -10,7 +10,7 @@ pub const MAX_SIZE: usize = 1_000_000;
 /// Checks a setting.
 ///
 /// # Errors
-/// The key that is wrong, what was expected and what was found, where it does not hold.
+/// The key that is wrong, the expected and the found value, where it does not hold.
 pub fn ensure(holds: bool, key: &str, expected: impl Display, found: impl Display) -> Result<(), String> {
     if holds { Ok(()) } else { Err(format!("model.{key}: expected {expected}, found {found}")) }
 }
@@ -105,7 +105,7 @@ impl ModelConfig {
     /// Checks that every setting is in its range and that the sizes fit together.
     ///
     /// # Errors
-    /// The first setting that is wrong: its key, what was expected and what was found.
+    /// The first setting that is wrong: its key, the expected and the found value.
     pub fn check(&self) -> Result<(), String> {
         let sides = [("patch", self.patch), ("width", self.width), ("height", self.height)];
         cameras("", (&self.backbone, &self.camera), sides)?;
@@ -199,7 +199,7 @@ mod tests {
         }
     }
 
-    /// Every number that is set to something out of its range is named with the range and what was found.
+    /// Every number that is set to something out of its range is named with the range and the found value.
     #[test]
     fn each_key_has_a_range() {
         type Change = fn(&mut ModelConfig);

@@ -5,18 +5,19 @@ use super::{
     PoseFrame, RasterConfig, StereoConfig, WaveletKind,
 };
 
-/// Names of the presets, which are what [`ModelConfig::preset`] takes. The last one is the published network: it is loaded
-/// rather than trained.
+/// Names of the presets for [`ModelConfig::preset`]. The last one is the published network: it is loaded rather than
+/// trained.
 pub const PRESETS: [&str; 8] =
     ["micro", "tiny", "tiny-endless", "tiny-published", "generalist", "small", "medium", "splatweaver-1b"];
 
 impl ModelConfig {
     /// The network of a preset, if there is one of this name.
     ///
-    /// `micro` is for tests and runs in seconds; `tiny` (64x48 pixels) learns on a CPU; `tiny-published` has its size and the
-    /// published parametrization; `generalist` makes one Gaussian of each pixel, to be compared with two experts; `tiny-endless`, `small`
-    /// (128x96) and `medium` (256x192) have its size, too, and compare views to correct depth, and the latter two's Gaussians stand for
-    /// patches of surface; `splatweaver-1b` is the published network.
+    /// `micro` is for tests and runs in seconds; `tiny` (64x48 pixels) learns on a CPU; `tiny-published` has its size
+    /// and the published parametrization; `generalist` makes one Gaussian of each pixel, to be compared with two
+    /// experts; `tiny-endless`, `small` (128x96) and `medium` (256x192) have its size, too, and compare views to
+    /// correct depth, and the latter two's Gaussians stand for patches of surface; `splatweaver-1b` is the published
+    /// network.
     pub fn preset(name: &str) -> Option<Self> {
         match name {
             "tiny" => Some(Self::tiny()),
@@ -156,8 +157,8 @@ impl ModelConfig {
         Self { dense: DenseConfig { stereo: Some(StereoConfig::default()), ..tiny.dense }, ..tiny }
     }
 
-    /// `tiny-endless` for larger photos, and for cells of all sizes. Its table of positions is that of 64 x 48 pixels, so that it can start
-    /// from weights for these.
+    /// `tiny-endless` for larger photos, and for cells of all sizes. Its table of positions is sized for 64 x 48
+    /// pixels, so that it can start from weights for these.
     fn larger(width: usize, height: usize, patch: usize) -> Self {
         let tiny = Self::tiny_endless();
         let backbone = BackboneConfig { position_table: Some([6, 8]), ..tiny.backbone };

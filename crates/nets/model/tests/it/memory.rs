@@ -1,4 +1,4 @@
-//! The memory of a forward pass without recording: what a part does not return is given back.
+//! The memory of a forward pass without recording: everything but the results of a part is given back.
 
 use weaver_autograd::{Params, Tape};
 use weaver_kernels::random::Stream;
@@ -36,7 +36,7 @@ fn peaks() -> [usize; 3] {
     })
 }
 
-/// A step or a part that kept what it does not return would show here: the bounds are a twentieth above what it takes.
+/// A step or a part that kept more than its results would show here: the bounds are a twentieth above the need.
 #[test]
 fn a_forward_pass_holds_what_its_parts_return() {
     let found = peaks();

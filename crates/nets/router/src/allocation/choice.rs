@@ -16,8 +16,8 @@ fn choose<T: Real>(request: &AllocationRequest<'_, T>, noise: Option<Buffer<T>>)
 
 /// The published allocation: every pixel's expert is a sample of softmax(logits).
 ///
-/// The sample is drawn with Gumbel noise from the request's stream, or with the noise given in the request, in training and
-/// inference alike.
+/// The sample is drawn with Gumbel noise from the request's stream, or with the noise given in the request, in training
+/// and inference alike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sampled;
 

@@ -9,7 +9,8 @@ use weaver_autograd::Real;
 /// The exponent of the learned density that measured best.
 const GAMMA: f64 = 0.7;
 
-/// An allocation by name: `sampled`, `argmax`, `quadtree`, `quadtree-grid`, `dithered`, `grid`, `random` or `fixed:<Gaussians per pixel>`.
+/// An allocation by name: `sampled`, `argmax`, `quadtree`, `quadtree-grid`, `dithered`, `grid`, `random` or
+/// `fixed:<Gaussians per pixel>`.
 ///
 /// ```
 /// use weaver_router::AllocationKind;
@@ -71,7 +72,8 @@ impl AllocationKind {
         matches!(self, Self::Quadtree | Self::QuadtreeGrid | Self::Dithered | Self::Grid | Self::Random)
     }
 
-    /// The experts that pixels may get from this allocation, of a model whose largest is `most`; expert 0, which makes nothing, aside.
+    /// The experts that pixels may get from this allocation, of a model whose largest is `most`; expert 0, which makes
+    /// nothing, aside.
     ///
     /// ```
     /// use weaver_router::AllocationKind;
@@ -89,8 +91,8 @@ impl AllocationKind {
     }
 
     /// The allocation of this name, for a model of `experts` experts (expert 0 included); `budget` is the number of
-    /// Gaussians per pixel where there is one to set. Fails on a budget outside 0 to 1 (to M for `quadtree`) and on an expert that the model
-    /// does not have.
+    /// Gaussians per pixel where there is one to set. Fails on a budget outside 0 to 1 (to M for `quadtree`) and on an
+    /// expert that the model does not have.
     pub fn allocation<T: Real>(self, budget: f64, experts: usize) -> Result<Box<dyn Allocation<T>>, AllocationError> {
         let most = if self == Self::Quadtree { experts.saturating_sub(1) } else { 1 };
         if self.has_budget() && !(0.0..=most as f64).contains(&budget) {

@@ -5,12 +5,12 @@ use weaver_autograd::Real;
 
 /// An allocation that gives Gaussians to no pixel that does not count.
 ///
-/// Its budget is for the pixels that do. What the router would have chosen elsewhere keeps its gradient, which no Gaussian feeds.
+/// Its budget is for the pixels that do. The router's choice elsewhere keeps its gradient, which no Gaussian feeds.
 #[derive(Clone, Copy, Debug)]
 pub struct Masked<'a, T: Real = f32> {
     /// Who chooses.
     pub among: &'a dyn Allocation<T>,
-    /// Which pixels count `[P]`; `None` if all do.
+    /// Mask `[P]` of the pixels that count; `None` if all do.
     pub inside: Option<&'a [bool]>,
 }
 

@@ -1,4 +1,5 @@
-//! Allocation to the cells of quadtrees: a few large Gaussians where the photos are even, many small ones where they are not.
+//! Allocation to the cells of quadtrees: a few large Gaussians where the photos are even, many small ones where they
+//! are not.
 
 mod distortion;
 mod forest;
@@ -15,21 +16,22 @@ use weaver_kernels::random::Stream;
 /// The largest number of Gaussians of a cell.
 const MOST: usize = 8;
 
-/// Divides the views into square cells of 1 to 16 pixels and gives each at least one Gaussian, so that the photos would lose least
-/// at the given count.
+/// Divides the views into square cells of 1 to 16 pixels and gives each at least one Gaussian, so that the photos would
+/// lose least at the given count.
 ///
-/// The loss of a cell with e Gaussians is the squared deviation of colors and log depths from the means of e bands, over the cell and
-/// a quarter of its side around, which is where its Gaussians show. Of all divisions with floor(budget P) Gaussians in all views together (P counts what is inside the masks),
-/// that of the least sum is taken, up to the last few (see the module on pruning). No pixel is left without a cell; a budget
-/// below one Gaussian per coarsest cell is raised to that.
+/// The loss of a cell with e Gaussians is the squared deviation of colors and log depths from the means of e bands,
+/// over the cell and a quarter of its side around, which is where its Gaussians show. Of all divisions with
+/// floor(budget P) Gaussians in all views together (P counts the pixels inside the masks), the one with the least sum
+/// is taken, up to the last few (see the module on pruning). No pixel is left without a cell; a budget below one
+/// Gaussian per coarsest cell is raised to that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quadtree {
     /// Gaussians per pixel, above 0.
     pub budget: f64,
 }
 
-/// Cells of the same size everywhere, or of two sizes in an even pattern, one Gaussian each: the counterpart of [`Quadtree`] that does not
-/// look at the photos.
+/// Cells of the same size everywhere, or of two sizes in an even pattern, one Gaussian each: the counterpart of
+/// [`Quadtree`] that does not look at the photos.
 ///
 /// As a division of a cell adds three Gaussians, up to two of the budget may remain.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +45,7 @@ pub struct QuadtreeGrid {
 pub struct QuadtreeMix {
     /// Smallest and largest budget in Gaussians per pixel; the logarithm is drawn evenly.
     pub budgets: [f64; 2],
-    /// True if cells are those of [`QuadtreeGrid`].
+    /// True if cells are the same as [`QuadtreeGrid`]'s.
     pub grid: bool,
     /// Share of the steps in which every pixel is a cell of its own and all have as many Gaussians, 1 to M.
     pub dense: f64,
@@ -56,7 +58,8 @@ impl Default for QuadtreeMix {
     }
 }
 
-/// The angles and losses of an even grid of at most one Gaussian per cell: divided level by level, in the order of a Bayer matrix.
+/// The angles and losses of an even grid of at most one Gaussian per cell: divided level by level, in the order of a
+/// Bayer matrix.
 fn even(forest: &Forest) -> (Vec<f32>, Vec<f32>) {
     let losses = |node: usize| {
         let (view, cell) = forest.cell(node);

@@ -21,7 +21,7 @@ fn keep_highest<T: Real>(
     scores.iter_mut().zip(request.places()).for_each(|(s, at)| *s = score(at));
     for (score, inside) in scores.iter_mut().zip(request.inside.into_iter().flatten()) {
         if !inside {
-            // Behind all others, of which there are as many as are kept.
+            // Behind all others, which are at least as many as are kept.
             *score = f64::NEG_INFINITY;
         }
     }
@@ -51,11 +51,12 @@ pub(super) struct Place {
     pub column: usize,
 }
 
-/// Ordered dithering of the router's preference: the floor(budget P) pixels of highest score over all views get one Gaussian.
+/// Ordered dithering of the router's preference: the floor(budget P) pixels of highest score over all views get one
+/// Gaussian.
 ///
-/// The score is gamma (l_1 - l_0) - ln b, where b is the threshold of an 8 x 8 Bayer matrix, shifted from view to view. The
-/// result is deterministic and the count exact. Where the logits are equal the chosen pixels form a regular grid; elsewhere
-/// their density follows exp(gamma (l_1 - l_0)) without large holes.
+/// The score is gamma (l_1 - l_0) - ln b, where b is the threshold of an 8 x 8 Bayer matrix, shifted from view to view.
+/// The result is deterministic and the count exact. Where the logits are equal the chosen pixels form a regular grid;
+/// elsewhere their density follows exp(gamma (l_1 - l_0)) without large holes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dithered {
     /// Gaussians per pixel, 0 to 1.
@@ -80,7 +81,7 @@ impl<T: Real> Allocation<T> for Dithered {
     }
 }
 
-/// Spreads the budget on a regular grid, whatever the router prefers: [`Dithered`] with gamma 0.
+/// Spreads the budget on a regular grid, against any preference of the router: [`Dithered`] with gamma 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
     /// Gaussians per pixel, 0 to 1.
@@ -109,13 +110,14 @@ impl<T: Real> Allocation<T> for Random {
 
 /// The allocation of training: each step draws a budget, a dependence on the energy, and a pattern.
 ///
-/// The budget is one of `budgets`. The score is gamma ln(energy + 0.02) - ln(threshold), with gamma 0 in the share `uniform` of
-/// the steps and otherwise uniform between 0 and `strongest`. Thresholds are noise in half of the steps, and in the other half
-/// the Bayer matrix at one random shift for all views; noise of a millionth breaks ties. The pixels of highest score get one
-/// Gaussian. A model trained in this way accepts any budget and density at test time, and knows all its experts.
+/// The budget is one of `budgets`. The score is gamma ln(energy + 0.02) - ln(threshold), with gamma 0 in the share
+/// `uniform` of the steps and otherwise uniform between 0 and `strongest`. Thresholds are noise in half of the steps,
+/// and in the other half the Bayer matrix at one random shift for all views; noise of a millionth breaks ties. The
+/// pixels of highest score get one Gaussian. A model trained in this way accepts any budget and density at test time,
+/// and has trained all its experts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainingMix {
-    /// Budgets in Gaussians per pixel, one of which each step draws.
+    /// Budgets in Gaussians per pixel; each step draws one.
     pub budgets: Vec<f64>,
     /// Share of the steps that ignore the energy, 0 to 1.
     pub uniform: f64,
@@ -126,7 +128,8 @@ pub struct TrainingMix {
 }
 
 impl Default for TrainingMix {
-    /// Budgets of 25, 40, 40 and 70 %; gamma 0 in 30 % of the steps, otherwise up to 1.3; every pixel in one step of sixteen.
+    /// Budgets of 25, 40, 40 and 70 %; gamma 0 in 30 % of the steps, otherwise up to 1.3; every pixel in one step of
+    /// sixteen.
     fn default() -> Self {
         Self { budgets: vec![0.25, 0.4, 0.4, 0.7], uniform: 0.3, strongest: 1.3, dense: 1.0 / 16.0 }
     }

@@ -168,7 +168,7 @@ fn a_grid_keeps_no_hole_wider_than_its_spacing() {
 fn the_density_follows_the_logit() {
     let size = [2, 32, 32];
     let pixels = 2048;
-    // The right half asks for more.
+    // The right half prefers more.
     let logits: Vec<f64> = (0..pixels).flat_map(|p| [0.0, if p % 32 >= 16 { 1.0 } else { 0.0 }, 9.0, 9.0]).collect();
     let energy = vec![1.0; pixels];
     let expert = Dithered { budget: 0.3, gamma: 1.0 }.allocate(&request(&logits, &energy, size, 0)).expert;
@@ -248,7 +248,7 @@ fn some_steps_of_training_give_every_pixel_as_many() {
         let of = |counts: &[usize]| counts.iter().filter(|count| **count == 12 * expert).count();
         assert!((70..130).contains(&of(&always)) && (10..40).contains(&of(&some)), "{} {}", of(&always), of(&some));
     }
-    // The other steps are what they would have been.
+    // The other steps stay the same.
     assert!(never.iter().zip(&some).all(|(never, some)| never == some || some % 12 == 0));
 }
 

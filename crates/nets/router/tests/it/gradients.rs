@@ -17,7 +17,7 @@ proptest! {
         gradcheck(&inputs, |x| vec![gate(x[0], x[1], &pixels, expert)]);
     }
 
-    /// The choice is one hot and its gradient that of the softmax.
+    /// The choice is one hot and has the gradient of the softmax.
     #[test]
     fn hard_choices_have_soft_gradients(
         pixels in 0..6usize, experts in 1..5usize, temperature in 0.2..2.0f64, noisy: bool, seed in 0..1000u64

@@ -57,7 +57,7 @@ fn gradients_of_images_and_every_weight() {
     });
 }
 
-/// Repeats are the same tensor; the camera tokens are those of the last round though nobody asked for it.
+/// Repeats are the same tensor; the camera tokens are the last round's even without a request.
 #[test]
 fn requested_layers() {
     let images = Input::uniform(1, 0.0, 1.0, [1, 2, 3, 4, 6]);

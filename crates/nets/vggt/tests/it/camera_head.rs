@@ -76,7 +76,7 @@ fn gradients_of_the_first_refinement() {
     }
 }
 
-/// Within a refinement the gradient is that of the increment alone.
+/// Within a refinement the gradient is the increment's alone.
 #[test]
 fn refinements_do_not_see_one_another() {
     let (head, params) = micro::<f64>(Some(1.0), false);

@@ -97,7 +97,7 @@ fn gradients_of_tokens_images_and_every_weight() {
     });
 }
 
-/// The last resize brings 8 cells a patch to whatever the patch is: 14 and 4 as well as 8, where nothing is left to do.
+/// The last resize brings 8 cells a patch to any patch size: 14 and 4 as well as 8, where nothing is left to do.
 #[test]
 fn patches_of_any_size() {
     let mut params = Params::<f64>::new();

@@ -1,4 +1,4 @@
-//! Wrong shapes are refused with the name of what refuses them, the model path, and the shapes found.
+//! Wrong shapes are refused with the name of the op or layer, the model path, and the shapes found.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use weaver_autograd::{Params, Tape, Var};

@@ -1,12 +1,12 @@
-//! Which camera is a photo's, by the names that a file gives its cameras.
+//! Cameras of photos by the names in a file of cameras.
 
 use crate::Error;
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
-/// For each photo, the position of its camera's name: the one of `files`, the photos of the names, that is this photo; else the one with
-/// most parts in common with the end of the photo's path. A name without an extension, as synthetic captures have them, is that of a
-/// photo with any.
+/// For each photo, the position of its camera's name: the name whose file in `files` is this photo; else the name with
+/// most parts in common with the end of the photo's path. A name without an extension, as synthetic captures have them,
+/// fits a photo with any.
 ///
 /// # Errors
 /// When photos have no camera, several, or one between them: they are listed.
@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(matched(&["images/1.jpg"], &["1.jpg"]), Ok(vec![0]));
     }
 
-    /// A name without extension is that of a photo with any.
+    /// A name without extension fits a photo with any.
     #[test]
     fn names_without_extension_match_any() {
         let names = ["./train/r_1", "./test/r_1", "./train/r_10"];

@@ -39,7 +39,7 @@ impl Crop {
         Self { width: self.width * times, height: self.height * times, ..*self }
     }
 
-    /// Width of the part over that of the result.
+    /// Width of the part over the width of the result.
     pub(crate) fn shrink(&self) -> f64 {
         (self.right - self.left) / self.width as f64
     }

@@ -9,9 +9,9 @@ use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::{PhotoFile, dtu};
 use weaver_scene::Frame;
 
-/// Archives of projections, the one of whole scans first: all have the same `world_mat`.
+/// Archives of projections, whole scans first: all have the same `world_mat`.
 const PROJECTIONS: [&str; 3] = ["cameras_sphere.npz", "cameras.npz", "cameras_large.npz"];
-/// End of the names of camera files, behind that of the photo.
+/// End of the names of camera files, behind the photo's name.
 const CAM: &str = "_cam";
 
 /// Cameras of one of the layouts.
@@ -30,7 +30,8 @@ pub(super) fn cameras(folder: &Path) -> Option<Cameras> {
     projections.map(Cameras::Projections).or_else(|| cams().map(Cameras::Folder))
 }
 
-/// Photos in `images/` or `image/`, which the camera files are named after, or in the order of an archive; masks in `mask/` by that order.
+/// Photos in `images/` or `image/`, which the camera files are named after, or in the order of an archive; masks in
+/// `mask/` by that order.
 pub(super) fn read(folder: &Path, cameras: &Cameras) -> Result<Photos, Error> {
     let images = ["images", "image"].map(|name| folder.join(name)).into_iter().find(|images| images.is_dir());
     let images = images.ok_or_else(|| Error::unexpected(folder, "photos", "a folder images or image", "none"))?;

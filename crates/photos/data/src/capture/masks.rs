@@ -1,4 +1,4 @@
-//! Which part of a photo counts.
+//! Masks of photos.
 
 use super::photo::Photo;
 use crate::Error;
@@ -9,12 +9,13 @@ use weaver_io::{Image, PhotoFile};
 /// A photo's mask.
 #[derive(Clone, Debug)]
 pub(super) struct Mask {
-    /// Its file; `None` where only the photo's alpha may be one.
+    /// Its file; `None` if only the photo's alpha can be one.
     pub file: Option<PathBuf>,
     folder: PathBuf,
 }
 
-/// Where the masks of a capture's photos are: `mask_path` of the frame, relative to the capture's folder; else [`beside`] the photo.
+/// The masks of a capture's photos: `mask_path` of the frame, relative to the capture's folder; else [`beside`] the
+/// photo.
 ///
 /// # Errors
 /// When a `mask_path` is not there, or as [`beside`].
@@ -23,7 +24,7 @@ pub(super) fn of_capture(photos: &[Photo], folder: &Path) -> Result<Vec<Mask>, E
     beside(photos.iter().map(|photo| (photo.frame.path.as_path(), folder.to_path_buf(), named(photo))))
 }
 
-/// Where the masks of photos are that belong to no capture: in a folder `masks` beside the photo, or beside the photo's folder.
+/// The masks of photos that belong to no capture: in a folder `masks` beside the photo, or beside the photo's folder.
 ///
 /// # Errors
 /// As [`beside`].
@@ -31,7 +32,7 @@ pub(super) fn of_photos(photos: &[PathBuf]) -> Result<Vec<Mask>, Error> {
     beside(photos.iter().map(|photo| (photo.as_path(), folder_of(photo), None)))
 }
 
-/// Where the masks of photos are whose cameras a file of many describes: as the file says, else as [`of_photos`].
+/// The masks of photos whose cameras stand in a file of many: as the file says, else as [`of_photos`].
 ///
 /// # Errors
 /// As [`of_capture`].
@@ -46,13 +47,14 @@ fn folder_of(photo: &Path) -> PathBuf {
     with_masks.or(photo.parent()).unwrap_or(Path::new("")).to_path_buf()
 }
 
-/// Where each photo's mask is, of photos, the folders of their captures, and the files that are named.
+/// The mask of each photo, given the photos, the folders of their captures, and the files that are named.
 ///
-/// Without a name it is a file in `masks/` with the photo's path, or with the end of it: `masks/images/a/1.png`, `masks/a/1.png` and
-/// `masks/1.png` may be that of `images/a/1.png`. It has the photo's extension, `.png` in its place, or `.png` behind it.
+/// Without a name it is a file in `masks/` with the photo's path, or with the end of it: `masks/images/a/1.png`,
+/// `masks/a/1.png` and `masks/1.png` may mask `images/a/1.png`. It has the photo's extension, `.png` in its place, or
+/// `.png` behind it.
 ///
 /// # Errors
-/// When a file that is named is not there, or a file in `masks/` would be that of several photos.
+/// When a file that is named is not there, or a file in `masks/` would belong to several photos.
 fn beside<'a>(photos: impl Iterator<Item = (&'a Path, PathBuf, Option<PathBuf>)>) -> Result<Vec<Mask>, Error> {
     let mut owners: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     let mut masks = Vec::new();
@@ -99,12 +101,13 @@ impl Mask {
     }
 }
 
-/// A photo whose mask takes more than so much of a pixel has no color of its own there.
+/// Least part of a pixel inside the mask for the pixel to have a color of its own.
 const LEAST_INSIDE: f32 = 0.5;
 
-/// Cuts a photo that was read over white by its mask that was read in the same way, and returns which pixels count; `None` if all do.
+/// Cuts a photo that was read over white by its mask that was read in the same way, and returns which pixels count;
+/// `None` if all do.
 ///
-/// Masked pixels become white. Pixels on the border, which are part white, get the color of what is inside.
+/// Masked pixels become white. Pixels on the border, which are part white, get the color of their inner part.
 pub(super) fn cut(photo: &mut Image, mask: &Image) -> Option<Vec<bool>> {
     let mut inside = Vec::with_capacity(photo.width * photo.height);
     for (color, part) in photo.pixels.chunks_exact_mut(3).zip(mask.pixels.chunks_exact(3)) {
@@ -117,7 +120,7 @@ pub(super) fn cut(photo: &mut Image, mask: &Image) -> Option<Vec<bool>> {
     inside.contains(&false).then_some(inside)
 }
 
-/// Where a photo's mask was looked for, for messages.
+/// Places of a photo's mask, for messages.
 fn expected(photo: &Path, folder: &Path) -> String {
     let mut all = candidates(photo, folder);
     let mut last = all.split_off(all.len().saturating_sub(3));
@@ -126,7 +129,7 @@ fn expected(photo: &Path, folder: &Path) -> String {
     last.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" or ") + ", or a photo with alpha"
 }
 
-/// Where a photo's mask may be, the longest names first.
+/// Possible places of a photo's mask, the longest names first.
 fn candidates(photo: &Path, folder: &Path) -> Vec<PathBuf> {
     let inside = photo.strip_prefix(folder).unwrap_or(photo);
     let normal = |part: &Component<'_>| matches!(part, Component::Normal(_));

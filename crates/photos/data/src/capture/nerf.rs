@@ -47,7 +47,7 @@ fn with_points(path: &Path, transforms: &Transforms) -> Result<Photos, Error> {
     if folder.join("sparse").exists() {
         let sparse_folder = sparse::folder(folder);
         let model = Model::read(&sparse_folder)?;
-        // What lies beside a folder's own cameras is of their world; first guesses and other cameras may be of any.
+        // A model beside a folder's own cameras is in their world; first guesses and other cameras may be in any.
         match another_world(&capture, &model) {
             None => add_points(&mut capture, &model, &sparse_folder),
             Some((name, found)) if path.ends_with(USUAL) => {
@@ -82,7 +82,7 @@ fn photo(frame: &Frame, held_out: bool) -> Photo {
 
 /// The model's image of a photo.
 fn record_of<'m>(model: &'m Model, photo: &Photo) -> Option<&'m ImageRecord> {
-    // What both files call alike is the same.
+    // Images of the same name in both files are the same.
     if let Some(record) = model.images.iter().find(|record| record.name == photo.frame.name) {
         return Some(record);
     }
@@ -124,7 +124,8 @@ fn add_points(capture: &mut Photos, model: &Model, folder: &Path) {
     (capture.points, capture.colors) = (sparse::points(model), sparse::colors(model));
 }
 
-/// Gives the capture the points of a PLY file: the one that its transforms.json names, `sparse_pc.ply` or `points3D.ply`.
+/// Gives the capture the points of a PLY file: the one that its transforms.json names, `sparse_pc.ply` or
+/// `points3D.ply`.
 fn add_point_cloud(capture: &mut Photos, named: Option<&Path>, folder: &Path) -> Result<(), Error> {
     let named = named.map(|path| folder.join(path));
     if let Some(path) = named.as_ref().filter(|path| !path.is_file()) {

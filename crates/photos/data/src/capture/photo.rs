@@ -1,4 +1,4 @@
-//! What every kind of capture comes down to before its photos are read.
+//! Photos of a capture of any kind before they are read.
 
 use crate::Error;
 use crate::undistorted::undistorted;
@@ -27,9 +27,9 @@ pub(super) struct Photos {
     pub points: Vec<DVec3>,
     /// sRGB colors of the points, as many.
     pub colors: Vec<[u8; 3]>,
-    /// True if the capture itself says which photos are held out, if any.
+    /// True if the capture itself has a list of held-out photos, even an empty one.
     pub split: bool,
-    /// True if its photos are drawn, so that by convention white lies behind what is transparent.
+    /// True if its photos are drawn, so that by convention white lies behind transparent pixels.
     pub synthetic: bool,
     /// Remarks for the user.
     pub remarks: Vec<String>,
@@ -74,8 +74,8 @@ impl Photo {
 /// interpolation would cost detail.
 const FINER: f64 = 3.0;
 
-/// A photo without distortion, if its lens has one. `read` gives the photo so many times larger than it will be, where `shrink` is how
-/// many times larger its file is.
+/// A photo without distortion, if its lens has one. `read` gives the photo so many times larger than it will be, where
+/// `shrink` is how many times larger its file is.
 pub(super) fn straight<E>(
     lens: Option<&Undistortion>,
     shrink: f64,
@@ -102,7 +102,7 @@ pub(super) fn check_size(path: &Path, (width, height): (usize, usize), camera: &
 }
 
 impl Photos {
-    /// Photos of which only names and cameras are known.
+    /// Photos with names and cameras alone.
     pub fn without_points(frames: Vec<Frame>) -> Self {
         let photos = frames.into_iter().map(|frame| Photo { frame, held_out: false, track: Vec::new() }).collect();
         Self { photos, ..Self::default() }
@@ -113,7 +113,7 @@ impl Photos {
         self.photos.iter().map(|photo| photo.frame.path.as_path())
     }
 
-    /// True if it is known which photos observe which points.
+    /// True if the capture has tracks.
     pub fn tracked(&self) -> bool {
         self.photos.iter().any(|photo| !photo.track.is_empty())
     }

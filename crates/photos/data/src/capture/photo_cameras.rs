@@ -1,4 +1,4 @@
-//! The cameras of some photos, out of a file that describes those of many.
+//! The cameras of some photos, out of a file with the cameras of many.
 
 use super::photo::Photo;
 use super::photo::Photos;
@@ -16,7 +16,8 @@ use weaver_scene::Frame;
 pub struct PhotoCameras {
     /// The photos, without distortion.
     pub images: Vec<Image>,
-    /// Which pixels of each photo count, `[height, width]`; `None` for a photo that has no mask, or one that leaves nothing out.
+    /// Mask of each photo's pixels that count, `[height, width]`; `None` for a photo that has no mask, or one that
+    /// leaves nothing out.
     pub inside: Vec<Option<Vec<bool>>>,
     /// One for each photo, with intrinsics for it.
     pub cameras: Vec<Camera>,
@@ -24,17 +25,18 @@ pub struct PhotoCameras {
     pub points: SparsePoints,
 }
 
-/// Reads photos with their cameras, cropped, shrunk to `width` x `height` and without distortion as [`load`](super::load) does.
+/// Reads photos with their cameras, cropped, shrunk to `width` x `height` and without distortion as
+/// [`load`](super::load) does.
 ///
-/// `file` is a transforms.json, with the points of a COLMAP model in `sparse/0` or `sparse` beside it where there is one; a folder
-/// with a COLMAP model, itself or in `sparse/0` or `sparse`; or a RealEstate10K file. A photo's camera is the one whose name has most
-/// parts in common with the end of the photo's path: `a/1.jpg` and `b/1.jpg` are told apart, and `1.jpg` is enough where it is the
-/// only one. With `masked`, photos are white outside of their masks: those that the file names, else as
-/// [`load_masked_images`](super::load_masked_images) finds them.
+/// `file` is a transforms.json, with the points of a COLMAP model in `sparse/0` or `sparse` beside it where there is
+/// one; a folder with a COLMAP model, itself or in `sparse/0` or `sparse`; or a RealEstate10K file. A photo's camera is
+/// the one whose name has most parts in common with the end of the photo's path: `a/1.jpg` and `b/1.jpg` differ, and
+/// `1.jpg` is enough where it is the only one. With `masked`, photos are white outside of their masks: those that the
+/// file names, else as [`load_masked_images`](super::load_masked_images) finds them.
 ///
 /// # Errors
-/// When the file is missing or malformed; when photos have no camera, several, or one that another photo has, too: all of them are
-/// listed; when a photo cannot be read, its size is not its camera's, or a mask is missing that was asked for.
+/// When the file is missing or malformed; when photos have no camera, several, or one that another photo has, too: all
+/// of them are listed; when a photo cannot be read, its size is not its camera's, or a requested mask is missing.
 pub fn load_cameras(
     file: &Path,
     photos: &[PathBuf],
@@ -60,7 +62,8 @@ pub fn load_cameras(
     Ok(PhotoCameras { images, inside, cameras, points })
 }
 
-/// The cameras of photos as they are on disk, distortion aside, matched by name as [`load_cameras`] does, in the world of the file.
+/// The cameras of photos as they are on disk, distortion aside, matched by name as [`load_cameras`] does, in the world
+/// of the file.
 ///
 /// # Errors
 /// As [`load_cameras`].
@@ -73,7 +76,7 @@ pub(super) fn frames(file: &Path, photos: &[PathBuf]) -> Result<Vec<Frame>, Erro
     Ok(of_photos(read(file)?.photos, file, photos)?.into_iter().map(|photo| photo.frame).collect())
 }
 
-/// Of all photos that a file knows those that are asked for, with the paths that they have here.
+/// The requested photos among all in a file, with the paths that they have here.
 fn of_photos(known: Vec<Photo>, file: &Path, photos: &[PathBuf]) -> Result<Vec<Photo>, Error> {
     let names: Vec<&str> = known.iter().map(|photo| photo.frame.name.as_str()).collect();
     let files: Vec<&Path> = known.iter().map(|photo| photo.frame.path.as_path()).collect();

@@ -1,4 +1,4 @@
-//! Photos at their own size with their cameras: what fitting a scene, or judging one, needs of a capture.
+//! Photos at their own size with their cameras: the part of a capture for fitting a scene, or judging one.
 
 use super::masks::{self, Mask};
 use super::photo::{self, Photos, straight, straight_camera};
@@ -17,12 +17,13 @@ use weaver_scene::{Frame, Photo, PointCloud};
 pub struct PosedOptions {
     /// Longest side after shrinking, pixels; photos that are no larger, and all if `None`, keep their size.
     pub long_side: Option<usize>,
-    /// Which photos are held out.
+    /// The photos to hold out.
     pub hold_out: HoldOut,
     /// Leaves out the photos that are not held out; where none is held out, all are loaded.
     pub held_out_only: bool,
-    /// Reads masks: `mask_path` of a frame, or a file in `masks/` beside the camera file with the photo's path or the end of
-    /// it, with its own extension, `.png` in its place, or `.png` behind it; else the photo's alpha. Black is masked, and transparent.
+    /// Reads masks: `mask_path` of a frame, or a file in `masks/` beside the camera file with the photo's path or the
+    /// end of it, with its own extension, `.png` in its place, or `.png` behind it; else the photo's alpha. Black is
+    /// masked, and transparent.
     pub masks: bool,
     /// The color behind transparent pixels.
     pub background: [f32; 3],
@@ -46,13 +47,13 @@ impl Default for PosedOptions {
 pub struct PosedPhoto {
     /// Its pixels, without distortion, with their camera.
     pub photo: Photo,
-    /// The image file: its path, its camera with the distortion that [`photo`](Self::photo) is without, and what the capture says of it.
-    /// The mask is the file that was read, if masks were asked for.
+    /// The image file: its path, its camera with the distortion that is undone in [`photo`](Self::photo), and the
+    /// capture's entries for it. The mask is the file that was read, if masks were requested.
     pub frame: Frame,
     /// Kept from training, for evaluation.
     pub held_out: bool,
-    /// Indices of the capture's [points](PosedPhotos::points) that it sees, ascending: those that the capture says, else those that
-    /// no nearer one hides.
+    /// Indices of the capture's [points](PosedPhotos::points) that it sees, ascending: by the capture's tracks, else
+    /// the points that no nearer one hides.
     pub visible: Vec<u32>,
 }
 
@@ -71,14 +72,14 @@ pub struct PosedPhotos {
     pub remarks: Vec<String>,
 }
 
-/// Loads the photos of a capture, which is what [`capture::load`](super::load) takes.
+/// Loads the photos of a capture, in any layout that [`capture::load`](super::load) takes.
 ///
 /// # Errors
 /// As [`capture::load`](super::load); also a mask that is missing or of another size than its photo.
 pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhotos, Error> {
     let path = path.as_ref();
     let mut capture = read_split_photos(path, options.hold_out)?;
-    // Whether too many photos are unreadable is a question of the capture, whichever are asked for.
+    // Whether too many photos are unreadable is a question of the whole capture, not of the requested part.
     let needed = Needed { least: 1, all: capture.photos.len() };
     if options.held_out_only && capture.photos.iter().any(|photo| photo.held_out) {
         capture.photos.retain(|photo| photo.held_out);
@@ -106,10 +107,10 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
     })
 }
 
-/// Loads photos with the cameras that a file gives their names, in the world of the file: a transforms.json, a folder with a COLMAP
-/// model, or a RealEstate10K file, matched as [`load_cameras`](super::load_cameras) does.
+/// Loads photos with the cameras that a file gives their names, in the world of the file: a transforms.json, a folder
+/// with a COLMAP model, or a RealEstate10K file, matched as [`load_cameras`](super::load_cameras) does.
 ///
-/// A camera of another size takes that of its photo if their proportions agree to 1 %.
+/// A camera of another size takes the size of its photo if their proportions agree to 1 %.
 ///
 /// # Errors
 /// As [`load_cameras`](super::load_cameras); when proportions differ.
@@ -117,7 +118,8 @@ pub fn load_named(file: &Path, photos: &[PathBuf], options: &PosedOptions) -> Re
     load_frames(photo_cameras::frames(file, photos)?, file, options)
 }
 
-/// Loads photos, the frames' paths, with the frames' cameras, as [`load_named`] does. Masks are looked for beside `file`.
+/// Loads photos, the frames' paths, with the frames' cameras, as [`load_named`] does. Masks are looked for beside
+/// `file`.
 ///
 /// # Errors
 /// As [`load_named`].
@@ -164,8 +166,8 @@ fn load_photos(capture: &Photos, masks: Option<&[Mask]>, options: &PosedOptions)
     capture.photos.par_iter().enumerate().map(load).collect()
 }
 
-/// The cameras that [`load`] would give the photos, and which of those are held out, without reading a photo: also those of photos that
-/// cannot be read.
+/// The cameras that [`load`] would give the photos, and true for held-out ones, without reading a photo: even if a
+/// photo cannot be read.
 ///
 /// # Errors
 /// When the capture's camera files are missing or malformed, or a distortion leaves no photo.

@@ -31,8 +31,8 @@ pub(super) fn read(folder: &Path, cameras: &Path) -> Result<Photos, Error> {
                 let expected = format!("{name}.png, .jpg, .jpeg or .webp in {}", images.display());
                 Error::unexpected(cameras, format!("frame {name}"), expected, "no such file")
             })?;
-        // The file gives intrinsics as fractions of the image's size, so that they fit any. Photos that cannot be read are told together
-        // when they are loaded.
+        // The file gives intrinsics as fractions of the image's size, so that they fit any. Photos that cannot be read
+        // are reported together when they are loaded.
         let (width, height) = PhotoFile::at(&file).map_or((1, 1), |photo| photo.stored_size());
         let frame = Frame { path: file, ..frame.sized(width, height) };
         Ok(Photo { frame, held_out: false, track: Vec::new() })

@@ -21,7 +21,7 @@ pub(super) fn read(capture: &Path) -> Result<Photos, Error> {
     Ok(photos)
 }
 
-/// The photos beside those of a model.
+/// The photos beside the ones of a model.
 fn unused(capture: &Photos, images: &Path) -> Result<Vec<PathBuf>, Error> {
     let known: BTreeSet<&Path> = capture.photos.iter().map(|photo| photo.frame.path.as_path()).collect();
     let folders: BTreeSet<&Path> = known.iter().filter_map(|path| path.parent()).chain([images]).collect();
@@ -32,8 +32,8 @@ fn unused(capture: &Photos, images: &Path) -> Result<Vec<PathBuf>, Error> {
     Ok(unused)
 }
 
-/// The photos of a model, each in the first of the `folders` that has it, and its points. The names of estimated cameras are relative to
-/// the capture, those of COLMAP to a folder of images.
+/// The photos of a model, each in the first of the `folders` that has it, and its points. The names of estimated
+/// cameras are relative to the capture, COLMAP's to a folder of images.
 pub(super) fn photos(model: &Model, folders: &[&Path]) -> Photos {
     let path = |name: &str| {
         let mut places = folders.iter().map(|folder| folder.join(name));
@@ -50,7 +50,7 @@ pub(super) fn photos(model: &Model, folders: &[&Path]) -> Photos {
     Photos { photos, points: points(model), colors: colors(model), ..Photos::default() }
 }
 
-/// Where a capture keeps its model: `sparse/0`, or `sparse` itself.
+/// The folder of a capture's model: `sparse/0`, or `sparse` itself.
 pub(super) fn folder(capture: &Path) -> PathBuf {
     let sparse = capture.join("sparse");
     let numbered = sparse.join("0");

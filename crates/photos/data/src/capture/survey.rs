@@ -1,4 +1,4 @@
-//! Cameras of a capture and what they see, without a pixel.
+//! Cameras of a capture and their visible points, without a pixel.
 
 use super::masks;
 use super::photo::straight_camera;
@@ -13,7 +13,8 @@ use weaver_scene::{Frame, PointCloud};
 /// A photo of a capture before it is read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurveyedPhoto {
-    /// The image file: its path, its camera, and what the capture says of it. The mask is a file that is there, if masks were asked for.
+    /// The image file: its path, its camera, and the capture's entries for it. The mask is a file that is there, if
+    /// masks were requested.
     pub frame: Frame,
     /// Its camera without distortion.
     pub camera: Camera,
@@ -34,10 +35,12 @@ pub struct Survey {
     pub remarks: Vec<String>,
 }
 
-/// Reads the cameras and points of a capture, which is what [`capture::load`](super::load) takes, and finds which photo sees which point.
+/// Reads the cameras and points of a capture, in any layout that [`capture::load`](super::load) takes, and finds the
+/// photos that see each point.
 ///
 /// # Errors
-/// When a file of the capture is missing or malformed, a mask that is named is not there, or a distortion leaves no photo.
+/// When a file of the capture is missing or malformed, a mask that is named is not there, or a distortion leaves no
+/// photo.
 pub fn survey(path: impl AsRef<Path>, hold_out: HoldOut, masks: bool) -> Result<Survey, Error> {
     let path = path.as_ref();
     let mut capture = read_split_photos(path, hold_out)?;

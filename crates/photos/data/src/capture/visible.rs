@@ -1,4 +1,4 @@
-//! Which points a photo sees.
+//! Visible points of photos.
 
 use super::photo::{Photo, Photos};
 use weaver_geometry::Camera;
@@ -11,8 +11,8 @@ const HIDDEN: f32 = 1.2;
 
 /// The points that a photo sees, ascending, and a depth map of them with the nearest point of each pixel.
 ///
-/// Where it is known which points a photo observes, these are those of them that lie inside it. Where it is known of no photo, they are
-/// the nearest point of each pixel, unless another one close by is much nearer.
+/// If the capture has tracks, they are the track's points inside this photo. Else they are the nearest point of each
+/// pixel, unless another one close by is much nearer.
 pub(super) fn visible_points(camera: &Camera, capture: &Photos, photo: &Photo) -> (Vec<u32>, Vec<f32>) {
     if capture.tracked() || capture.points.is_empty() {
         tracked(camera, &capture.points, &photo.track)

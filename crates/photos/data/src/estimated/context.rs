@@ -7,7 +7,7 @@ use weaver_sfm::{Confidence, EstimateOptions, Photo, estimate};
 /// Views with estimated cameras, and the points that came with these.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EstimatedContext {
-    /// Which of the views have a camera, by their place in the list that was asked for.
+    /// The views that have a camera, by their place in the requested list.
     pub placed: Vec<usize>,
     /// Their cameras, for photos of `size`; the first is the origin.
     pub cameras: Vec<Camera>,
@@ -18,9 +18,11 @@ pub struct EstimatedContext {
 }
 
 impl Scene {
-    /// Estimates the cameras of some views from their photos alone, for photos of `size` (height, width) that show the same.
+    /// Estimates the cameras of some views from their photos alone, for photos of `size` (height, width) that show the
+    /// same.
     ///
-    /// `focal_known` says whether the views' focal lengths are told, as EXIF would. `None` where fewer than two views get a camera.
+    /// `focal_known` says whether the views' focal lengths are given, as by EXIF. `None` where fewer than two views get
+    /// a camera.
     ///
     /// # Panics
     /// If a view is out of range.

@@ -1,10 +1,10 @@
-//! What is doubtful about estimated cameras, in words, and what would help.
+//! Doubts about estimated cameras, in words, and their remedies.
 
 use super::EstimatedPhotos;
 use crate::remarks::some_of;
 use weaver_sfm::{Confidence, Uncertainty};
 
-/// A focal length of which so large a part is its deviation is not told at all.
+/// A focal length is not determined at all if its deviation is so large a part of it.
 const UNTOLD: f64 = 0.5;
 
 /// A doubt about cameras, and its remedy.
@@ -63,7 +63,7 @@ impl EstimatedPhotos {
         Some(Doubt { what, help: help.into() })
     }
 
-    /// The photo of which something is told least.
+    /// The photo with the largest uncertainty of some kind.
     fn least_told(&self, of: impl Fn(&Uncertainty) -> &Vec<f64>) -> String {
         let most = self.estimate.uncertainty.as_ref().and_then(|u| {
             let deviations = of(u).iter().enumerate();

@@ -1,15 +1,15 @@
-//! Focal lengths that files tell, and which of them cannot be right.
+//! Focal lengths in files, and outliers among them.
 
 use crate::remarks::some_of;
 use std::collections::BTreeSet;
 use weaver_geometry::Camera;
 use weaver_sfm::{Estimate, EstimateOptions, Features, LeftOut, Photo, estimate_from};
 
-/// A focal length that is more times off those of the other photos is not one of theirs.
+/// A focal length is an outlier if it is off by more than this factor from the others'.
 const OFF: f64 = 3.0;
 
-/// The focal lengths without those that are more than three times off the median of the others, either way; and a remark that names
-/// the photos of these.
+/// The focal lengths without those that are more than three times off the median of the others, either way; and a
+/// remark that names the photos of these.
 ///
 /// Where the others are an even number, it is the nearer of the two in the middle that counts.
 pub(super) fn without_outliers(names: &[String], focals: &[Option<f64>]) -> (Vec<Option<f64>>, Option<String>) {
@@ -34,13 +34,15 @@ pub(super) fn without_outliers(names: &[String], focals: &[Option<f64>]) -> (Vec
     (kept, remark)
 }
 
-/// A given focal length is contradicted by photos when it is so many deviations off what they show.
+/// A given focal length is contradicted by photos when it is so many deviations off their estimate.
 const CONTRADICTED: f64 = 2.0;
 
-/// Estimates cameras, without the focal lengths that files tell of lenses where photos show another one; and a remark on these.
+/// Estimates cameras, without the focal lengths in files for lenses where photos contradict them; and a remark on
+/// these.
 ///
-/// A focal length is told as a measurement, whose deviation holds back what photos show. Where that is far off nevertheless, what is
-/// told is no measurement of this lens, and half way between both is wrong for certain.
+/// A given focal length is a measurement, whose deviation holds back the estimate from photos. Where the estimate is
+/// far off nevertheless, the given number is no measurement of this lens, and half way between both is wrong for
+/// certain.
 pub(super) fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> (Estimate, Option<String>) {
     let features: Vec<Features> = photos.iter().map(|photo| photo.features(settings.keypoints)).collect();
     let estimate = estimate_from(photos, &features, settings);
@@ -95,7 +97,7 @@ mod tests {
             remark.ends_with("off those of the other photos are not used: 2.jpg (5000 mm), 5.jpg (1 mm)"),
             "{remark}"
         );
-        // One in three; and photos that tell nothing.
+        // One in three; and photos without one.
         let (left, remark) = kept(&[None, Some(28.0), Some(5000.0), None, Some(30.0)]);
         assert_eq!(left, [None, Some(28.0), None, None, Some(30.0)]);
         assert!(remark.unwrap().ends_with(": 2.jpg (5000 mm)"));

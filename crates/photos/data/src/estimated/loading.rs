@@ -37,11 +37,11 @@ pub(super) struct Loaded {
     pub image: Small,
     /// Width and height of the file once it is upright.
     pub size: (usize, usize),
-    /// True if its size does not tell that it has to be turned.
+    /// True if its size leaves the EXIF rotation ambiguous.
     pub ambiguous: bool,
     /// True if some of it is transparent.
     pub transparent: bool,
-    /// The focal length that the file tells, if that is asked for, in millimeters on 35 mm film.
+    /// The focal length in the file, if requested, in millimeters on 35 mm film.
     pub exif_focal: Option<f64>,
 }
 
@@ -68,13 +68,14 @@ fn not_utf8(path: &Path) -> Fault {
 /// Proportions of photos that differ by less than this part are the same: sizes are rounded.
 const SAME_PROPORTIONS: f64 = 0.01;
 
-/// Focal lengths that differ by less than this part are the same: files tell whole millimeters.
+/// Focal lengths that differ by less than this part are the same: files have whole millimeters.
 const SAME_FOCAL: f64 = 0.05;
 
-/// The number of each photo's lens, without gaps. If photos share lenses, those of the same proportions, upright or not, have one, as
-/// long as they are told to have the same focal length; else each has its own.
+/// The number of each photo's lens, without gaps. If photos share lenses, photos of the same proportions, upright or
+/// not, and of the same given focal length have one; else each has its own.
 ///
-/// Photos that tell nothing have the lens of the others of their proportions where these have one, else one of their own.
+/// Photos without a focal length have the lens of the others of their proportions where these have one, else one of
+/// their own.
 pub(super) fn lenses_of(photos: &[Loaded], focals: &[Option<f64>], shared: bool) -> Vec<usize> {
     if !shared {
         return (0..photos.len()).collect();

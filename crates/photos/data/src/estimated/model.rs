@@ -39,8 +39,8 @@ impl EstimatedPhotos {
         Ok(frames)
     }
 
-    /// The folder in the capture's that a photo is written to, upright; `None` if every reader can tell by its size that it has to be
-    /// turned.
+    /// The folder in the capture's that a photo is written to, upright; `None` if its size shows every reader that it
+    /// has to be turned.
     pub(super) fn written_to(&self, number: usize) -> Option<&'static str> {
         self.ambiguous[number].then_some(UPRIGHT)
     }

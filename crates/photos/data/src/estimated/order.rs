@@ -1,14 +1,14 @@
-//! Whether photos were taken one after the other, as their names tell.
+//! Recognizes photos that were taken one after the other, by their names.
 
 use std::path::{Path, PathBuf};
 
-/// Fewer photos are all compared with each other, whatever their order.
+/// Fewer photos are all compared with each other in any order.
 const FEWEST: usize = 30;
 /// The share of the steps from one photo to the next that must be regular.
 const REGULAR: f64 = 0.75;
 
-/// True if names tell that photos were taken one after the other: the same text around one number that rises by the same step
-/// from one to the next, for the most part. Up to twice as far is a photo that was thrown away.
+/// True if names show that photos were taken one after the other: the same text around one number that rises by the
+/// same step from one to the next, for the most part. Up to twice as far is a photo that was thrown away.
 ///
 /// Being wrong does little harm: neighbors are compared beside the photos that look most alike.
 pub(super) fn is_sequence(paths: &[PathBuf]) -> bool {
@@ -46,7 +46,8 @@ mod tests {
     #[test]
     fn regular_numbers_are_a_sequence_and_others_are_not() {
         assert!(named((0..40).map(|i| format!("photos/IMG_{:04}.JPG", 230 + i))));
-        // Every fifth frame; some photos thrown away; a text behind the number; numbers without zeros, in the order of letters.
+        // Every fifth frame; some photos thrown away; a text behind the number; numbers without zeros, in the order of
+        // letters.
         assert!(named((0..40).map(|i| format!("frame{:05}.png", 5 * i))));
         assert!(named((0..48).filter(|i| i % 6 != 2).map(|i| format!("{i:03}é.jpg"))));
         let mut letters: Vec<String> = (1..60).map(|i| format!("é{i}.jpg")).collect();

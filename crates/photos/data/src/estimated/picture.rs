@@ -8,7 +8,8 @@ use weaver_io::Image;
 const THUMBNAIL: usize = 240;
 
 impl EstimatedPhotos {
-    /// Every photo with a camera, with the places of its points: green where these are exact, red where they are off by two pixels.
+    /// Every photo with a camera, with the places of its points: green where these are exact, red where they are off by
+    /// two pixels.
     pub fn picture(&self) -> Image {
         let [good, bad] = [[0.1, 0.9, 0.2], [1.0, 0.1, 0.1]];
         let e = &self.estimate;

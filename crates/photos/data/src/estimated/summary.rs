@@ -1,4 +1,4 @@
-//! What is known of estimated cameras, for programs to read.
+//! Summary of estimated cameras, for programs to read.
 
 use super::EstimatedPhotos;
 use crate::Error;
@@ -30,7 +30,7 @@ pub struct CamerasSummary {
     pub focal_length_deviation: Option<f64>,
     /// The root of the mean square distance of centers from their middle, in units of transforms.json.
     pub spread_of_centers: Option<f64>,
-    /// Explained part of the best explanation with other rotations, over that of the one that was taken.
+    /// Support of the best explanation with other rotations, over the support of the chosen one.
     pub rival: f64,
     /// Each photo, by its path as it was given.
     pub photos: BTreeMap<String, CameraSummary>,
@@ -39,7 +39,7 @@ pub struct CamerasSummary {
 /// Summary of the camera of one photo.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct CameraSummary {
-    /// Why it has no camera; `None` where it has one.
+    /// The reason why it has no camera; `None` if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out: Option<String>,
     /// Points that it sees.
@@ -60,7 +60,8 @@ impl CamerasSummary {
     /// Name of the file.
     pub const NAME: &str = "cameras.json";
 
-    /// That of a capture's cameras, a folder or its transforms.json; `None` where nothing of it is there, or something else.
+    /// The summary of a capture's cameras, a folder or its transforms.json; `None` where there is none, or something
+    /// else.
     pub fn of_capture(capture: &Path) -> Option<Self> {
         let folder = if capture.is_dir() { capture } else { capture.parent()? };
         serde_json::from_str(&weaver_io::read_text(folder.join(Self::NAME)).ok()?).ok()
@@ -84,7 +85,7 @@ impl EstimatedPhotos {
         let photo = |i: usize| match &e.cameras[i] {
             Err(reason) => CameraSummary { left_out: Some(left_out(*reason).into()), ..CameraSummary::default() },
             Ok(camera) => {
-                // Photos that are only located have no part in what is known of deviations.
+                // Photos that are only located have no known deviations.
                 let told = e.uncertainty.as_ref().filter(|u| u.rotations[i] > 0.0);
                 CameraSummary {
                     left_out: None,

@@ -1,4 +1,4 @@
-//! The layout of HyperNeRF, which is that of Nerfies.
+//! The layout of HyperNeRF, shared by Nerfies.
 
 use super::roll::{Roll, Take, last_moment, moment};
 use super::shots::FilmPoint;

@@ -9,7 +9,7 @@ use weaver_io::PhotoFile;
 pub enum Pixels {
     /// In memory.
     Kept(Vec<u8>),
-    /// In a file, which is read whenever they are asked for.
+    /// In a file, which is read on demand.
     Stored {
         /// The file.
         file: PhotoFile,
@@ -37,7 +37,7 @@ impl Pixels {
     }
 }
 
-/// Equal are those whose pixels are, wherever they lie; what cannot be read equals nothing.
+/// Equal if the pixels are equal, in memory or in files; unreadable pixels equal nothing.
 impl PartialEq for Pixels {
     fn eq(&self, other: &Self) -> bool {
         matches!((self.bytes(), other.bytes()), (Ok(a), Ok(b)) if a == b)

@@ -1,4 +1,4 @@
-//! What every layout comes down to before its photos are read.
+//! Photos of a film of any layout before they are read.
 
 use super::pixels::Pixels;
 use super::shots::{Film, FilmPoint, HeldOut, SAME_TIME, Shot};
@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
 use weaver_io::PhotoFile;
 
-/// Largest difference of a photo's aspect from its camera's, which is of another size: what rounding sizes to whole pixels makes.
+/// Largest difference of a photo's aspect from its camera's, which is of another size: the rounding of sizes to whole
+/// pixels.
 const SAME_ASPECT: f64 = 0.02;
 
 /// A photo before it is read.
@@ -56,11 +57,12 @@ pub(super) fn last_moment(takes: &[Take]) -> f64 {
 }
 
 impl Roll {
-    /// Reads the photos, shrunk to a longer side of `size` if they are larger; no more than `most` bytes of them stay in memory.
+    /// Reads the photos, shrunk to a longer side of `size` if they are larger; no more than `most` bytes of them stay
+    /// in memory.
     ///
     /// # Errors
-    /// When there are not two cameras and two times, nothing is trained on, or a photo is missing or not of the size of the others or the
-    /// shape of its camera.
+    /// When there are not two cameras and two times, nothing is trained on, or a photo is missing or not of the size of
+    /// the others or the shape of its camera.
     pub fn developed(self, folder: &Path, size: Option<usize>, most: usize) -> Result<Film, Error> {
         let viewpoints = self.viewpoints();
         self.check(folder, &viewpoints)?;
@@ -74,7 +76,7 @@ impl Roll {
         let read = |i: usize| -> Result<Shot, Error> {
             let (take, time) = (&self.takes[i], times[i]);
             let file = files[i].clone().over(self.background);
-            // Which of them are kept is the same at any number of threads.
+            // The choice of kept photos is the same at any number of threads.
             let pixels = match i < kept {
                 true => Pixels::Kept(file.resize_whole(width, height)?.pixels),
                 false => Pixels::Stored { file, size: [height, width] },

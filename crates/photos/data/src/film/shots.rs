@@ -1,4 +1,4 @@
-//! What a film is made of.
+//! The parts of a film.
 
 use super::pixels::Pixels;
 use crate::Error;
@@ -16,7 +16,7 @@ pub struct Film {
     pub name: String,
     /// Height and width of every photo.
     pub size: [usize; 2],
-    /// The photos, by time, and those of one time by viewpoint.
+    /// The photos, by time, and by viewpoint within one time.
     pub shots: Vec<Shot>,
     /// Points on surfaces, where known, scene units.
     pub points: Vec<FilmPoint>,
@@ -39,8 +39,8 @@ pub struct Shot {
     pub time: f64,
     /// Its pixels.
     pub pixels: Pixels,
-    /// Which kind of motion each pixel's center shows, `[H, W]`, of a procedural film: 0 is nothing that moves, others are numbers into
-    /// [`MOTIONS`](super::MOTIONS).
+    /// Kind of motion at each pixel's center, `[H, W]`, of a procedural film: 0 is nothing that moves, others are
+    /// numbers into [`MOTIONS`](super::MOTIONS).
     pub motion: Option<Vec<u8>>,
     /// Its part in evaluation.
     pub held_out: HeldOut,
@@ -79,8 +79,8 @@ impl HeldOut {
 }
 
 impl Film {
-    /// A checksum of cameras, times, and pixels as they are trained on; of photos that are not kept in memory the length of the file takes
-    /// the place of the pixels.
+    /// A checksum of cameras, times, and pixels as they are trained on; of photos that are not kept in memory the
+    /// length of the file takes the place of the pixels.
     ///
     /// # Errors
     /// When a file is there no more.
@@ -136,8 +136,8 @@ impl Film {
         times
     }
 
-    /// The size that learning rates of positions go by, scene units: 1.1 times the largest distance of a training camera from the mean of
-    /// their centers, as in 3DGS.
+    /// The size that learning rates of positions go by, scene units: 1.1 times the largest distance of a training
+    /// camera from the mean of their centers, as in 3DGS.
     ///
     /// Of a single viewpoint the median distance to the points; 1 where there are none.
     pub fn extent(&self) -> f64 {

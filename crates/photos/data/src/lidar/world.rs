@@ -124,13 +124,13 @@ impl LidarWorld {
     }
 }
 
-/// Where a ray leaves a box that it begins in.
+/// The distance at which a ray leaves a box that it begins in.
 fn inside([low, high]: [DVec3; 2], from: DVec3, d: DVec3) -> f64 {
     let to = |axis: usize| ((if d[axis] > 0.0 { high } else { low })[axis] - from[axis]) / d[axis];
     (0..3).filter(|axis| d[*axis] != 0.0).map(to).fold(f64::INFINITY, f64::min)
 }
 
-/// Where a ray enters a box.
+/// The distance at which a ray enters a box.
 fn outside([low, high]: [DVec3; 2], from: DVec3, d: DVec3) -> Option<f64> {
     let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
     for axis in 0..3 {
@@ -147,7 +147,7 @@ fn outside([low, high]: [DVec3; 2], from: DVec3, d: DVec3) -> Option<f64> {
     (enter > 0.0 && enter <= leave).then_some(enter)
 }
 
-/// Where a ray meets the side of a column.
+/// The distance at which a ray meets the side of a column.
 fn round((foot, radius, height): (DVec3, f64, f64), from: DVec3, d: DVec3) -> Option<f64> {
     let offset = from - foot;
     let (a, b) = (d.x * d.x + d.y * d.y, offset.x * d.x + offset.y * d.y);

@@ -1,4 +1,4 @@
-//! Colors by what people call them.
+//! Colors by their common names.
 
 use weaver_geometry::glam::DVec3;
 

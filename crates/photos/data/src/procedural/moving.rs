@@ -47,11 +47,12 @@ impl Default for FilmOptions {
     }
 }
 
-/// Generates the film of a seed: a patterned ground and walls, and solids that move in [five ways](MOTIONS), photographed by cameras
-/// that stand still on an arc.
+/// Generates the film of a seed: a patterned ground and walls, and solids that move in [five ways](MOTIONS),
+/// photographed by cameras that stand still on an arc.
 ///
-/// Frame f of F has the time f / F. The middle one of three or more cameras is held out, and every fourth frame. Points are exact surface
-/// points under random pixels of training photos at four times, in the colors of those pixels; the sky is the background.
+/// Frame f of F has the time f / F. The middle one of three or more cameras is held out, and every fourth frame. Points
+/// are exact surface points under random pixels of training photos at four times, in the colors of those pixels; the
+/// sky is the background.
 ///
 /// ```
 /// use weaver_data::film::{FilmOptions, procedural};
@@ -97,7 +98,7 @@ fn unexposed(camera: Camera, viewpoint: usize, time: f64) -> Shot {
     Shot { name: String::new(), camera, viewpoint, time, pixels: Pixels::Kept(Vec::new()), motion: None, held_out }
 }
 
-/// The photo of what is on stage at the time of the shot, and its depth.
+/// The photo of the stage at the time of the shot, and its depth.
 fn photograph(stage: &Stage, shot: Shot) -> (Shot, Vec<f32>) {
     let (world, kinds) = stage.at(shot.time);
     // Nothing of a plain photo is random.
@@ -119,7 +120,8 @@ fn point_frames(frames: usize) -> Vec<usize> {
     chosen
 }
 
-/// Surface points under random pixels of photos of one time, of which the depth is known; fewer where there is hardly anything but sky.
+/// Surface points under random pixels with known depth, in photos of one time; fewer where there is hardly anything but
+/// sky.
 fn surface_points(shots: &[&(Shot, Vec<f32>)], wanted: usize, stream: Stream) -> Vec<FilmPoint> {
     let pixels: usize = shots.iter().map(|(_, depth)| depth.len()).sum();
     if pixels == 0 {
@@ -150,7 +152,7 @@ mod tests {
         Stage::compose(&mut Draws::new(Stream::new(seed, 0, "data.film").fork(0)))
     }
 
-    /// Shadows fall on what stands still: its colors change, and nothing else.
+    /// Shadows fall on still objects: their colors change, and nothing else.
     #[test]
     fn what_changes_its_depth_is_said_to_move() {
         let stage = stage(3);
@@ -170,7 +172,7 @@ mod tests {
         assert!(still > 1000 && moving > 100, "{still} {moving}");
     }
 
-    /// A rasterizer has one color behind everything: that of every pixel of the sky, to the bit.
+    /// A rasterizer has one color behind everything: the color of every pixel of the sky, to the bit.
     #[test]
     fn the_sky_is_the_background() {
         let mut sky = 0;

@@ -27,7 +27,7 @@ pub(super) struct Path {
     pub rise: f64,
     /// Swing of radius and height about these values.
     pub sway: f64,
-    /// Where the swing begins.
+    /// Phase at the beginning of the swing.
     pub phase: f64,
     /// Phase of the swing from one camera to the next.
     pub wave: f64,
@@ -54,14 +54,14 @@ impl Path {
         Self { fov, middle, step, radius, rise, sway, phase, wave: 0.6, focus, drift: 0.0, jitter, roll: 0.0 }
     }
 
-    /// A path of a varied scene: view angle 30 to 75 degrees, 8 to 90 degrees from the first camera to the last, from any
-    /// side, with roll; one in three looks straight ahead.
+    /// A path of a varied scene: view angle 30 to 75 degrees, 8 to 90 degrees from the first camera to the last, from
+    /// any side, with roll; one in three looks straight ahead.
     pub fn varied(views: usize, draws: &mut Draws) -> Self {
         let fov = draws.within(30.0, 75.0_f64).to_radians();
         let ahead = draws.chance(0.35);
         let (drift, widest) = if ahead { (draws.within(0.6, 1.0), 0.7 * fov.to_degrees()) } else { (0.0, 90.0) };
         let spread = draws.within(8.0, widest).to_radians();
-        // Half the width of what is seen at the focus: a long lens stands farther away.
+        // Half the width of the view at the focus: a long lens stands farther away.
         let size = draws.within(1.0, 2.2);
         let distance = size / (fov / 2.0).tan();
         let elevation = (4.0 + if ahead { 20.0 } else { 45.0 } * draws.within(0.0, 1.0).powi(2)).to_radians();

@@ -65,8 +65,8 @@ impl Pyramid {
         Self { levels }
     }
 
-    /// The color at `p` as seen by a ray that covers `footprint` (both in widths of the image): bilinear, at the level whose
-    /// texels are about as large.
+    /// The color at `p` as seen by a ray that covers `footprint` (both in widths of the image): bilinear, at the level
+    /// whose texels are about as large.
     pub fn at(&self, p: DVec2, footprint: f64) -> DVec3 {
         let level = (footprint * SIZE as f64).log2().round().clamp(0.0, (self.levels.len() - 1) as f64) as usize;
         let texels = &self.levels[level];
@@ -80,7 +80,7 @@ impl Pyramid {
     }
 }
 
-/// Where texel `at` and the one after it are in an image that is mirrored at its borders.
+/// Places of texel `at` and of the one after it in an image that is mirrored at its borders.
 fn mirrored(at: f64, size: usize) -> [usize; 2] {
     let fold = |i: i64| {
         let i = i as usize & (2 * size - 1);

@@ -9,12 +9,12 @@ use weaver_kernels::random::Stream;
 
 /// Shadow rays start this far off the surface, in scene units.
 const LIFT: f64 = 1e-6;
-/// Pixels along a tile's side; a tile's rays share the lists of what they can meet.
+/// Pixels along a tile's side; a tile's rays share the lists of solids that they can meet.
 const TILE: usize = 8;
 /// Angles and lengths that only rounding makes.
 const ROUNDING: f64 = 1e-6;
 
-/// A photo and what is exact about it at every pixel's center, 0 where there is only sky.
+/// A photo and its exact data at every pixel's center, 0 where there is only sky.
 pub(super) struct Exposure {
     pub image: Image,
     /// Along the optical axis.
@@ -110,7 +110,7 @@ impl Film {
     }
 }
 
-/// A pixel: its index, its color and what its center shows.
+/// A pixel: its index, its color and the surface at its center.
 struct Pixel<'a> {
     at: usize,
     color: DVec3,
@@ -166,7 +166,7 @@ impl Ray {
 /// Inputs of the colors of a tile.
 struct Shading<'a> {
     world: &'a World,
-    /// The solids that can stand between the light and what the tile shows.
+    /// The solids that can stand between the light and the surfaces of the tile.
     casters: Vec<&'a Solid>,
     gain: DVec3,
     /// Growth of a ray's width per unit of depth.
@@ -174,7 +174,7 @@ struct Shading<'a> {
 }
 
 impl Shading<'_> {
-    /// Displayed color of what a ray meets; `light` in the unit square chooses a point of the light.
+    /// Displayed color of the surface that a ray meets; `light` in the unit square chooses a point of the light.
     fn color(&self, ray: Ray, hit: Option<Hit>, light: DVec2) -> DVec3 {
         let Some(hit) = hit else {
             let [horizon, zenith] = self.world.sky;

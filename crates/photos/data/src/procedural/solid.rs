@@ -44,7 +44,7 @@ fn out_of_block(v: DVec3, turn: DVec2) -> DVec3 {
     into_block(v, DVec2::new(turn.x, -turn.y))
 }
 
-/// Where a ray enters a ball whose center lies at `to` from the ray's origin.
+/// The distance at which a ray enters a ball whose center lies at `to` from the ray's origin.
 fn enter_ball(to: DVec3, direction: DVec3, radius: f64) -> Option<f64> {
     let a = direction.length_squared();
     let b = to.dot(direction);
@@ -56,7 +56,7 @@ fn enter_ball(to: DVec3, direction: DVec3, radius: f64) -> Option<f64> {
     (t > 0.0).then_some(t)
 }
 
-/// Where a ray enters the box between `-half` and `half`.
+/// The distance at which a ray enters the box between `-half` and `half`.
 fn enter_box(origin: DVec3, direction: DVec3, half: DVec3) -> Option<f64> {
     let inverse = direction.recip();
     let (a, b) = ((-half - origin) * inverse, (half - origin) * inverse);
@@ -105,7 +105,7 @@ impl Shape {
             Self::Block { center, half, turn } => {
                 enter_box(into_block(origin - center, turn), into_block(direction, turn), half)
             }
-            // Rays stay rays, and their parameter what it is.
+            // The map is affine: rays stay rays, and their parameter stays the same.
             Self::Turned { center, half, into, round } => {
                 let (o, d) = (into * (origin - center), into * direction);
                 if round { enter_ball(-o / half, d / half, 1.0) } else { enter_box(o, d, half) }

@@ -26,7 +26,7 @@ enum Pattern {
     Stripes(DVec2),
     Noise,
     Glyphs,
-    /// An image, of which this point is at the origin.
+    /// An image with this point at the origin.
     Image(Arc<Pyramid>, DVec2),
 }
 

@@ -1,4 +1,4 @@
-//! What stands where in a varied scene: objects of all sizes around the focus, and walls near or far around the cameras.
+//! Layout of a varied scene: objects of all sizes around the focus, and walls near or far around the cameras.
 
 use super::color::color;
 use super::draws::Draws;
@@ -117,14 +117,14 @@ fn object(place: DVec2, size: f64, lift: f64, images: &[Arc<Pyramid>], draws: &m
         kind => {
             let (lean, nod) = (draws.within(-0.8, 0.8), draws.within(-0.8, 0.8));
             let into = DMat3::from_euler(EulerRot::XYZ, lean, nod, turn);
-            // It may reach into the ground: as if it were buried there.
+            // It may reach into the ground.
             Shape::Turned { center: place.extend(lift + 0.8 * half.z), half, into, round: kind == 3 }
         }
     };
     Solid { shape, texture: Texture::image(images, 0.7 + size, draws) }
 }
 
-/// True if a shape leaves a camera free, and at least two fifths of the width of what it sees.
+/// True if a shape leaves a camera free, and at least two fifths of the width of its view.
 fn keeps_clear(shape: &Shape, camera: &Camera) -> bool {
     let (center, radius) = shape.bounds();
     let tangent = camera.width as f64 / 2.0 / camera.intrinsics.fx;

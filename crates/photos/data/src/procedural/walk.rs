@@ -33,10 +33,11 @@ const EYES: f64 = 1.6;
 /// From a long building to the way along it.
 const AWAY: f64 = 7.0;
 
-/// A capture of many photos before they are taken: each is made when it is asked for.
+/// A capture of many photos before they are taken: each is made on demand.
 ///
-/// Lengths are meters, the z axis points up, cameras are exact, and every photo is the same at any number of threads. Boxes of
-/// all sizes, each with detail of its own from meters to millimeters, that is left out where pixels cannot show it.
+/// Lengths are meters, the z axis points up, cameras are exact, and every photo is the same at any number of threads.
+/// Boxes of all sizes, each with detail of its own from meters to millimeters, that is left out where pixels cannot
+/// show it.
 #[derive(Clone, Debug)]
 pub struct Walk {
     name: String,
@@ -46,8 +47,8 @@ pub struct Walk {
 }
 
 impl Walk {
-    /// A walk around a block of houses, 0.6 m from one photo to the next (more, where there are few), looking ahead and to
-    /// the outer side; the last tenth of the way is the first once more, a little beside it.
+    /// A walk around a block of houses, 0.6 m from one photo to the next (more, where there are few), looking ahead and
+    /// to the outer side; the last tenth of the way is the first once more, a little beside it.
     ///
     /// ```
     /// use weaver_data::procedural::{ProceduralOptions, Walk};
@@ -201,7 +202,7 @@ mod tests {
         assert!(last.distance(way.at(0.0).0) < 1e-9 && (length - 80.0).abs() < 1e-3, "{length}");
     }
 
-    /// A place in a photo is seen by the next ones as well, and the end of the walk sees what the beginning does.
+    /// A place in a photo is seen by the next ones as well, and the end of the walk shows the same as the beginning.
     #[test]
     fn photos_agree_about_what_they_show() {
         let walk = Walk::street(3, &ProceduralOptions { width: 96, height: 72, views: 40 });

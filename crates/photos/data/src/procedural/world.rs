@@ -1,4 +1,4 @@
-//! What stands where: a patterned ground, walls behind, three to six objects, one soft light, a flat sky.
+//! Layout of a plain scene: a patterned ground, walls behind, three to six objects, one soft light, a flat sky.
 
 use super::color::color;
 use super::draws::Draws;
@@ -20,7 +20,7 @@ pub(super) struct World {
     pub sky: [DVec3; 2],
 }
 
-/// One soft light, and what comes from everywhere.
+/// One soft light, and ambient light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Light {
     pub source: Source,
@@ -30,7 +30,7 @@ pub(super) struct Light {
     pub ambient: [f64; 2],
 }
 
-/// Where light comes from.
+/// Source of light.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
     /// From far away: the unit vector toward it.
@@ -45,8 +45,8 @@ const LIGHT_RADIUS: f64 = 0.07;
 const ROUNDING: f64 = 1e-5;
 
 impl Light {
-    /// The direction from a point to the point of the light that `sample` in the unit square chooses, and where on that ray
-    /// the light is.
+    /// The direction from a point to the point of the light that `sample` in the unit square chooses, and where on that
+    /// ray the light is.
     pub fn toward(&self, point: DVec3, sample: DVec2) -> (DVec3, f64) {
         let (middle, end) = self.middle(point);
         let (across, along) = middle.any_orthonormal_pair();
@@ -63,7 +63,7 @@ impl Light {
     }
 }
 
-/// Where a ray met a solid.
+/// Intersection of a ray with a solid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit<'a> {
     /// Ray parameter.
@@ -133,8 +133,8 @@ impl World {
         }
     }
 
-    /// The solids that can stand between the light and some points, for [`blocked`]: those whose ball comes near enough to the
-    /// way from the ball around the points to the light.
+    /// The solids that can stand between the light and some points, for [`blocked`]: those whose ball comes near enough
+    /// to the way from the ball around the points to the light.
     pub fn casters(&self, points: impl Iterator<Item = DVec3> + Clone) -> Vec<&Solid> {
         let (low, high) = points.clone().fold((DVec3::MAX, DVec3::MIN), |(a, b), p| (a.min(p), b.max(p)));
         let middle = (low + high) / 2.0;

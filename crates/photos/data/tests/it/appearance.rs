@@ -1,4 +1,4 @@
-//! Drawn light and passers-by: what they are a function of, and what context views are said to see.
+//! Drawn light and passers-by: their arguments, and the pixels that context views see.
 
 use weaver_data::appearance::{Appearance, Look, Occluder, seen};
 use weaver_data::procedural::{ProceduralOptions, scene};
@@ -20,7 +20,7 @@ fn draws_are_within_what_is_said_of_them() {
         gammas.push(look.gamma);
         let logs = look.gain.map(f64::ln);
         assert!(logs.iter().all(|log| (-0.95..=0.65).contains(log)));
-        // What all channels share is -0.7 to 0.4, the rest within 0.25 of it.
+        // The common part of all channels is -0.7 to 0.4, the rest within 0.25 of it.
         let spread = logs.iter().copied().fold(f64::MIN, f64::max) - logs.iter().copied().fold(f64::MAX, f64::min);
         assert!(spread <= 0.5);
         for Occluder { at, size, color } in occluders {

@@ -58,7 +58,7 @@ fn unplaced_held_out_photos_leave_none() {
         let capture = posed::load(&found, &PosedOptions::default()).unwrap();
         capture.photos.iter().filter(|photo| photo.held_out).count()
     };
-    // Nobody said anything about it: every eighth.
+    // No choice was made: every eighth.
     assert_eq!(held_out(&paths, &[false; 4]), 1);
     assert_eq!(test_names(&found), None);
     assert_eq!(held_out(&paths, &[false, true, false, false]), 1);
@@ -93,7 +93,8 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     found
 }
 
-/// promise: cameras that cannot be written leave those before them as they are, to the byte: no reader takes a mixture of both for one result.
+/// promise: cameras that cannot be written leave those before them as they are, to the byte: no reader takes a mixture
+/// of both for one result.
 ///
 /// Promise (fits): cameras that cannot be written leave those before them to the byte; no reader takes a mixture of
 /// both.
@@ -125,7 +126,7 @@ fn results_replace_those_before_whole_or_not() {
     assert_eq!(names, ["cameras.json", "points.png", "sparse", "transforms.json", "written.jsonl"]);
 }
 
-/// promise: a file of somebody else where upright copies would go is met before photos are matched.
+/// promise: a foreign file where upright copies would go is met before photos are matched.
 ///
 /// Promise (fits): a foreign file in the place of an upright copy is found before photos are matched.
 #[test]
@@ -160,11 +161,11 @@ fn an_absurd_focal_length_is_named() {
     assert_eq!(absurd.estimate.cameras, expected.estimate.cameras);
     let [remark] = &absurd.remarks[..] else { panic!("{:?}", absurd.remarks) };
     assert!(remark.contains("2.png (5000 mm)") && !remark.contains("1.png"), "{remark}");
-    // Of two nobody knows which is right.
+    // With two, either may be right.
     let (nothing, two) = (tell([0; 3]), tell([0, 30, 300]));
     assert_eq!(two.estimate.cameras, nothing.estimate.cameras);
     assert!(two.remarks.len() == 1 && two.remarks[0].contains("1.png (30 mm), "), "{:?}", two.remarks);
-    // Where the user tells it, files are not asked.
+    // If the user gives it, files are not read.
     let two = [paths[1].clone(), paths[2].clone()];
     assert_eq!(estimated(&two, &told()).remarks, [""; 0]);
 }
@@ -201,7 +202,8 @@ fn photos_of_two_zooms_have_two_lenses() {
     let truth = scene(3, &ProceduralOptions { width: 200, height: 150, views: 20 });
     let (focal, mut paths) = (truth.views[0].camera.intrinsics.fx, Vec::new());
     for (i, view) in truth.views.iter().step_by(2).enumerate() {
-        // Every third one is cropped to three quarters and enlarged, as a zoom does; the camera of every fourth one was held upright.
+        // Every third one is cropped to three quarters and enlarged, as a zoom does; the camera of every fourth one was
+        // held upright.
         let zoom = if i % 3 == 1 { 4.0 / 3.0 } else { 1.0 };
         let [x, y] = [100.0, 75.0].map(|half| half - half / zoom);
         let part = view.image.resize(200, 150, [x, y, 200.0 - x, 150.0 - y]);
@@ -223,7 +225,8 @@ fn photos_of_two_zooms_have_two_lenses() {
     }
 }
 
-/// Estimates photos as they are and stored by these orientations, and checks that both give the same cameras, and what is written.
+/// Estimates photos as they are and stored by these orientations, and checks that both give the same cameras, and the
+/// written files.
 fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options: &EstimatePhotosOptions) {
     let temporary = tempfile::tempdir().unwrap();
     let [clean, stored] = ["clean", "stored"].map(|name| temporary.path().join(name));
@@ -255,7 +258,7 @@ fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options
         let stays = orientation == NoTransforms;
         let name = if stays { format!("../stored/{stem}.png") } else { format!("upright/{stem}.png") };
         assert_eq!(photo.photo.name, name);
-        // Readers that know nothing of EXIF see the same.
+        // Readers without EXIF support see the same.
         assert_eq!(image::open(&photo.frame.path).unwrap().into_rgb8().into_raw(), photo.photo.rgb);
     }
     assert!(capture.join("upright").exists());
@@ -360,7 +363,7 @@ fn unusable_photos_are_named_and_left_out() {
     let cut = folder.join("cut.png");
     let bytes = fs::read(&good[0]).unwrap();
     fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
-    // The flags stay with their photos, and cameras are those of the good photos alone.
+    // The flags stay with their photos, and cameras belong to the good photos alone.
     let mut paths = good.clone();
     paths.insert(0, heic);
     paths.insert(4, cut);

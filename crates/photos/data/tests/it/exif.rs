@@ -5,7 +5,7 @@ use image::{DynamicImage, ImageEncoder, codecs::png::PngEncoder};
 use std::fs;
 use std::path::Path;
 
-/// Stores a photo turned, and says so in EXIF, so that it is upright what it was; with a focal length in millimeters.
+/// Stores a photo turned, with an EXIF tag that turns it upright again; with a focal length in millimeters.
 pub fn store(path: &Path, orientation: Orientation, focal: Option<u16>) {
     let mut stored = DynamicImage::from(image::open(path).unwrap().into_rgb8());
     stored.apply_orientation(match orientation {

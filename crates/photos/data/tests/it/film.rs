@@ -51,13 +51,14 @@ fn every_camera_sees_every_kind_of_motion() {
             let most = frames.clone().fold([0; MOTIONS.len()], |a, b| std::array::from_fn(|i| a[i].max(b[i])));
             let least = frames.fold([usize::MAX; MOTIONS.len()], |a, b| std::array::from_fn(|i| a[i].min(b[i])));
             assert!(most[1..].iter().all(|&n| n >= 12), "seed {seed}, camera {viewpoint}: {most:?}");
-            // In front of the others, and whole in the picture, but for the last, which is gone at first and in the end.
+            // In front of the others, and whole in the picture, but for the last, which is gone at first and in the
+            // end.
             assert!(least[1..5].iter().all(|&n| n >= 6) && least[5] == 0, "seed {seed}, camera {viewpoint}: {least:?}");
         }
     }
 }
 
-/// Where a single camera stands still, points tell the size of the scene.
+/// Where a single camera stands still, points give the size of the scene.
 #[test]
 fn a_single_viewpoint_has_the_extent_of_its_points() {
     let mut film = procedural(1, &FilmOptions { width: 4, height: 3, cameras: 1, frames: 2, points: 0 });

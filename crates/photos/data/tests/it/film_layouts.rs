@@ -16,7 +16,7 @@ fn sized_photo(path: &Path, brightness: u8, width: usize, height: usize) {
     Image::filled(width, height, [f32::from(brightness) / 255.0; 3]).write_png(path).unwrap();
 }
 
-/// Where a point of the world is seen.
+/// The pixel of a point of the world.
 fn seen(shot: &Shot, point: [f64; 3]) -> DVec2 {
     shot.camera.intrinsics.project(shot.camera.pose.apply(DVec3::from(point)))
 }
@@ -94,7 +94,8 @@ fn a_dnerf_film_is_read() {
     assert_eq!(open(folder.path(), Some(100)).unwrap(), film);
 }
 
-/// Photos that memory has no room for are read from their files: the same pixels, and an error that names a file that went away.
+/// Photos that memory has no room for are read from their files: the same pixels, and an error that names a file that
+/// went away.
 ///
 /// Promise (results): a film that memory has no room for is read when needed; all photos are trained on where that is
 /// asked for.
@@ -278,7 +279,7 @@ fn neural_3d_videos_that_cannot_be_used_are_refused() {
     }
 }
 
-/// Four photos of full size 16 x 12 by a camera that moves along x, of which those of half size are there.
+/// Four photos of full size 16 x 12 by a camera that moves along x; only their half sizes are there.
 fn hypernerf(folder: &Path) {
     fs::create_dir_all(folder.join("camera")).unwrap();
     fs::write(folder.join("scene.json"), r#"{"scale": 0.5, "center": [1.0, 0.0, 0.0]}"#).unwrap();
@@ -336,7 +337,7 @@ fn validation_photos_hold_out_their_cameras() {
     hypernerf(folder.path());
     edit(folder.path().join("metadata.json"), r#""p1": {"warp_id": 2}"#, r#""p1": {"warp_id": 4}"#);
     let film = open(folder.path(), None).unwrap();
-    // Those of one time in the order of their cameras, of which training photos have the first.
+    // Photos of one time are in the order of their cameras, training photos first.
     assert_eq!(held_out(&film), [(false, false), (false, false), (true, false), (false, false)]);
 }
 

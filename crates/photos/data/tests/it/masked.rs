@@ -1,4 +1,4 @@
-//! Photos with masks, loaded for a network: what is outside of them is not there.
+//! Photos with masks, loaded for a network: pixels outside of them have no influence.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ fn counts(view: usize, x: usize, y: usize) -> bool {
     view == 0 || 2 * x + y < 60
 }
 
-/// Four photos of 64 x 48 with masks, in which what is outside shows `garbage`; the last photo's mask is its alpha.
+/// Four photos of 64 x 48 with masks and `garbage` outside of them; the last photo's mask is its alpha.
 fn captured(folder: &Path, garbage: Option<u8>, lens: Option<Distortion>) {
     let truth = scene(3, &ProceduralOptions { width: 64, height: 48, views: 4 });
     for name in ["images", "masks"] {

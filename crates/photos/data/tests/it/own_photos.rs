@@ -73,7 +73,7 @@ fn distorted_capture(folder: &Path) -> Vec<Frame> {
     frames
 }
 
-/// Distorted photos are loaded as those of a lens without distortion.
+/// Distorted photos are loaded like photos of a lens without distortion.
 ///
 /// Promise (photos): distorted photos are loaded as a lens without distortion would have taken them, their masks with
 /// them.
@@ -263,10 +263,10 @@ fn turned_photos_have_the_same_cameras() {
     let [upright, turned] = &found;
     assert!(upright.placed().len() >= 3, "{:?}", upright.left_out());
     assert_eq!(upright.estimate.cameras, turned.estimate.cameras);
-    // EXIF's 30 mm, for the diagonal of 160 pixels: what matching may change by a little.
+    // EXIF's 30 mm, for the diagonal of 160 pixels, which matching may change by a little.
     let focal = 30.0 / 43.27 * 160.0 / 128.0;
     assert!((upright.focal() / focal).ln().abs() < 0.3, "{} instead of {focal}", upright.focal());
-    // What is written is a capture of them.
+    // The written folder is a capture of them.
     turned.write(&claimed(&folder.path().join("found"))).unwrap();
     let capture = posed::load(folder.path().join("found"), &PosedOptions::default()).unwrap();
     assert_eq!(capture.photos.len(), turned.placed().len());
@@ -287,7 +287,7 @@ fn cameras_of_photos_as_they_are_stored_keep_these() {
     let folder = folder.path();
     clean_capture(folder);
     let before = posed::load(folder, &PosedOptions::default()).unwrap();
-    // The pixels stay, and EXIF says that they are to be turned: the cameras are those of the pixels.
+    // The pixels stay, and EXIF tags them as turned: the cameras belong to the pixels.
     for i in 0..6 {
         let path = folder.join(format!("images/{i}.png"));
         let stored = image::open(&path).unwrap();
@@ -344,7 +344,7 @@ fn a_masked_capture_is_the_clean_one_with_masks() {
     assert!(none.contains("mask: expected") && none.contains("masks/0.png or ") && none.contains("alpha"), "{none}");
 }
 
-/// Masks of photos of one name in two folders are told apart.
+/// Masks of photos of one name in two folders are kept apart.
 ///
 /// Promise of `masks_are_found_by_name_or_frame`.
 #[test]
@@ -396,7 +396,8 @@ fn point_clouds_beside_transforms_are_points() {
         write_points(folder.join(name), &cloud).unwrap();
         let loaded = posed::load(folder, &PosedOptions::default()).unwrap();
         assert_eq!((loaded.points, loaded.remarks), (cloud.clone(), vec![]), "{name}");
-        // Which photos see a point is found by what is near: most of what a photo sees is found, and little that it does not see.
+        // The photos of a point are found by its nearness: most visible points of a photo are found, and few hidden
+        // ones.
         let scene = load(folder, &options).unwrap();
         let (mut seen, mut found, mut right) = (0, 0, 0);
         for (ours, truth) in scene.visible.iter().zip(&truth.visible) {
@@ -432,7 +433,7 @@ fn photos_that_a_model_lacks_are_named() {
     assert_eq!(capture.photos.len(), 6);
     says(&capture.remarks, parts);
     says(&load(folder, &CaptureOptions::default()).unwrap().remarks, parts);
-    // Those of COLMAP alone are not there.
+    // Entries of COLMAP alone are not there.
     fs::remove_file(folder.join("transforms.json")).unwrap();
     let capture = posed::load(folder, &PosedOptions::default()).unwrap();
     assert_eq!(capture.photos.len(), 4);
@@ -458,7 +459,8 @@ fn photos_of_the_same_proportions_share_a_lens() {
         estimate_photos(&paths, &[false; 5], &options).unwrap().lenses()
     };
     assert_eq!([lenses(true), lenses(false)], [3, 5]);
-    // Two zooms of the same proportions, told to a millimeter; who tells nothing has that of the others where these have one.
+    // Two zooms of the same proportions, given to a millimeter; a photo without one takes the others' where they have
+    // one.
     let tell = |told: [u16; 5]| {
         paths.iter().zip(told).for_each(|(path, told)| exif::store(path, Orientation::NoTransforms, Some(told)));
         lenses(true)

@@ -10,7 +10,7 @@ use weaver_io::colmap::{Model, Point};
 use weaver_io::{Image, Transforms};
 use weaver_scene::Frame;
 
-/// Six photos, of which the last is smaller than the others.
+/// Six photos, the last smaller than the others.
 fn write(folder: &Path) -> Vec<Camera> {
     let scene = scene(1, &ProceduralOptions { width: 40, height: 30, views: 6 });
     fs::create_dir_all(folder.join("images")).unwrap();

@@ -31,7 +31,8 @@ fn the_default_sets_are_neither_trivial_nor_hopeless() {
     assert!(training.iter().all(|a| unseen.iter().all(|b| a.views[0].image != b.views[0].image)));
 }
 
-/// Published figures rest on these scenes. The functions of the system's mathematical library have other last bits elsewhere.
+/// Published figures rest on these scenes. The functions of the system's mathematical library have other last bits
+/// elsewhere.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 #[test]
 fn the_default_sets_keep_their_bits() {
@@ -39,7 +40,7 @@ fn the_default_sets_keep_their_bits() {
     // They came after the bits were written down.
     scenes.iter_mut().flat_map(|scene| &mut scene.views).for_each(|view| view.instances = None);
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    // Remarks, masks and further entries, of which there are none, came after the bits were written down.
+    // Remarks, masks and further entries, all empty here, came after the bits were written down.
     for byte in format!("{scenes:?}")
         .replace(", remarks: []", "")
         .replace(", extras: {}", "")
@@ -79,7 +80,8 @@ fn depth_and_poses_explain_the_photos() {
     }
 }
 
-/// A pixel shows the sky where it has no depth, and else the thing that other views show at the same point of the surface.
+/// A pixel shows the sky where it has no depth, and else the thing that other views show at the same point of the
+/// surface.
 #[test]
 fn instances_are_the_same_things_in_all_views() {
     for scene in [scene(3, &SMALL), varied_scene(3, &SMALL)] {
@@ -125,7 +127,7 @@ fn depth_and_poses_explain_varied_photos() {
     assert!(warped > copied + 5.0);
 }
 
-/// Values of view 1, of what view 2 shows of the same surface points, and of the same pixels of view 2.
+/// Values of view 1, of view 2 at the same surface points, and of view 2 at the same pixels.
 fn warp(scene: &Scene) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
     let (mut truth, mut warped, mut copied) = (Vec::new(), Vec::new(), Vec::new());
     let (to, from) = (&scene.views[1], &scene.views[2]);

@@ -147,7 +147,7 @@ fn ordered_samplers_take_distinct_views_as_they_say() {
         assert_eq!(nearest, training_tuple(&layouts, rng, index, 6, 4, 2));
     }
     assert!(spans.len() > 20, "{spans:?}");
-    // Three training views: two of context, and the third as often as it is asked for.
+    // Three training views: two of context, and the third as often as requested.
     let few = [Layout::of(&line(4))];
     for sampler in [Sampler::BoundedGap, Sampler::Uniform] {
         let tuple = sampler.tuple(&few, Stream::new(0, 0, "test.samplers"), 0, 2, 2);

@@ -89,7 +89,7 @@ fn one_unreadable_photo_in_four_is_left_out() {
     let (numbers, remarks) = loaded(folder.path()).unwrap();
     assert_eq!((numbers, remarks.len()), (vec![0, 1, 3], 1));
     assert!(remarks[0].contains("1 of 4 photos cannot be read") && remarks[0].contains("2.png"), "{remarks:?}");
-    // What is asked for may be fewer photos: the held-out one alone.
+    // A request may cover fewer photos: the held-out one alone.
     let held_out = PosedOptions { held_out_only: true, ..PosedOptions::default() };
     assert_eq!(posed::load(folder.path(), &held_out).unwrap().photos.len(), 1);
     cut_short(&at("0.png"));
@@ -119,7 +119,7 @@ fn wrong_entries_of_one_photo_are_an_error() {
     image::RgbImage::new(20, 15).save(&photo).unwrap();
     let message = loaded(folder.path()).unwrap_err();
     assert!(message.contains("3.png: image size: expected 40x30, its camera's, found 20x15"), "{message}");
-    // Masks that are asked for.
+    // Requested masks.
     write(folder.path(), 8, true);
     fs::create_dir(folder.path().join("masks")).unwrap();
     for i in 0..7 {

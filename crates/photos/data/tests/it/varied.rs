@@ -1,4 +1,4 @@
-//! Varied scenes: what varies is there, every view shows something, and nothing is exact in name only.
+//! Varied scenes: every variation occurs, every view shows something, and exact data are exact.
 
 use crate::quality::{mean_color, nearest_copied};
 use std::sync::LazyLock;
@@ -90,7 +90,7 @@ fn points_lie_on_depth() {
                 let local = view.camera.pose.apply(scene.points[point as usize]);
                 let pixel = view.camera.intrinsics.project(local);
                 let cell = pixel.floor();
-                // Only the points that this view was asked for lie at a pixel's center.
+                // Only the points sampled for this view lie at a pixel's center.
                 if pixel.distance(cell + DVec2::splat(0.5)) < 1e-5 {
                     let depth = view.depth.as_ref().unwrap()[cell.y as usize * OPTIONS.width + cell.x as usize];
                     assert!((f64::from(depth) / local.z - 1.0).abs() < 1e-6, "seed {seed}: {depth} and {}", local.z);

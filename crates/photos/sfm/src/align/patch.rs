@@ -1,4 +1,4 @@
-//! Square patches of photos, and where another photo shows the same.
+//! Square patches of photos, and their alignment with another photo.
 
 use crate::photo::Photo;
 use weaver_geometry::glam::{DMat2, DVec2};
@@ -12,7 +12,7 @@ const LANES: usize = 8;
 const PADDED: usize = SAMPLES.next_multiple_of(LANES);
 /// Numbers of a movement: of the middle, then of the offsets.
 const NUMBERS: usize = 6;
-/// The least standard deviation of a patch that shows anything, and how much photos are expected to differ; white is 1.
+/// The least standard deviation of a textured patch, and the expected difference between photos; white is 1.
 const FLAT: f32 = 0.02;
 const NOISE: f64 = 0.02;
 /// Steps of an alignment, and the movement below which it ends, samples.
@@ -127,8 +127,8 @@ impl Template {
         Some(Self { patch, length: square.sqrt(), slopes, inverse: inverted(matrix)? })
     }
 
-    /// Where a photo shows the same, beginning at `at` and `warp`, and how alike both are: the cosine of the angle between them, 1
-    /// where one is the other but for brightness and contrast.
+    /// The aligned place in a photo, beginning at `at` and `warp`, and the normalized correlation there: 1 where both
+    /// are equal but for brightness and contrast.
     #[inline(always)]
     pub fn aligned(&self, photo: &Gray, mut at: DVec2, mut warp: DMat2) -> Option<(DVec2, f32)> {
         let mut alike = 0.0;
@@ -188,7 +188,7 @@ mod tests {
         0.5 + 0.12 * (wave(0.45, 0.3) + wave(0.37, 1.4) + wave(0.61, 2.2) + wave(0.29, 2.9))
     }
 
-    /// A photo of the waves, of which each pixel shows `map` of its center.
+    /// A photo of the waves; each pixel shows the waves at `map` of its center.
     fn photo(map: impl Fn(DVec2) -> DVec2, brightness: impl Fn(f64) -> f64) -> Gray {
         let (width, height) = (72, 64);
         let center = |i: usize| DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
@@ -205,7 +205,7 @@ mod tests {
             let draw = |k: u64| Stream::new(1, seed, "align").uniform::<f64>(k) - 0.5;
             let bend = DMat2::IDENTITY + DMat2::from_cols_array(&std::array::from_fn(|k| 0.3 * draw(k as u64)));
             let to = DVec2::new(36.0 + draw(4), 31.0 + draw(5));
-            // The pixel `to` shows what `at` does in the first photo.
+            // The pixel `to` of the second photo shows the pixel `at` of the first.
             let second = photo(|p| at + bend * (p - to), |v| 0.05 + (0.7 + 0.5 * draw(6)) * v);
             let start = to + 2.0 * DVec2::new(draw(7), draw(8));
             let (found, alike) = template.aligned(&second, start, DMat2::IDENTITY).unwrap();

@@ -1,4 +1,4 @@
-//! How exactly cameras and lenses are known.
+//! Uncertainty of cameras and lenses.
 
 mod sparse;
 
@@ -12,24 +12,24 @@ use super::{Bundle, TWIST};
 use weaver_geometry::glam::DVec3;
 use weaver_kernels::parallel;
 
-/// Movements of the world that no observation tells: turns, shifts and a scale.
+/// Movements of the world that no observation determines: rotations, shifts and a scale.
 const GAUGE: usize = 7;
-/// Information of observations or priors about such a movement, over the mean of the diagonal, below which there is none.
+/// Information of observations or priors about such a movement, over the mean of the diagonal, that counts as none.
 const UNTOLD: f64 = 1e-10;
-/// The determinant of a point's matrix over the cube of its trace below which the distance is not told: rays that differ by
-/// 1e-4 radians or less.
+/// The determinant of a point's matrix over the cube of its trace below which the distance is undetermined: rays that
+/// differ by 1e-4 radians or less.
 const FAR: f64 = 1e-9;
-/// Turns of Jacobi's method over all pairs.
+/// Sweeps of Jacobi's method over all pairs: a guard, as it converges quadratically.
 const SWEEPS: usize = 30;
 /// For many cameras.
 const LIMITS: Limits = Limits { profile: 200_000_000, tolerance: 1e-8, iterations: 5000, ..Limits::USUAL };
 
-/// Standard deviations of cameras and lenses; not a number for what is not adjusted.
+/// Standard deviations of cameras and lenses; not a number for parameters that are not adjusted.
 ///
-/// All are those of the marginal distributions, everything else unknown, up to 1000 cameras and lenses, and beyond where those that
-/// see the same points can be numbered so that they are near each other, as along a walk. Elsewhere so are only those of the lenses,
-/// if they are at most 16; rotations and centers, and the numbers of more lenses, have the deviations that they would have if all
-/// other cameras and lenses were known, which are too small.
+/// All come from the marginal distributions, everything else unknown, up to 1000 cameras and lenses, and beyond where
+/// cameras with points in common can be numbered near each other, as along a walk. Elsewhere only the lenses' do, if
+/// they are at most 16; rotations and centers, and the numbers of more lenses, have the deviations that they would have
+/// if all other cameras and lenses were known, which are too small.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Covariance {
     /// Of the logarithm of the focal length, for each lens.
@@ -49,18 +49,21 @@ pub struct Covariance {
 }
 
 impl Bundle {
-    /// Covariance of cameras and lenses at the end of an adjustment; `None` if observations do not determine them, or are not
-    /// more than what is unknown.
+    /// Covariance of cameras and lenses at the end of an adjustment; `None` if observations do not determine them, or
+    /// are no more than the unknowns.
     ///
-    /// With J the derivatives of the differences r, all over deviations, and w their weights `1 / (1 + |r|^2 / scale^2)`, the covariance
-    /// is `sigma^2 (J^T J)^-1`, where `sigma^2 = (sum w^2 |r|^2 / n) / mean(w^2)^2` over the n differences that are not used up
-    /// by unknowns, and `J^T J = J^T w J / mean(w)`: the asymptotic covariance of an M-estimate. Points are unknown, too, unless they are fixed.
+    /// With J the derivatives of the differences r, all over deviations, and w their weights `1 / (1 + |r|^2 /
+    /// scale^2)`, the covariance is `sigma^2 (J^T J)^-1`, where `sigma^2 = (sum w^2 |r|^2 / n) / mean(w^2)^2` over the
+    /// n differences that are not used up by unknowns, and `J^T J = J^T w J / mean(w)`: the asymptotic covariance of an
+    /// M-estimate. Points are unknown, too, unless they are fixed.
     ///
-    /// Turns, shifts and the scale of the world, as far as neither fixed cameras nor priors tell them, are left free: what is uncertain
-    /// in these alone does not count. Deviations are those that are left after the best movement of the world, in least squares of
-    /// centers, over the root of their mean square distance from their middle, and of rotations in radians.
+    /// Rotation, shift and scale of the world, as far as neither fixed cameras nor priors determine them, are left
+    /// free: uncertainty in these alone does not count. Deviations are those that are left after the best movement of
+    /// the world, in least squares of centers, over the root of their mean square distance from their middle, and of
+    /// rotations in radians.
     ///
-    /// Sources: Huber, Robust Statistics, 1981, section 7.6; Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 9.
+    /// Sources: Huber, Robust Statistics, 1981, section 7.6; Triggs et al., Bundle adjustment, a modern synthesis,
+    /// 1999, section 9.
     ///
     /// ```
     /// use weaver_geometry::glam::{DMat3, DVec2, DVec3};
@@ -109,13 +112,13 @@ impl Bundle {
             if !bundle.fixed_points {
                 bundle.observations.retain(|o| held[o.point]);
             }
-            // Nothing is solved there.
+            // Neither a dense factor nor a profile is needed here: nothing is solved yet.
             let mut descent = Descent::new(&bundle, scale, &Limits { dense: 0, profile: 0, ..*limits });
             if !descent.linearize().is_finite() {
                 return None;
             }
             descent.reduce(0.0);
-            // Where next to nothing tells the distance of a point, its part of the equations is lost in rounding.
+            // Where next to nothing determines the distance of a point, its part of the equations is lost in rounding.
             let mut lost = false;
             for part in &descent.parts {
                 let far = |point: u32| part.matrix.get(point as usize).is_some_and(|m| !tells_distance(m));
@@ -130,7 +133,7 @@ impl Bundle {
         }
     }
 
-    /// The variance of differences, and what inverses of the equations are multiplied by.
+    /// The variance of differences, and the factor on inverses of the equations.
     fn noise(&self, scale: f64, unknowns: usize) -> Option<[f64; 2]> {
         let (mut squares, mut once, mut twice) = (0.0, 0.0, 0.0);
         for (error, o) in self.errors().into_iter().zip(&self.observations).filter(|(error, _)| error.is_finite()) {
@@ -141,6 +144,7 @@ impl Bundle {
             twice += weight * weight;
         }
         let n = self.observations.len() as f64;
+        // Two coordinates each.
         let left = 2.0 * n - unknowns as f64;
         let variance = squares / left * (n / twice).powi(2);
         (left > 0.0 && variance.is_finite()).then_some([variance, variance * once / n])
@@ -199,7 +203,7 @@ impl<'a> Inner<'a> {
         if k < TWIST / 2 && self.descent.blocks.is_camera(block) { self.size } else { 1.0 }
     }
 
-    /// The movements of the world that nothing tells, orthonormal.
+    /// The movements of the world that nothing determines, orthonormal.
     fn gauge(&self) -> Vec<Vec<f64>> {
         let Descent { blocks, reduced, .. } = self.descent;
         let mut all: Vec<Vec<f64>> = vec![vec![0.0; BLOCK * blocks.count]; GAUGE];
@@ -279,8 +283,8 @@ impl<'a> Inner<'a> {
         y
     }
 
-    /// The diagonal of the inverse, without the movements that nothing tells: with G those, orthonormal, the pseudo-inverse of S is
-    /// `(S + a G G^T)^-1 - G G^T / a`.
+    /// The diagonal of the inverse, without the movements that nothing determines: with G those, orthonormal, the
+    /// pseudo-inverse of S is `(S + a G G^T)^-1 - G G^T / a`.
     fn marginal(&self, gauge: &[Vec<f64>]) -> Option<Vec<Row>> {
         let reduced = &self.descent.reduced;
         let mut dense = Dense::new(BLOCK * reduced.rows);
@@ -311,7 +315,8 @@ impl<'a> Inner<'a> {
     }
 }
 
-/// True if the matrix of a point tells its distance: its determinant is that of three directions that are told.
+/// True if the matrix of a point determines its distance: its determinant is too large for rounding, so that three
+/// directions are measured.
 fn tells_distance([xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> bool {
     let determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
     determinant > FAR * (xx + yy + zz).powi(3)

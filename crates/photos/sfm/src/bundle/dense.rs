@@ -17,7 +17,7 @@ pub(super) struct Dense {
     size: usize,
     /// Each panel from the diagonal down, row by row.
     panels: Vec<Vec<f64>>,
-    /// The inverse of the upper end of a panel, and what is solved by it.
+    /// The inverse of the upper end of a panel, and the rows solved by it.
     inverse: Vec<f64>,
     below: Vec<f64>,
     x: Vec<f64>,
@@ -107,8 +107,8 @@ impl Dense {
         true
     }
 
-    /// An element of the diagonal of the inverse, from the factor: the square of a column of the inverse of the factor. `x` has as
-    /// many elements as the matrix has rows.
+    /// An element of the diagonal of the inverse, from the factor: the square of a column of the inverse of the factor.
+    /// `x` has as many elements as the matrix has rows.
     pub fn inverse_diagonal(&self, at: usize, x: &mut [f64]) -> f64 {
         x.fill(0.0);
         x[at] = 1.0;

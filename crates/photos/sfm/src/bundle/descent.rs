@@ -17,33 +17,34 @@ use weaver_kernels::simd::{self, Level};
 
 /// Damping of the first step over the diagonal, the least and the largest.
 const DAMPING: [f64; 3] = [1e-5, 1e-10, 1e9];
-/// Relative fall of the cost below which nothing more is expected of steps that are hardly damped.
+/// Relative fall of the cost at which the descent has converged, if the damping is at most `HARDLY`: a strongly damped
+/// step is short wherever it is.
 const CONVERGED: f64 = 1e-7;
 const HARDLY: f64 = 1e-2;
-/// Relative fall that is lost in rounding.
+/// Predicted relative fall that is lost in rounding: a step that fails then ends the descent.
 const ROUNDING: f64 = 1e-11;
-/// Root of the mean cost of an observation, in scales, that is as good as none.
+/// Root of the mean cost of an observation, in scales, that counts as 0.
 const EXACT: f64 = 1e-11;
 
 /// Solver of the reduced equations, and its limits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Blocks up to which the matrix is dense where enough of it is there.
+    /// Blocks up to which the matrix is dense, if enough of it is stored.
     pub dense: usize,
     /// Products of blocks up to which the factor of a sparse matrix is found.
     pub profile: usize,
     /// Residual of conjugate gradients, and most iterations.
     pub tolerance: f64,
     pub iterations: usize,
-    /// The squared movement of cameras and lenses in a step that is hardly damped, in standard deviations of what observations tell
-    /// of them, from which on they are settled.
+    /// Cameras and lenses are settled below this squared movement, in standard deviations by the observations, in a
+    /// step that is hardly damped.
     pub settled: f64,
 }
 
 impl Limits {
     pub const USUAL: Self = Self { dense: 200, profile: 40_000_000, tolerance: 1e-8, iterations: 1000, settled: 1e-4 };
     pub const ROUGH: Self = Self { settled: 0.1, ..Self::USUAL };
-    /// The part of the matrix that is there, from which on a dense one pays off; and blocks up to which it always does.
+    /// The stored part of the matrix from which on a dense solver pays off; and blocks up to which it always does.
     const FULL: f64 = 0.1;
     const FEW: usize = 16;
 }
@@ -58,6 +59,7 @@ pub(super) enum Solver {
 impl Solver {
     pub fn new(reduced: &Reduced, limits: &Limits) -> Self {
         let n = reduced.rows;
+        // Only the lower half is stored.
         let full = 2.0 * reduced.stored() as f64 >= Limits::FULL * (n * n) as f64;
         if n <= limits.dense && (full || n <= Limits::FEW) {
             Self::Dense(Dense::new(BLOCK * n))
@@ -77,7 +79,7 @@ impl Solver {
     }
 }
 
-/// Where cameras and lenses are; points are in parts.
+/// Poses and lenses; points are in parts.
 #[derive(Clone, Debug)]
 pub(super) struct State {
     pub poses: Vec<Pose>,
@@ -124,14 +126,17 @@ impl<'a> Descent<'a> {
         let [mut damping, least, largest] = DAMPING;
         let (mut more, mut steps) = (2.0, 0);
         let nothing = EXACT * EXACT * self.scale * self.scale * self.bundle.observations.len() as f64;
+        // Exact observations leave nothing to lower, and no relative fall to measure.
         let mut converged = cost <= nothing;
         for _ in 0..most_steps {
+            // With the largest damping a step is as good as none: no step lowers the cost.
             if converged || damping >= largest || !cost.is_finite() {
                 break;
             }
             let fall = if self.solve(damping) { self.attempt(damping) } else { None };
             let Some((next, predicted)) = fall.filter(|(next, _)| *next < cost) else {
                 converged = fall.is_some_and(|(_, predicted)| predicted <= ROUNDING * cost);
+                // Nielsen's update of a step that failed: the damping grows faster and faster.
                 damping *= more;
                 more *= 2.0;
                 continue;
@@ -146,6 +151,7 @@ impl<'a> Descent<'a> {
             more = 2.0;
             cost = next;
             self.accept();
+            // After the last step the equations are not needed any more.
             if !converged {
                 self.linearize();
             }
@@ -153,7 +159,7 @@ impl<'a> Descent<'a> {
         Solved { cost, steps, converged }
     }
 
-    /// The equations where all is; returns the cost.
+    /// Linearizes at the current state; returns the cost.
     pub fn linearize(&mut self) -> f64 {
         let sights = Sights { views: &self.state.views, scale: self.scale };
         parallel::for_chunks(&mut self.parts, 1, |_, parts| {
@@ -169,6 +175,7 @@ impl<'a> Descent<'a> {
             }
         });
         let State { poses, lenses, .. } = &self.state;
+        // Parts are added in their order, so that the bits do not depend on threads.
         self.system.sum(self.bundle, &self.blocks, &self.parts, poses, lenses);
         self.parts.iter().map(|part| part.cost).sum::<f64>() + expectations(self.bundle, &self.blocks, poses, lenses)
     }
@@ -185,8 +192,8 @@ impl<'a> Descent<'a> {
         self.solver.solve(&self.reduced, &mut self.step)
     }
 
-    /// The squared movement of cameras and lenses with the step, in standard deviations: `x^T S x` with the reduced matrix `S`, which
-    /// is what the reduced right side makes of a step `x` that is hardly damped.
+    /// The squared movement of cameras and lenses with the step, in standard deviations: `x^T S x` with the reduced
+    /// matrix `S`, and `S x` is the reduced right side for a step `x` that is hardly damped.
     fn movement(&self) -> f64 {
         let along =
             |(row, x): (usize, &Row)| x.iter().zip(self.reduced.right(row)).map(|(x, right)| x * right).sum::<f64>();
@@ -196,6 +203,7 @@ impl<'a> Descent<'a> {
     /// The cost after the step, and the fall of the cost that was predicted; `None` if the step is not finite.
     fn attempt(&mut self, damping: f64) -> Option<(f64, f64)> {
         let Self { bundle, blocks, state, tried, step, .. } = self;
+        // A nearly singular matrix can be solved and still overflow.
         if !step.as_flattened().iter().all(|x| x.is_finite()) {
             return None;
         }
@@ -247,7 +255,7 @@ impl<'a> Descent<'a> {
 }
 
 impl Sights<'_> {
-    /// Moves the points of a part by what goes with a step of cameras and lenses; tells the cost then.
+    /// Moves the points of a part along with a step of cameras and lenses, and sets the cost.
     #[inline(always)]
     fn attempt<const FUSED: bool>(&self, part: &mut Part, step: &[Row], damping: f64, fixed_points: bool) {
         part.predicted = 0.0;
@@ -263,7 +271,7 @@ impl Sights<'_> {
 }
 
 impl Part {
-    /// Movement of a point with a step of cameras and lenses. Adds what it is predicted to take off the cost.
+    /// Movement of a point with a step of cameras and lenses. Adds the predicted fall of the cost.
     #[inline(always)]
     pub fn movement(&mut self, point: usize, step: &[Row], damping: f64) -> DVec3 {
         let right = self.right[point];

@@ -1,4 +1,4 @@
-//! What several cameras share.
+//! Lenses: the parameters that several cameras share.
 
 use super::longer;
 use weaver_geometry::Camera;
@@ -14,13 +14,13 @@ pub struct Lens {
     pub log_focal: f64,
     /// Radial distortion: a point at distance r from the axis, over its depth, is seen at `r (1 + k1 r^2 + k2 r^4)`.
     pub k1: f64,
-    /// The second coefficient of that.
+    /// The second coefficient of the distortion.
     pub k2: f64,
     /// Shift of the principal point from the cameras' own, over the longer sides of their photos.
     pub shift: DVec2,
     /// Expected value of [`log_focal`](Self::log_focal).
     pub expected: f64,
-    /// Weight of the square of the difference from that, squared pixels.
+    /// Weight of the square of the difference from the expected value, squared pixels.
     pub weight: f64,
     /// Weight of the squares of [`k1`](Self::k1) and [`k2`](Self::k2), squared pixels.
     pub distortion_weight: f64,
@@ -30,14 +30,14 @@ pub struct Lens {
     pub free_focal: bool,
     /// True if the first coefficient of the distortion is adjusted.
     pub free_k1: bool,
-    /// True if the second one is.
+    /// True if the second coefficient of the distortion is adjusted.
     pub free_k2: bool,
     /// True if the principal point is adjusted.
     pub free_shift: bool,
 }
 
 impl Lens {
-    /// Where a camera with this lens sees a point of camera coordinates.
+    /// The pixel of a point of camera coordinates in a camera with this lens.
     pub fn project(&self, camera: &Camera, p: DVec3) -> DVec2 {
         let k = &camera.intrinsics;
         let at = DVec2::new(p.x, p.y) / p.z;
@@ -46,11 +46,11 @@ impl Lens {
         DVec2::new(k.fx * at.x, k.fy * at.y) * scale + self.center(camera)
     }
 
-    /// Where a pinhole camera of the same focal length and principal point sees what a camera with this lens sees at a pixel, by
-    /// Newton's method on the distance from the axis.
+    /// The pixel of an ideal pinhole camera of the same focal length and principal point for a pixel of a camera with
+    /// this lens, by Newton's method on the distance from the axis.
     ///
-    /// Where the lens folds back, so that several points are seen at the pixel or none is, it is the nearest pixel that is
-    /// reached before the fold. [`project`](Self::project) is the inverse elsewhere.
+    /// Where the lens folds back, so that several points or none project to the pixel, it is the nearest pixel before
+    /// the fold. [`project`](Self::project) is the inverse elsewhere.
     pub fn undistort(&self, camera: &Camera, pixel: DVec2) -> DVec2 {
         if self.k1 == 0.0 && self.k2 == 0.0 {
             return pixel;
@@ -64,7 +64,7 @@ impl Lens {
         }
         let bent = |r: f64| r * (1.0 + r * r * (self.k1 + r * r * self.k2));
         let (mut low, mut high) = (0.0, self.fold());
-        // Beyond the fold nothing is seen; without one, where a lens that draws in ends is not known beforehand.
+        // Beyond the fold there is no solution; without a fold, the upper bound has to be searched.
         if high.is_finite() && bent(high) <= far {
             return center + seen * (high / far) * focal;
         }
@@ -77,7 +77,7 @@ impl Lens {
             if (next - r).abs() <= 2.0 * f64::EPSILON * r {
                 break;
             }
-            // Newton's step where it stays between what is too near and too far.
+            // Newton's step if it stays between the bounds.
             r = if next > low && next < high {
                 next
             } else if high.is_finite() {
@@ -89,7 +89,8 @@ impl Lens {
         center + seen * (r / far) * focal
     }
 
-    /// The least distance from the axis, over the depth, at which what is farther is not seen farther; infinite if none.
+    /// The least distance from the axis, over the depth, beyond which the projection no longer moves outward; infinite
+    /// if none.
     fn fold(&self) -> f64 {
         // The least positive root s = r^2 of 1 + 3 k1 s + 5 k2 s^2.
         let (a, b) = (5.0 * self.k2, 3.0 * self.k1);
@@ -97,7 +98,8 @@ impl Lens {
         if inside < 0.0 {
             return f64::INFINITY;
         }
-        // In this form neither root is a difference of nearly equal numbers for long, and a = 0 needs no case of its own.
+        // In this form neither root is a difference of nearly equal numbers for long, and a = 0 needs no case of its
+        // own.
         let root = inside.sqrt();
         let roots = [-2.0 / (b + root), -2.0 / (b - root)];
         roots.into_iter().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min).sqrt()
@@ -108,12 +110,12 @@ impl Lens {
         DVec2::new(camera.intrinsics.cx, camera.intrinsics.cy) + self.shift * longer(camera)
     }
 
-    /// The same lens, that nothing adjusts.
+    /// The same lens with all numbers fixed.
     pub(crate) fn held(self) -> Self {
         Self { free_focal: false, free_k1: false, free_k2: false, free_shift: false, ..self }
     }
 
-    /// Which of its [numbers](Self::numbers) are adjusted.
+    /// True for its [numbers](Self::numbers) that are adjusted.
     pub(super) fn free(&self) -> [bool; NUMBERS] {
         [self.free_focal, self.free_k1, self.free_k2, self.free_shift, self.free_shift]
     }
@@ -123,7 +125,7 @@ impl Lens {
         [self.log_focal, self.k1, self.k2, self.shift.x, self.shift.y]
     }
 
-    /// The weight of each number, and how far it is from where it is expected; no weight if it is not free.
+    /// The weight of each number, and its difference from the expected value; no weight if it is not free.
     pub(super) fn priors(&self) -> [(f64, f64); NUMBERS] {
         let weights =
             [self.weight, self.distortion_weight, self.distortion_weight, self.shift_weight, self.shift_weight];

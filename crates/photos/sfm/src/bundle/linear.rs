@@ -1,4 +1,4 @@
-//! What observations say: their cost, and its quadratic model. They are seen eight at a time, one in each lane.
+//! Linearized observations: their cost, and its quadratic model. Eight are processed at a time, one in each lane.
 
 #![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
 
@@ -9,17 +9,18 @@ use super::{Bundle, longer};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 
-/// An observation behind its camera costs as much as one that is off by so many scales.
+/// An observation behind its camera costs as much as one that is off by so many scales: much, so that steps keep points
+/// in front, but finite, so that adjustments can begin with some behind.
 const BEHIND: f64 = 100.0;
-/// Nearer than this, a point is behind.
+/// A point nearer than this counts as behind.
 const NEAREST: f64 = 1e-12;
-/// Numbers of a row, by place: those of the lens follow those of the camera.
+/// Numbers of a row, by place: the lens's follow the camera's.
 const DIFFERENCE: usize = WIDE - 1;
-/// Observations that are seen side by side.
+/// Observations that are processed side by side.
 const LANES: usize = 8;
 type Lane = [f64; LANES];
 
-/// A camera and its lens, ready to see.
+/// A camera and its lens, prepared for projection.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(super) struct View {
@@ -32,10 +33,10 @@ pub(super) struct View {
     wide: bool,
 }
 
-/// Numbers of [`View::optics`]: focal lengths, principal point, distortion; then what derivatives are multiplied by, those by the
-/// movement of the camera and those by each number of the lens: 0 if they are not adjusted.
+/// Numbers of [`View::optics`]: focal lengths, principal point, distortion; then the factors of derivatives, by the
+/// movement of the camera and by each number of the lens: 0 if they are not adjusted.
 const OPTICS: usize = 6 + 1 + NUMBERS;
-/// Of these, what tells where a point is seen.
+/// The first of these, which the projection needs.
 const SEEING: usize = 6;
 
 impl View {
@@ -86,8 +87,8 @@ pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     if FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// Cost of squared differences, in scales: the sum of `ln(1 + x)`, as the logarithms of products, less one so that small
-/// ones keep their digits.
+/// Cost of squared differences, in scales: the sum of `ln(1 + x)`, as the logarithms of products, less one so that
+/// small ones keep their digits.
 #[derive(Default)]
 struct Logs {
     sum: f64,
@@ -104,7 +105,7 @@ impl Logs {
         let mut next = [0.0; LANES];
         for l in 0..LANES {
             next[l] = self.products[l] + x[l] * (1.0 + self.products[l]);
-            // False for what is not a number, too.
+            // False for NaN, too.
             small &= next[l] < Self::LARGE;
         }
         if small {
@@ -127,24 +128,25 @@ impl Logs {
     }
 }
 
-/// Observations side by side, and how they are seen.
+/// A batch of observations, and their projections.
 struct Batch {
     /// In coordinates of the cameras.
     p: [Lane; 3],
     pixel: [Lane; 2],
     precision: Lane,
     optics: [Lane; OPTICS],
-    /// One over the depth, and the places at depth 1.
+    /// Inverse depth, and the places at depth 1.
     near: Lane,
     at: [Lane; 2],
     r2: Lane,
     bent: Lane,
-    /// Where they are seen less the principal point, and less where they were seen.
+    /// The projected pixel relative to the principal point, and relative to the observed pixel.
     from_center: [Lane; 2],
     difference: [Lane; 2],
     /// Square of the difference, in scales.
     far: Lane,
-    /// Rows of both coordinates of the pixel: derivatives by camera and lens, the difference last; times the root of the weight.
+    /// Rows of both coordinates of the pixel: derivatives by camera and lens, the difference last; times the root of
+    /// the weight.
     rows: [[Lane; WIDE]; 2],
     /// The same by the point, in coordinates of the camera.
     by_point: [[Lane; 3]; 2],
@@ -186,13 +188,13 @@ impl Batch {
                 self.optics[k][l] = view.optics[k];
             }
         }
-        // What fills the rest counts nothing.
+        // The padding has weight 0.
         for l in seen.len()..LANES {
             self.precision[l] = 0.0;
         }
     }
 
-    /// Where they are seen. What is behind its camera is far off, and has no precision from here on.
+    /// Projects the points. A point behind its camera is far off, and has no precision from here on.
     #[inline(always)]
     fn see<const FUSED: bool>(&mut self, far: f64) {
         let [fx, fy, cx, cy, k1, k2, ..] = &self.optics;
@@ -266,7 +268,7 @@ impl Batch {
     }
 }
 
-/// Where all was seen from, and the scale of the loss.
+/// All views, and the scale of the loss.
 #[derive(Clone, Copy)]
 pub(super) struct Sights<'a> {
     pub views: &'a [View],
@@ -274,7 +276,7 @@ pub(super) struct Sights<'a> {
 }
 
 impl Sights<'_> {
-    /// The cost of what was seen of points.
+    /// The cost of the observations of points.
     #[inline(always)]
     pub fn cost<const FUSED: bool>(&self, points: &[DVec3], seen: &[Seen]) -> f64 {
         let (mut logs, mut batch) = (Logs::default(), Batch::new());
@@ -347,7 +349,7 @@ fn outer<const FUSED: bool, const N: usize>(sums: &mut Sums, [(u, _), (v, _)]: &
     }
 }
 
-/// Adds what an observation says of its point, and of the point with the camera and the lens.
+/// Adds the terms of an observation for its point, and for the point with the camera and the lens.
 #[inline(always)]
 fn couple<const FUSED: bool, const N: usize>(part: &mut Part, [(u, du), (v, dv)]: &Rows<N>, o: &Seen) {
     let mut products = [[0.0; N]; 3];

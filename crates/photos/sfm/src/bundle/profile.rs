@@ -1,4 +1,4 @@
-//! Cholesky's factors of a sparse matrix, of which each row is stored from its first block on.
+//! Cholesky factorization of a sparse matrix; each row is stored from its first block on.
 
 mod inverse;
 
@@ -16,15 +16,15 @@ const LANES: usize = 4;
 const TALL: usize = 2;
 const LONG: usize = 3;
 
-/// A lower triangle without what is left of the first block of each row, and the factor that takes its place: all that a
-/// factor adds lies between.
+/// A lower triangle, each row from its first block on, and the factor that takes its place: the fill-in of a factor
+/// stays within.
 #[derive(Clone, Debug)]
 pub(super) struct Profile {
-    /// The place of each row of the equations: those that have points in common stand near each other.
+    /// The place of each row of the equations: rows with points in common stand near each other.
     place: Vec<u32>,
-    /// Of each place, the first column.
+    /// First stored column of each place.
     first: Vec<u32>,
-    /// Of each place, where its rows begin, one after the other up to the end of the block on the diagonal.
+    /// Start of each place's rows, one after the other up to the end of the block on the diagonal.
     start: Vec<usize>,
     values: Vec<f64>,
     x: Vec<f64>,
@@ -33,8 +33,8 @@ pub(super) struct Profile {
 impl Profile {
     /// The profile of the equations; `None` if a factor takes more products of blocks than `most`.
     ///
-    /// Sources: Cuthill and McKee, Reducing the bandwidth of sparse symmetric matrices, 1969, in reverse; George and Liu,
-    /// Computer solution of large sparse positive definite systems, 1981, chapter 4.
+    /// Sources: Cuthill and McKee, Reducing the bandwidth of sparse symmetric matrices, 1969, in reverse; George and
+    /// Liu, Computer solution of large sparse positive definite systems, 1981, chapter 4.
     pub fn new(reduced: &Reduced, most: usize) -> Option<Self> {
         let n = reduced.rows;
         let place = places(reduced);
@@ -191,8 +191,8 @@ impl Profile {
     }
 }
 
-/// Where rows stand: in the order of Cuthill and McKee from an end of what is connected, in reverse; those that most are
-/// connected with stand last.
+/// Places of the rows: in the reverse order of Cuthill and McKee from an end of each connected part; rows connected
+/// with most others stand last.
 fn places(reduced: &Reduced) -> Vec<u32> {
     let n = reduced.rows;
     let mut beside: Vec<Vec<u32>> = vec![Vec::new(); n];
@@ -218,7 +218,8 @@ fn places(reduced: &Reduced) -> Vec<u32> {
     place
 }
 
-/// Rows connected with a row, the nearest first, and of those connected with the same one that with the fewest others.
+/// Rows connected with a row, the nearest first, and among rows connected through the same one by rising number of
+/// connections.
 fn walk(beside: &[Vec<u32>], from: usize, reached: &mut [bool]) -> Vec<usize> {
     let (mut order, mut waiting) = (Vec::new(), VecDeque::from([from]));
     reached[from] = true;
@@ -268,7 +269,8 @@ fn products<const FUSED: bool>(
     all
 }
 
-/// The factor of a block on the diagonal, whose rows are so far from each other; `false` if it is not positive definite.
+/// The factor of a block on the diagonal, whose rows are so far from each other; `false` if it is not positive
+/// definite.
 #[inline(always)]
 fn factor_block(block: &mut [f64], wide: usize) -> bool {
     for a in 0..BLOCK {

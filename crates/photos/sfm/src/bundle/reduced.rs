@@ -1,4 +1,4 @@
-//! The equations that are left for cameras and lenses once the points are eliminated.
+//! The reduced equations of cameras and lenses, once the points are eliminated.
 
 #![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
 
@@ -14,20 +14,20 @@ use weaver_kernels::simd::{self, Level};
 const GROUPS: usize = 64;
 /// Products of blocks below which a task of its own does not pay off.
 const PRODUCTS: usize = 2048;
-/// A pivot over its diagonal element below which nothing holds a point.
+/// A pivot over its diagonal element below which rounding alone holds a point.
 const HELD: f64 = 1e-15;
 
-/// Rows that follow each other, of the lower half of the matrix: only blocks with a point in common.
+/// Consecutive rows of the lower half of the matrix: only blocks with a point in common.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Group {
     pub rows: Range<usize>,
-    /// Where the blocks of each row begin, and where those of the last end.
+    /// Start of each row's blocks, and the end of the last row's.
     first: Vec<u32>,
     /// The column of each block, ascending; the last of a row is on the diagonal.
     columns: Vec<u32>,
     values: Vec<Block>,
     right: Vec<Row>,
-    /// Where the blocks of the row at hand are, by column.
+    /// Places of the current row's blocks, by column.
     place: Vec<u32>,
 }
 
@@ -70,7 +70,7 @@ impl Reduced {
         self.groups.iter().map(|g| g.columns.len()).sum()
     }
 
-    /// Fills matrix and right side for a damping, of which the inverses of points are already.
+    /// Fills matrix and right side for a damping, for which the inverses of points are ready.
     pub fn fill(&mut self, system: &System, parts: &[Part], damping: f64) {
         parallel::for_chunks(&mut self.groups, 1, |_, groups| {
             for group in groups {
@@ -107,7 +107,7 @@ impl Group {
         (&self.columns[range.clone()], &self.values[range])
     }
 
-    /// Finds which blocks its rows have.
+    /// Finds the blocks of its rows.
     fn connect(&mut self, system: &System, parts: &[Part]) {
         self.place = vec![NONE; system.right.len()];
         for row in self.rows.clone() {
@@ -115,6 +115,7 @@ impl Group {
             self.first.push(first as u32);
             let mut connect = |column: u32| {
                 let place = &mut self.place[column as usize];
+                // Each column once: the mark of the row says that it is there.
                 if *place != row as u32 {
                     *place = row as u32;
                     self.columns.push(column);
@@ -122,6 +123,7 @@ impl Group {
             };
             for part in parts {
                 for [entry, point] in part.of_block(row) {
+                    // Only the lower half: the entries of a point ascend by block.
                     let before = part.entries(*point as usize).start..*entry as usize;
                     part.block[before].iter().for_each(|b| connect(*b));
                 }
@@ -146,7 +148,7 @@ impl Group {
             let diagonal = &mut self.values[range.end - 1];
             *diagonal = system.matrix[number];
             for i in 0..BLOCK {
-                // Of what nothing depends on the diagonal is 1 here and 0 there.
+                // An unknown without observations has 1 in `system.diagonal` and 0 in the matrix.
                 diagonal.0[i][i] = system.diagonal[number][i] * (1.0 + damping);
             }
             if system.lens[number] != NONE {
@@ -221,9 +223,10 @@ fn damped_inverse(matrix: &[f64; 6], damping: f64) -> [f64; 6] {
     let off = yz - l10 * xz;
     let l21 = off / d1;
     let d2 = zz - l20 * xz - l21 * off;
-    // False for what is not a number, too.
+    // False for NaN, too.
     let held = xx > 0.0 && d1 > HELD * yy && d2 > HELD * zz;
     if !held {
+        // Such a point stays where it is, and has no part in the step of cameras.
         return [0.0; 6];
     }
     // The inverse of the unit lower factor, and of the diagonal.

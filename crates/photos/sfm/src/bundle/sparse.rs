@@ -1,4 +1,4 @@
-//! The reduced equations by conjugate gradients, of which only blocks with points in common are stored.
+//! The reduced equations by conjugate gradients; only blocks with points in common are stored.
 
 #![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
 
@@ -13,9 +13,9 @@ const ROWS: usize = 32;
 /// State of conjugate gradients beside the matrix.
 #[derive(Clone, Debug)]
 pub(super) struct Sparse {
-    /// Where the blocks below the diagonal of each column begin in `below`, and where the last end.
+    /// Start of each column's blocks in `below`, and the end of the last column's.
     first: Vec<u32>,
-    /// The row of each, and its place among those of the row.
+    /// The row of each, and its place within the row.
     below: Vec<[u32; 2]>,
     /// Inverses of the diagonal blocks.
     inverse: Vec<Block>,
@@ -59,14 +59,14 @@ impl Sparse {
 
     /// Solves the reduced equations; `false` if their matrix is not positive definite.
     ///
-    /// Source: Hestenes and Stiefel, Methods of conjugate gradients for solving linear systems, 1952; with the inverses of the
-    /// diagonal blocks in front.
+    /// Source: Hestenes and Stiefel, Methods of conjugate gradients for solving linear systems, 1952; with the inverses
+    /// of the diagonal blocks in front.
     pub fn solve(&mut self, reduced: &Reduced, step: &mut [Row]) -> bool {
         (0..reduced.rows).for_each(|row| self.residual[row] = *reduced.right(row));
         self.solve_residual(reduced, step)
     }
 
-    /// Solves for a right side that is not the one of the equations.
+    /// Solves for another right side than the equations' own.
     pub fn solve_for(&mut self, reduced: &Reduced, right: &[Row], step: &mut [Row]) -> bool {
         self.residual.copy_from_slice(right);
         self.solve_residual(reduced, step)
@@ -87,6 +87,7 @@ impl Sparse {
             }
             self.multiply(reduced);
             let curvature = dot(&self.direction, &self.product);
+            // Not positive definite along this direction.
             if curvature.is_nan() || curvature <= 0.0 {
                 return false;
             }

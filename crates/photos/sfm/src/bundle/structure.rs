@@ -1,4 +1,4 @@
-//! Which numbers are unknown, and how what was seen connects them.
+//! The unknowns, and their connections by observations.
 
 use super::sums::{Coupling, Sums};
 use super::{Bundle, Lens};
@@ -8,13 +8,14 @@ use weaver_kernels::parallel;
 
 /// Mark of an item without a number.
 pub(super) const NONE: u32 = u32::MAX;
-/// Observations below which no further part of the points pays off, and most parts. Neither depends on the number of threads,
-/// so that sums never do.
+/// Observations below which another part does not pay off, and most parts. Neither depends on the number of threads, so
+/// that sums never do.
 const OBSERVATIONS: usize = 4096;
 const PARTS: usize = 32;
 
-/// The unknowns, in blocks of six: a lens that is adjusted, or the twist of a camera that is. Lenses come first, so that what
-/// they share with cameras belongs to the rows of cameras and no row is much longer than the others.
+/// The unknowns, in blocks of six: a lens that is adjusted, or the twist of a camera that is. Lenses come first, so
+/// that the blocks that they share with cameras belong to the rows of cameras and no row is much longer than the
+/// others.
 #[derive(Clone, Debug)]
 pub(super) struct Blocks {
     /// The block of each camera, or [`NONE`].
@@ -59,14 +60,14 @@ impl Blocks {
     }
 }
 
-/// Where a camera saw a point.
+/// An observation of a point by a camera.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub pixel: [f64; 2],
     /// One over the square of the deviation.
     pub precision: f64,
     pub camera: u32,
-    /// The numbers of the point and of the sums of the camera among those of the part; [`NONE`] if the camera needs no sums.
+    /// Indices of the point and of the camera's sums within the part; [`NONE`] if the camera needs no sums.
     pub point: u32,
     pub sums: u32,
     /// The entries of its point with the camera and with its lens, or [`NONE`].
@@ -74,17 +75,18 @@ pub(super) struct Seen {
     pub lens_entry: u32,
 }
 
-/// Some points, with all that saw them and the part of the equations that is theirs.
+/// Some points, with their observations and their part of the equations.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Part {
     /// Numbers of the points.
     pub numbers: Vec<u32>,
     pub seen: Vec<Seen>,
-    /// Where the entries of each point begin, and where the last end: one for every block that the point depends on, ascending.
+    /// Start of each point's entries, and the end of the last point's: an entry for every block that the point depends
+    /// on, ascending.
     pub first_entry: Vec<u32>,
     /// The block of each entry.
     pub block: Vec<u32>,
-    /// Where the list of each block begins, and where the last ends.
+    /// Start of each block's list, and the end of the last one's.
     first_of_block: Vec<u32>,
     /// The entries of each block, with their points.
     of_block: Vec<[u32; 2]>,
@@ -94,7 +96,7 @@ pub(super) struct Part {
     /// Matrix of each point: xx, xy, xz, yy, yz, zz.
     pub matrix: Vec<[f64; 6]>,
     pub right: Vec<[f64; 3]>,
-    /// Inverse of the damped matrix; zero for a point that nothing holds.
+    /// Inverse of the damped matrix; zero for an undetermined point.
     pub inverse: Vec<[f64; 6]>,
     /// Coupling of each entry with its point.
     pub coupling: Vec<Coupling>,
@@ -108,8 +110,8 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// All parts of a bundle. Points that the same cameras see are put side by side, as far as their first three cameras tell:
-    /// what is done camera by camera then finds them near each other.
+    /// All parts of a bundle. Points that the same cameras see are put side by side, by their first three cameras: work
+    /// done camera by camera then finds them near each other.
     pub fn all(bundle: &Bundle, blocks: &Blocks) -> Vec<Self> {
         let observations = &bundle.observations;
         let mut of_point = vec![0..0; bundle.points.len()];
@@ -118,6 +120,7 @@ impl Part {
         for seen in observations.chunk_by(|a, b| a.point == b.point) {
             let key = &mut keys[seen[0].point];
             for mut camera in seen.iter().map(|o| o.camera as u32) {
+                // Keeps the three smallest numbers, ascending.
                 for least in &mut *key {
                     (*least, camera) = (camera.min(*least), camera.max(*least));
                 }
@@ -133,6 +136,7 @@ impl Part {
         for part in 1..=count {
             let enough = part * observations.len() / count;
             let mut end = 0;
+            // Parts of about as many observations each, as their work is in observations.
             while end < rest.len() && (before < enough || part == count) {
                 before += of_point[rest[end] as usize].len();
                 end += 1;
@@ -147,7 +151,7 @@ impl Part {
         parts
     }
 
-    /// Finds all that saw its points.
+    /// Finds the observations of its points.
     fn fill(&mut self, bundle: &Bundle, blocks: &Blocks, of_point: &[Range<usize>]) {
         let numbers = std::mem::take(&mut self.numbers);
         let all = || numbers.iter().map(|point| &bundle.observations[of_point[*point as usize].clone()]);

@@ -1,9 +1,10 @@
-//! What observations are summed up in.
+//! Sums over observations.
 
 /// Numbers of a block, and as many as fill a vector.
 pub(super) const BLOCK: usize = 6;
 pub(super) const PADDED: usize = 8;
-/// Numbers of a row of an observation: those of its camera, of its lens if that is adjusted, and the difference; in fours.
+/// Numbers of a row of an observation: its camera's, its lens's if the lens is adjusted, and the difference; padded to
+/// fours.
 pub(super) const WIDE: usize = 12;
 pub(super) const NARROW: usize = 8;
 /// Numbers that the compiler keeps in a register.
@@ -14,7 +15,8 @@ pub(super) const FOUR: usize = 4;
 #[repr(C, align(64))]
 pub(super) struct Coupling(pub [[f64; PADDED]; 3]);
 
-/// Sum of the outer products of the rows of a camera, in columns of four; of the columns above the diagonal only those beside it.
+/// Sum of the outer products of the rows of a camera, in columns of four; of the columns above the diagonal only those
+/// beside it.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
 pub(super) struct Sums(pub [[[f64; FOUR]; WIDE]; WIDE / FOUR]);

@@ -1,4 +1,4 @@
-//! The part of the normal equations that is of cameras and lenses alone.
+//! The part of the normal equations for cameras and lenses alone.
 
 #![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
 
@@ -17,11 +17,11 @@ pub(super) struct Block(pub [[f64; PADDED]; BLOCK]);
 /// Numbers of a block.
 pub(super) type Row = [f64; PADDED];
 
-/// Where the difference stands in the sums of a camera: last, of rows with a lens and without.
+/// Place of the residual in the sums of a camera: last, in rows with a lens and without.
 const WITH_LENS: usize = 11;
 const ALONE: usize = 7;
 
-/// Matrix and right side of cameras and lenses, without what points take off.
+/// Matrix and right side of cameras and lenses, before the points are eliminated.
 #[derive(Clone, Debug)]
 pub(super) struct System {
     /// Diagonal blocks.
@@ -31,7 +31,7 @@ pub(super) struct System {
     /// The block of the lens of each, or [`NONE`].
     pub lens: Vec<u32>,
     pub right: Vec<Row>,
-    /// The diagonal; 1 where nothing depends on a number, so that it stays where it is.
+    /// The diagonal; 1 for an unknown without observations, so that it stays.
     pub diagonal: Vec<Row>,
     /// Of each camera.
     sums: Vec<Sums>,
@@ -54,7 +54,7 @@ impl System {
         }
     }
 
-    /// Adds up what observations and priors say.
+    /// Adds up observations and priors.
     pub fn sum(&mut self, bundle: &Bundle, blocks: &Blocks, parts: &[Part], poses: &[Pose], lenses: &[Lens]) {
         self.matrix.fill(Block::default());
         self.with_lens.fill(Block::default());
@@ -107,7 +107,7 @@ impl System {
         }
     }
 
-    /// The twist from where a camera is expected, and its weights.
+    /// Adds the prior on a camera's twist from its expected pose.
     fn expect(&mut self, block: usize, pose: &Pose, (expected, weights): &(Pose, [f64; TWIST])) {
         let twist = apart(pose, expected);
         let by = by_movement(&twist);
@@ -138,8 +138,9 @@ fn apart(pose: &Pose, from: &Pose) -> [f64; TWIST] {
     [v.x, v.y, v.z, w.x, w.y, w.z]
 }
 
-/// The derivative of the twist `x` of a pose by a twist that moves the pose: the inverse of the left Jacobian of SE(3), with `ad` the
-/// adjoint of x the sum of `B_n ad^n / n!` over Bernoulli's numbers B_n. Up to a turn by 1, what is left out is below 1e-9.
+/// The derivative of the twist `x` of a pose by a twist that moves the pose: the inverse of the left Jacobian of SE(3),
+/// with `ad` the adjoint of x the sum of `B_n ad^n / n!` over Bernoulli's numbers B_n. Up to a rotation by 1 radian,
+/// the truncation error is below 1e-9.
 ///
 /// Source: Barfoot, "State Estimation for Robotics", chapter 7.
 fn by_movement(x: &[f64; TWIST]) -> [[f64; TWIST]; TWIST] {

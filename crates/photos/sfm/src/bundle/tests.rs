@@ -8,7 +8,7 @@ use weaver_kernels::random::Stream;
 
 const NUMBERS: usize = 5;
 
-/// Cameras, of which those after the third do not move, two lenses and points without any order.
+/// Cameras, fixed after the third, two lenses and points without any order.
 fn bundle(seed: u64) -> Bundle {
     let stream = Stream::new(seed, 0, "test.equations");
     let draw = |k: u64| DVec3::new(stream.normal(k), stream.normal(k + 1), stream.normal(k + 2));
@@ -195,8 +195,8 @@ fn the_right_side_is_the_slope_of_the_cost() {
     }
 }
 
-/// Eliminating points, the blocks and the factors change nothing: the step solves the whole damped normal equations, which are
-/// built here from differences alone.
+/// Eliminating points, the blocks and the factors change nothing: the step solves the whole damped normal equations,
+/// which are built here from differences alone.
 #[test]
 fn the_step_solves_the_damped_normal_equations() {
     for (seed, fixed_points) in (0..12).flat_map(|seed| [(seed, false), (seed, true)]) {
@@ -285,7 +285,7 @@ fn conjugate_gradients_end_where_the_factors_do() {
 fn an_adjustment_ends_where_cameras_are_settled() {
     let mut truth = chain(20, 300);
     (truth.fixed[0], truth.fixed[19]) = (true, true);
-    // Every other point is so far away that nothing tells its distance: it would move on for long.
+    // Every other point is so far away that its distance is undetermined: it would move on for long.
     for o in truth.observations.iter_mut().filter(|o| o.point % 2 == 0) {
         let middle = &truth.cameras[o.point % 15 + 3];
         let spread = truth.points[o.point].truncate() * 0.1;
@@ -334,8 +334,8 @@ fn lenses_are_as_exact_among_many_cameras() {
     assert!(dense.rotation.iter().zip(&sparse.rotation).all(|(a, b)| a > b));
 }
 
-/// The deviations of all cameras and lenses by a sparse factor, and by a dense one. Nothing tells where the world is; or one camera is
-/// fixed, and nothing tells its scale; or all is told.
+/// The deviations of all cameras and lenses by a sparse factor, and by a dense one. The place of the world is
+/// undetermined; or one camera is fixed, and its scale is undetermined; or everything is determined.
 #[test]
 fn cameras_among_many_are_as_exact_as_among_few() {
     for fixed in [&[][..], &[7], &[0, 29]] {

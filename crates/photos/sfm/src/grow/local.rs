@@ -1,4 +1,4 @@
-//! Growth among many photos: what did not change is neither found again nor adjusted.
+//! Growth among many photos: unchanged parts are neither found again nor adjusted.
 
 use super::{GROWING, GROWN, Grown, LOST, TOGETHER, adjusted, contradicted, explained, join};
 use crate::bundle::{Bundle, Lens, Observation};
@@ -7,16 +7,16 @@ use crate::observe::Observers;
 use std::cmp::Reverse;
 use weaver_geometry::glam::DVec3;
 
-/// The most photos among which all is found and adjusted each time.
+/// The most photos among which everything is found and adjusted each time.
 pub(crate) const MANY: usize = 30;
-/// Photos with a place up to which all are adjusted each time, and by which part more there are when all are adjusted again.
+/// Placed photos up to which all are adjusted each time; and the growth, as a part, after which all are adjusted again.
 const FEW: usize = 24;
 const MORE: f64 = 0.25;
-/// Photos that are tried at a time, those that see most.
+/// Photos that are tried at a time, the ones that see the most points.
 const TRIED: usize = 12;
-/// Photos with a place that are adjusted with those that joined, over the number of these and at least.
+/// Placed photos that are adjusted with newly joined ones, over the number of these and at least.
 const BESIDE: [usize; 2] = [1, 8];
-/// By which part more points a photo must see to be tried again.
+/// Growth of the number of points that a photo sees, as a part, after which it is tried again.
 const AGAIN: f64 = 0.1;
 
 /// A scene while it grows.
@@ -24,10 +24,10 @@ struct Growth<'a> {
     evidence: &'a Evidence<'a>,
     bundle: &'a mut Bundle,
     placed: &'a mut Vec<bool>,
-    /// Which focal lengths are adjusted.
+    /// True for lenses whose focal length is adjusted.
     free: Vec<bool>,
     refused: Vec<bool>,
-    /// Which were taken out again as most of their matches spoke against them.
+    /// True for photos that were taken out again as most of their matches spoke against them.
     retracted: Vec<bool>,
     /// The tracks of each photo.
     tracks_of: Vec<Vec<u32>>,
@@ -40,8 +40,8 @@ struct Growth<'a> {
 }
 
 impl Grown {
-    /// The same as [`grow`](Self::grow), until so many photos have a place: all is adjusted only when many photos have joined;
-    /// in between, those that joined with those that see most of the same points.
+    /// The same as [`grow`](Self::grow), until so many photos have a place: everything is adjusted only when many
+    /// photos have joined; in between, only the new ones and the photos that see most of the same points.
     ///
     /// Source: Schönberger and Frahm, Structure-from-Motion Revisited, 2016, section 4.4.
     pub fn grow_locally(&mut self, evidence: &Evidence<'_>, until: usize) {
@@ -51,7 +51,7 @@ impl Grown {
         bundle.lenses.iter_mut().zip(free).for_each(|(lens, free)| lens.free_focal = free);
     }
 
-    /// Adjusts all in the end, and tells how well it is explained.
+    /// Adjusts all in the end, and sets the support.
     pub fn settle(&mut self, evidence: &Evidence<'_>) {
         let Self { bundle, placed, support } = self;
         let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();
@@ -79,7 +79,7 @@ impl<'a> Growth<'a> {
         self.placed.iter().filter(|placed| **placed).count()
     }
 
-    /// Places photo after photo, as long as one sees enough of what there is.
+    /// Places photo after photo, as long as one sees enough points of the scene.
     fn run(&mut self, until: usize) {
         self.adjust_all();
         while self.count() < until {
@@ -95,7 +95,7 @@ impl<'a> Growth<'a> {
                 self.adjust_all();
             } else {
                 let mut wrong = contradicted(self.evidence, self.bundle, self.placed);
-                // What comes back to the same place is not taken out once more.
+                // A photo that comes back to the same place is not taken out once more.
                 wrong.retain(|photo| !std::mem::replace(&mut self.retracted[*photo], true));
                 if wrong.is_empty() {
                     return;
@@ -163,7 +163,7 @@ impl<'a> Growth<'a> {
         tracks.iter().zip(found).for_each(|(track, point)| self.points[*track as usize] = point);
     }
 
-    /// Adds observations of tracks by photos with a place, and those that photos that are `looking` may have elsewhere.
+    /// The points of tracks, and their observations by placed photos and by the ones that are `looking`.
     fn see(&self, tracks: &[u32], looking: impl Fn(usize) -> bool) -> (Vec<DVec3>, Vec<Observation>) {
         let missing: Vec<bool> = self.placed.iter().map(|placed| !placed).collect();
         let observers = Observers::new(self.bundle, self.evidence.features, &missing, 2.0 * FITS);
@@ -213,7 +213,7 @@ impl<'a> Growth<'a> {
         part.lenses
     }
 
-    /// Places some of the photos that see most; returns which.
+    /// Places some of the photos that see the most points; returns which.
     fn join(&mut self) -> Vec<usize> {
         let sees =
             |photo: usize| self.tracks_of[photo].iter().filter(|track| self.points[**track as usize].is_some()).count();

@@ -1,13 +1,14 @@
-//! Keypoints in the order of where they are, for finding those near a line.
+//! Keypoints sorted by place, for finding the ones near a line.
 
 use crate::descriptor::DESCRIPTOR;
 use crate::features::Features;
 use std::ops::Range;
 use weaver_geometry::glam::{DVec2, DVec3};
 
-/// Keypoints of a cell, on average: fewer make more cells to go through, more make more keypoints that are not near.
+/// Keypoints of a cell, on average: smaller cells are more to go through, larger ones hold more keypoints that are not
+/// near.
 const PER_CELL: f64 = 2.0;
-/// Lines whose normals have less than this across or down are taken to be level or upright.
+/// Lines whose normals have a smaller component across or down are taken to be level or upright.
 const LEVEL: f64 = 1e-3;
 
 /// The keypoints of a photo in a grid of square cells.
@@ -25,7 +26,7 @@ pub(crate) struct Near {
     side: f64,
     columns: usize,
     rows: usize,
-    /// Where each cell begins, row by row, and where the last ends.
+    /// Start of each cell, row by row, and the end of the last.
     starts: Vec<u32>,
 }
 
@@ -65,8 +66,8 @@ impl Near {
         Self { numbers, descriptors, places, corner, side, columns, rows, starts }
     }
 
-    /// Where in this order the keypoints are that lie within `farthest` pixels of the line a u + b v + c = 0 with a^2 + b^2 = 1;
-    /// all where a = b = c = 0. They are the first numbers of `found`, as many as are returned.
+    /// The keypoints, by their place in this order, within `farthest` pixels of the line a u + b v + c = 0 with a^2 +
+    /// b^2 = 1; all if a = b = c = 0. They are the first numbers of `found`, as many as are returned.
     pub fn band(&self, line: DVec3, farthest: f64, found: &mut Vec<u32>) -> usize {
         found.resize(self.places.len(), 0);
         let [a, b, c] = line.as_vec3().to_array();
@@ -79,7 +80,7 @@ impl Near {
             let row = row * self.columns;
             let cells = self.starts[row + first] as usize..self.starts[row + last] as usize;
             for (i, [u, v]) in cells.clone().zip(&self.places[cells]) {
-                // What is too far is written over by the next.
+                // A number too far away is overwritten by the next.
                 found[count] = i as u32;
                 count += usize::from((a * u + b * v + c).abs() <= near);
             }
@@ -89,7 +90,7 @@ impl Near {
 
     /// The rows of cells that a band may pass through.
     fn down(&self, line: DVec3, farthest: f64) -> Range<usize> {
-        // In cells, from the first corner, with a little more than what is asked, so that rounding leaves none out.
+        // In cells, from the first corner, with a small margin, so that rounding leaves none out.
         let reach = farthest / self.side + 1e-2;
         let offset = (line.dot(self.corner.extend(1.0))) / self.side;
         let ends = [0.0, line.x * self.columns as f64].map(|u| offset + u);

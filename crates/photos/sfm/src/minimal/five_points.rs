@@ -1,4 +1,4 @@
-//! Relative poses that five matches leave.
+//! Relative poses from five matches.
 
 use super::polynomial::roots;
 use weaver_geometry::glam::{DMat3, DVec3};
@@ -30,7 +30,7 @@ const CUBIC: [[u8; 3]; 20] = [
 const QUADRATIC: [[u8; 3]; 10] =
     [[2, 0, 0], [1, 1, 0], [0, 2, 0], [1, 0, 1], [0, 1, 1], [0, 0, 2], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]];
 const LINEAR: [[u8; 3]; 4] = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]];
-/// Which monomial the product of two is.
+/// Index of the monomial that is the product of two.
 const LINEAR_SQUARED: [[usize; 4]; 4] = products(&LINEAR, &QUADRATIC);
 const QUADRATIC_TIMES_LINEAR: [[usize; 4]; 10] = products(&QUADRATIC, &CUBIC);
 

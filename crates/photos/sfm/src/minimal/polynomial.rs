@@ -23,7 +23,7 @@ pub(super) fn roots(of: &[f64]) -> Vec<f64> {
     if !bound.is_finite() {
         return Vec::new();
     }
-    // From the derivative of which one root is left up to the polynomial itself.
+    // From the derivative with one root left up to the polynomial itself.
     let mut found = Vec::new();
     for order in (0..degree).rev() {
         let derivative: Vec<f64> = (order..of.len())

@@ -1,4 +1,4 @@
-//! Poses that three points leave.
+//! Poses from three points.
 
 use super::polynomial::roots;
 use weaver_geometry::Pose;
@@ -6,7 +6,8 @@ use weaver_geometry::glam::{DMat3, DVec3};
 
 /// The poses from which three points are seen along three rays of unit length, up to four.
 ///
-/// With distances s1, s2 = u s1, s3 = v s1 to the points, the law of cosines for each two leaves a polynomial of degree four in v.
+/// With distances s1, s2 = u s1, s3 = v s1 to the points, the law of cosines for each two leaves a polynomial of degree
+/// four in v.
 ///
 /// Source: Haralick, Lee, Ottenberg and Nölle, "Review and analysis of solutions of the three point perspective pose
 /// estimation problem" (1994), Grunert's solution.

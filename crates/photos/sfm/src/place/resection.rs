@@ -1,21 +1,21 @@
-//! Poses of a photo that points which it sees suggest, three at a time.
+//! Poses of a photo from the points that it sees, three at a time.
 
 use crate::minimal::three_points;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
 
-/// Samples of three points, at most and at least.
+/// Most and fewest samples of three points.
 const MOST: usize = 400;
 const LEAST: usize = 30;
-/// Probability to have drawn three right ones by the end.
+/// Probability of having drawn three right ones by the end.
 const SURE: f64 = 0.999;
 /// Numbers that are drawn for a sample: three have to differ.
 const DRAWS: u64 = 8;
-/// Poses that are suggested.
+/// Candidate poses that are kept.
 const KEPT: usize = 2;
 
-/// A point, where a photo without distortion sees it, and how far off that may be, pixels.
+/// A point, its pixel in a photo without distortion, and the largest residual, pixels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight {
     pub point: DVec3,

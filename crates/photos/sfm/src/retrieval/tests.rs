@@ -11,7 +11,8 @@ const LENGTH: f32 = 250.0;
 const SEEN: usize = 120;
 const STEP: usize = 15;
 
-/// Photos along a path that is closed after `around` of them: each sees the landmarks beside it, and as many things of its own.
+/// Photos along a path that is closed after `around` of them: each sees the landmarks beside it, and as many things of
+/// its own.
 fn walk(photos: usize, around: usize) -> Vec<Features> {
     (0..photos)
         .map(|photo| {
@@ -89,7 +90,7 @@ fn the_same_pairs_at_any_number_of_threads() {
     assert_eq!(of(1), of(3));
 }
 
-/// In a sequence neighbors are compared whatever they look like.
+/// In a sequence neighbors are compared regardless of their similarity.
 #[test]
 fn neighbors_of_a_sequence_are_compared() {
     let mut features = walk(50, 40);

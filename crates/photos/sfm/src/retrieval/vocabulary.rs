@@ -1,4 +1,4 @@
-//! Words for what keypoints look like: cells of a k-means tree of two levels.
+//! Words for descriptors of keypoints: cells of a k-means tree of two levels.
 
 use crate::descriptor::{DESCRIPTOR, LENGTH};
 use crate::features::Features;
@@ -7,7 +7,7 @@ use weaver_kernels::parallel;
 
 /// Descriptors, of all photos, that a vocabulary is made of.
 const SAMPLES: usize = 1 << 16;
-/// Keypoints of a photo that are put into words: those that stand out most.
+/// Keypoints of a photo that are quantized: the ones with the most contrast.
 const KEYPOINTS: usize = 4000;
 /// Cells of the first level.
 const CELLS: usize = 64;
@@ -26,7 +26,7 @@ fn descriptors(features: &Features, keypoints: impl Iterator<Item = usize>) -> V
     keypoints.flat_map(of).map(|x| f32::from(*x) / LENGTH).collect()
 }
 
-/// Points of which each stands for what is nearest to it.
+/// Centers, each the representative of the descriptors nearest to it.
 #[derive(Clone, Debug, Default)]
 struct Codebook {
     /// `[K, 128]`.
@@ -55,7 +55,7 @@ impl Codebook {
             let old = book.centers.chunks_exact(DESCRIPTOR);
             for ((center, old), members) in sums.chunks_exact_mut(DESCRIPTOR).zip(old).zip(members) {
                 match members {
-                    // What nothing is nearest to stays where it is.
+                    // A center that is nearest to nothing stays in place.
                     0 => center.copy_from_slice(old),
                     members => center.iter_mut().for_each(|x| *x /= members as f32),
                 }

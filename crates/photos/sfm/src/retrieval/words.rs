@@ -38,7 +38,7 @@ impl Index {
         weights
     }
 
-    /// The cosine between the weights of a photo and those of each photo of the index, by rank.
+    /// The cosine between the weights of a photo and the weights of each photo of the index, by rank.
     pub fn similar(&self, counts: &[(u32, u32)]) -> Vec<f32> {
         let mut similar = vec![0.0; self.photos];
         for (word, weight) in self.weights(counts) {

@@ -5,7 +5,7 @@ use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes};
 use weaver_kernels::parallel::for_chunks;
 use weaver_kernels::simd;
 
-/// Where a Gaussian ends, in its deviations.
+/// Radius of a Gaussian's window, in its deviations.
 const REACH: f32 = 3.0;
 /// The most pixels that a blur reaches to a side.
 const FARTHEST: usize = 15;
@@ -43,7 +43,8 @@ pub fn enlarged<'a>(photo: Image<'a>, factor: usize, room: &'a mut [f32]) -> Ima
     Image { width, height: photo.height * factor, values: room }
 }
 
-/// The first pixel, from that of the same number on, and the weights of four that give pixel `i` of `factor` to a pixel.
+/// The first pixel, relative to the pixel of the same number, and the weights of four pixels that give pixel `i` of
+/// `factor` to a pixel.
 fn spline(i: usize, factor: usize) -> (isize, [f32; 4]) {
     let at = (i as f32 + 0.5) / factor as f32 - 0.5;
     let t = at - at.floor();
@@ -108,7 +109,7 @@ pub fn blur(image: Image, sigma: f32, out: &mut [f32]) {
     });
 }
 
-/// The neighbors to both sides at distances up to the last tap's, that of 0 being the pixel itself.
+/// The neighbors to both sides at distances up to the last tap's; at distance 0, the pixel itself.
 #[inline(always)]
 fn pairs<'a>(taps: &[f32], pair: impl Fn(usize) -> [&'a [f32]; 2]) -> [[&'a [f32]; 2]; FARTHEST + 1] {
     let mut pairs = [[&[][..]; 2]; FARTHEST + 1];

@@ -1,4 +1,4 @@
-//! Scenes of many photos: which explanation is right is told while they are small.
+//! Scenes of many photos: the right explanation is chosen while they are small.
 
 #[cfg(test)]
 mod tests;
@@ -14,22 +14,24 @@ use crate::place::agreeing;
 use crate::retrieval::expansion;
 use crate::tracks::Track;
 
-/// Photos by which explanations are told apart.
+/// Photos of the small scenes by which explanations are compared.
 const TRIAL: usize = 32;
-/// Weight of points that another small scene explains, against their weight once it were settled: there, wrong ones are soon left behind.
+/// Factor on the support of a rival that stayed small, relative to the kept scene's: settled, a wrong scene falls
+/// further behind.
 const UNSETTLED: f64 = 0.85;
-/// Photos that each is compared with for what both have in common with a third one.
+/// Further photos that each is compared with because both share content with a third one.
 const MORE: usize = 4;
-/// The part of the photos that a scene must reach, and of the matches that must agree with it, for no other to be grown.
+/// No further scene is grown once one has a place for this part of the photos, and this part of the matches agrees with
+/// it.
 const NEARLY_ALL: f64 = 0.9;
-/// The part of the matches of either photo's best pair that pairs have in the first scene: where things repeat, photos of different
-/// ones have less in common than neighbors.
+/// A pair is strong if it has at least this part of the matches of the best pair of either photo: where things repeat,
+/// photos of different ones have fewer matches than neighbors.
 const STRONG: f64 = 0.5;
-/// The share of its matches that must agree with the cameras of a pair, so that points are found by it.
+/// The share of its matches that must agree with the placed cameras, so that points are found from a pair.
 const FITTING: f64 = 0.5;
 
 impl Search<'_> {
-    /// Grows scenes from what explains most of some photos.
+    /// Grows scenes from the best small scene.
     pub(super) fn run_many(&mut self) {
         let tau = tau(self.taken);
         let mut best: Option<(Grown, Bundle, Ranked)> = None;
@@ -38,6 +40,7 @@ impl Search<'_> {
         for factor in self.focal_lengths(tau) {
             let bundle = self.settings.bundle(self.taken, factor);
             let mut posed = pairs::posed(self.features, &bundle.cameras, &self.pairs.matched, tau);
+            // Matching does not depend on the focal length, so that further pairs are matched once.
             if !expanded {
                 expanded = true;
                 posed.extend(self.expanded(&posed, &bundle, tau));
@@ -58,10 +61,12 @@ impl Search<'_> {
         let Some((trial, bundle, posed)) = best else { return };
         let rivals = others.iter().filter(|other| trial.differs(other, GROWN_APART));
         self.given_up = UNSETTLED * rivals.map(|other| other.each() / trial.each()).fold(0.0, f64::max);
+        // Scenes of many photos take much memory: only the kept one grows on.
         drop(others);
-        // Nothing looks at what agrees with no pose any more.
+        // Matches that agree with no pose are not read any more.
         self.pairs.matched.iter_mut().for_each(|(_, matches)| *matches = Vec::new());
         let mut begun = Some(trial);
+        // The strongest pairs first; the others only if these do not explain nearly all.
         for end in [0, 2, 1].map(|level| posed.ends[level]) {
             self.grow_many(&bundle, &posed.pairs, end, begun.take());
             if self.found.iter().any(|grown| self.explains(grown, &posed.pairs[..posed.ends[2]])) {
@@ -71,7 +76,7 @@ impl Search<'_> {
         self.pairs.posed = posed.pairs;
     }
 
-    /// Matches pairs of photos that are certain to show what a third one does; returns those that have a pose.
+    /// Matches pairs of photos whose overlap with a third photo is certain; returns the ones that have a pose.
     fn expanded(&mut self, posed: &[Pair], bundle: &Bundle, tau: f64) -> Vec<Pair> {
         let verified = posed.iter().filter(|pair| pair.certain(CERTAIN[0]));
         let verified: Vec<([usize; 2], usize)> = verified.map(|pair| (pair.photos, pair.matches.len())).collect();
@@ -83,7 +88,7 @@ impl Search<'_> {
         posed
     }
 
-    /// Small scenes from the first beginning that leads somewhere, one for each of its poses.
+    /// Small scenes from the first initial pair that grows to a full trial, one for each of its poses.
     fn trials(&self, bundle: &Bundle, certain: &[Pair]) -> Vec<Grown> {
         let (tracks, absent) = (linked(self.features, certain), vec![false; self.taken.len()]);
         let evidence = self.evidence(certain, &tracks, &absent);
@@ -106,7 +111,7 @@ impl Search<'_> {
         Evidence { features: self.features, pairs, tracks, absent, trust: Trust::PAIRS }
     }
 
-    /// True if a scene has a place for nearly all photos, with which nearly all matches of these pairs agree.
+    /// True if a scene has a place for nearly all photos, and nearly all matches of these pairs agree with it.
     fn explains(&self, grown: &Grown, certain: &[Pair]) -> bool {
         let [mut agree, mut all] = [0, 0];
         for pair in certain.iter().filter(|pair| pair.photos.iter().all(|photo| grown.placed[*photo])) {
@@ -117,16 +122,17 @@ impl Search<'_> {
         part(grown.value().0, self.taken.len()) && part(agree, all)
     }
 
-    /// Grows a scene that has begun by the first pairs, up to this number, and others where it does not reach.
+    /// Goes on with a scene by the first `end` pairs, and grows others from initial pairs that it does not reach.
     fn grow_many(&mut self, bundle: &Bundle, posed: &[Pair], end: usize, begun: Option<Grown>) {
         let certain = &posed[..end];
         let (tracks, absent) = (linked(self.features, certain), vec![false; self.taken.len()]);
         let features = self.features;
+        // Matches of certain pairs may place a photo alone; later, with the other fitting pairs, points must.
         let evidence = Evidence { features, pairs: certain, tracks: &tracks, absent: &absent, trust: Trust::PAIRS };
         let first = self.found.len();
         let finish = |mut grown: Grown| {
             grown.grow_locally(&evidence, usize::MAX);
-            // What contradicts the scene is chance: it tells nothing of the rest.
+            // A pair that contradicts the scene is chance, and no evidence about the rest.
             let fits = |pair: &&Pair| {
                 pair.photos.iter().any(|photo| !grown.placed[*photo])
                     || grown.agreeing(features, pair) as f64 >= FITTING * pair.matches.len() as f64
@@ -143,7 +149,7 @@ impl Search<'_> {
             let grown = &self.found[first..];
             let reached = |photo: usize| grown.iter().any(|grown| grown.placed[photo]);
             let most = grown.iter().map(|grown| grown.value().0).max().unwrap_or(0);
-            // What is left must be able to become the largest.
+            // A scene of the remaining photos must be able to become the largest.
             let left = (0..self.taken.len()).filter(|photo| !reached(*photo)).count();
             if grown.len() == BEGINNINGS || left <= most {
                 break;
@@ -157,10 +163,11 @@ impl Search<'_> {
     }
 }
 
-/// Pairs with a pose, those first of which most speaks against chance.
+/// Pairs with a pose, the least likely to be chance first.
 struct Ranked {
     pairs: Vec<Pair>,
-    /// Number of matches that agree, of as many as both photos could have, for a large share; the large share; a share.
+    /// Ends of the ranks in `pairs`: strong pairs with the larger share of [`CERTAIN`], all pairs with the larger
+    /// share, and all pairs with the smaller share.
     ends: [usize; 3],
 }
 
@@ -192,7 +199,7 @@ impl Grown {
         agreeing(features, pair, &pair.photos.map(|photo| self.bundle.camera(photo)))
     }
 
-    /// Explained part of each photo, of as many points as there should be.
+    /// Mean support of a photo; missing photos of a full trial count as 0.
     fn each(&self) -> f64 {
         self.support / self.value().0.max(TRIAL) as f64
     }

@@ -1,4 +1,4 @@
-//! Explanations that are brought to an end, so that they can be told apart.
+//! Explanations that are settled, so that they can be compared.
 
 use super::{FEW, SEVERAL, Search};
 use crate::bundle::Bundle;
@@ -8,23 +8,26 @@ use crate::pairs::linked;
 use crate::passes::{Pass, near};
 use weaver_geometry::Pose;
 
-/// Explanations that are settled, of few photos and of more, and the part of what the best explains and places from which on one is.
+/// Most explanations that are settled, for few photos and for more; and the least support and the least number of
+/// placed photos of a settled one, as parts of the best one's.
 const SETTLED: [usize; 2] = [4, 2];
 const NEARLY: f64 = 0.6;
 const NEARLY_ALL: f64 = 0.9;
-/// Before they are settled, those are different in which photos are turned by more than this, radians.
+/// Before they are settled, scenes are different if photos are rotated by more than this, radians: more than afterward,
+/// as they are not adjusted finely yet.
 const APART: f64 = 0.05;
-/// The share of the matches of a pair that must agree for it to hold together what looks another way.
+/// The share of the matches of a pair that must agree for it to tie photos that look in different directions.
 const CERTAIN: f64 = 0.5;
-/// A photo that the others would turn by more than this is turned, if that explains more by such a part.
+/// A photo is placed anew if the others rotate it by more than this, radians, and the support grows by this factor.
 const ASTRAY: f64 = 0.007;
 const BETTER: f64 = 1.005;
-/// Scales of adjustments after an alignment, and how far off observations are left out after each, pixels.
+/// Scales of adjustments after an alignment, and the limit of outliers after each, in deviations: three scales, as
+/// after any other adjustment.
 const ALIGNING: [(f64, f64); 2] = [(2.0, 6.0), (1.0, 3.0)];
 const STEPS: usize = 40;
 
 impl Search<'_> {
-    /// The scenes that explain nearly as much as the best and are different, the best first.
+    /// The different scenes with nearly the support of the best one, the best first.
     pub(super) fn different(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.found.len()).collect();
         let value = |i: &usize| self.found[*i].value();
@@ -33,6 +36,7 @@ impl Search<'_> {
         let mut kept: Vec<usize> = Vec::new();
         for i in order {
             let (count, support) = kept.first().map_or(value(&i), value);
+            // Settling costs a whole adjustment, so that clearly worse scenes are not worth it.
             let near = value(&i).0 as f64 >= NEARLY_ALL * count as f64 && value(&i).1 >= NEARLY * support;
             if near && kept.len() < most && kept.iter().all(|k| self.found[*k].differs(&self.found[i], APART)) {
                 kept.push(i);
@@ -41,7 +45,7 @@ impl Search<'_> {
         kept
     }
 
-    /// A scene of which all that its photos share is found, and what it then explains.
+    /// The scene with all points that its photos share, and its support.
     pub(super) fn settled(&self, grown: &Grown) -> Grown {
         let mut grown = grown.clone();
         if self.taken.len() <= FEW {
@@ -56,10 +60,10 @@ impl Search<'_> {
         grown
     }
 
-    /// Finds the distortion, and all that photos share once it is known.
+    /// Finds the distortion, and all points that photos share once it is known.
     pub(super) fn finish(&self, bundle: &mut Bundle, placed: &[bool]) {
         if bundle.free_distortion(self.settings.distortion, placed) {
-            // What was thought wrong at the margins may be right.
+            // An observation rejected at the margins may be right.
             self.pass(bundle, placed, &Pass::FINE[0]);
         }
         self.pass(bundle, placed, &Pass::FINE[1]);
@@ -69,7 +73,7 @@ impl Search<'_> {
         bundle.finish();
     }
 
-    /// Matches and adjusts once: photos whose cameras stand near each other, and those that pairs hold together.
+    /// Matches and adjusts once: photos whose cameras stand near each other, and the photos of certain pairs.
     fn pass(&self, bundle: &mut Bundle, placed: &[bool], pass: &Pass) {
         let missing: Vec<bool> = placed.iter().map(|placed| !placed).collect();
         let mut pairs = near(bundle, placed, self.settings.candidates);
@@ -80,7 +84,7 @@ impl Search<'_> {
         bundle.pass(self.features, &pairs, &missing, pass);
     }
 
-    /// Aligns what surrounds keypoints, and adjusts to where they are then.
+    /// Aligns the surroundings of keypoints, and adjusts to their new places.
     fn align(&self, bundle: &mut Bundle) {
         bundle.align(self.photos);
         for (scale, farthest) in ALIGNING {
@@ -90,9 +94,10 @@ impl Search<'_> {
         bundle.finish();
     }
 
-    /// Takes photo after photo out, and puts it where the others say that it belongs if more is explained by that.
+    /// Takes photo after photo out, and places it anew by the others if the support grows by that.
     ///
-    /// The first photos of a scene were never placed by the others, and one photo that is turned a little bends many points after it.
+    /// The first photos of a scene were never placed by the others, and one photo with a small wrong rotation bends
+    /// many points after it.
     fn reconsider(&self, grown: &mut Grown) {
         let absent = vec![false; self.taken.len()];
         let (features, pairs) = (self.features, &self.pairs.posed[..]);
@@ -104,6 +109,7 @@ impl Search<'_> {
             if let Some(mut other) = grown.without(photo) {
                 other.adjust(&evidence);
                 other.rejoin(&evidence, photo);
+                // A photo that returns to its old place is not adjusted again.
                 if other.placed[photo] && turned(&grown.bundle, &other.bundle, photo, &grown.placed) > ASTRAY {
                     other.adjust(&evidence);
                     if other.support > BETTER * grown.support {
@@ -116,7 +122,7 @@ impl Search<'_> {
     }
 }
 
-/// By how much a photo is turned in one scene over another, relative to the first of the others, radians.
+/// Rotation of a photo in one scene relative to the other, as seen from the first of the others, radians.
 fn turned(one: &Bundle, other: &Bundle, photo: usize, placed: &[bool]) -> f64 {
     let first = (0..placed.len()).find(|i| placed[*i] && *i != photo).unwrap_or(photo);
     let turn = |bundle: &Bundle| -> Pose { bundle.cameras[photo].pose.relative_to(&bundle.cameras[first].pose) };
@@ -143,7 +149,7 @@ mod tests {
         run(Search::new(&taken, &photos, &features, &settings))
     }
 
-    /// The same scene with a photo that is turned, and explains so much.
+    /// The same scene with a rotated photo, and this support.
     fn but(grown: &Grown, photo: usize, angle: f64, support: f64) -> Grown {
         let mut other = Grown { support, ..grown.clone() };
         let pose = &mut other.bundle.cameras[photo].pose;
@@ -189,7 +195,7 @@ mod tests {
             let settled = search.settled(&right);
             let aligned = settled.bundle.observations.iter().filter(|o| o.deviation < 0.5).count();
             assert!(2 * aligned > settled.bundle.observations.len(), "{aligned}");
-            // What was turned by hand is turned back, and so comes to the same end.
+            // A photo turned by hand is turned back, and so comes to the same end.
             let turned_back = search.settled(&search.found[0]);
             assert!(turned_back.support > 0.95 * settled.support);
             assert!(turned(&settled.bundle, &turned_back.bundle, 1, &right.placed) < 0.1 * 0.3);

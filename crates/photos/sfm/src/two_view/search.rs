@@ -6,22 +6,22 @@ use weaver_geometry::Pose;
 use weaver_geometry::glam::DMat3;
 use weaver_kernels::random::Stream;
 
-/// Samples of five matches, at most and at least.
+/// Most and fewest samples of five matches.
 const MOST: usize = 500;
 const LEAST: usize = 40;
-/// Probability to have drawn five right matches by the end.
+/// Probability of having drawn five right matches by the end.
 const SURE: f64 = 0.999;
-/// Matches that the first samples are drawn from: those come first that are clearest.
+/// Matches that the first samples are drawn from: the clearest ones.
 const CLEAREST: usize = 15;
-/// Samples by which all matches are drawn from.
+/// Samples after which all matches may be drawn.
 const WIDENED: usize = 200;
 /// Hypotheses that are kept, the best.
 const KEPT: usize = 10;
 
-/// The poses of the essential matrices that most matches support, each of one of the four it has; the best first.
+/// The poses of the essential matrices with the largest support, one of the four of each; the best first.
 ///
-/// Sources: Fischler and Bolles, "Random sample consensus" (1981); Chum and Matas, "Matching with PROSAC" (2005), for the
-/// order of samples. Numbers are drawn by a counter, so that the same matches give the same poses.
+/// Sources: Fischler and Bolles, "Random sample consensus" (1981); Chum and Matas, "Matching with PROSAC" (2005), for
+/// the order of samples. Numbers are drawn by a counter, so that the same matches give the same poses.
 pub(super) fn hypotheses(rays: &[Rays], tau: f64) -> Vec<(Pose, f64)> {
     let n = rays.len();
     let stream = Stream::new(n as u64, 0, "sfm.five_points");
@@ -75,8 +75,8 @@ fn five_of(n: usize, stream: Stream, sample: usize) -> Option<[usize; 5]> {
 
 /// One of the four poses of an essential matrix.
 ///
-/// Source: Horn, "Recovering baseline and orientation from essential matrix" (1990): with E = \[t\]x R and |t| = 1, the matrix
-/// of cofactors of E is t t^T R, and \[t\]x E = t t^T R - R.
+/// Source: Horn, "Recovering baseline and orientation from essential matrix" (1990): with E = \[t\]x R and |t| = 1, the
+/// matrix of cofactors of E is t t^T R, and \[t\]x E = t t^T R - R.
 fn decomposed(matrix: &DMat3) -> Option<Pose> {
     let half_trace = 0.5 * matrix.to_cols_array().iter().map(|x| x * x).sum::<f64>();
     let e = *matrix * (1.0 / half_trace.sqrt());

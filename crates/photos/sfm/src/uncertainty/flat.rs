@@ -3,15 +3,16 @@
 use crate::bundle::Bundle;
 use weaver_geometry::glam::{DMat3, DVec3};
 
-/// A plane explains what is this near its place on it, in deviations of keypoints, and a scene of which so much is.
+/// A plane explains points within this distance of their places on it, in deviations of keypoints, and a scene if it
+/// explains at least this part of it.
 const NEAR: f64 = 1.0;
 const NEARLY_ALL: f64 = 0.9;
-/// Rounds of a fit that leave out what is far off, and how far that is, in medians.
+/// Rounds of a fit that rejects outliers, and the threshold, in medians.
 const ROUNDS: usize = 6;
 const FAR: f64 = 5.0;
 
 impl Bundle {
-    /// True if photos see nearly all points where they would be on one plane.
+    /// True if nearly all points fit their observations when moved onto one plane.
     ///
     /// Seen from one camera, inverse depths of points on a plane are linear in their rays.
     pub(super) fn flat(&self) -> bool {

@@ -14,7 +14,7 @@ pub fn arc(cameras: usize, points: usize, lens: Lens, stream: Stream) -> Bundle 
     let mut bundle = Bundle {
         cameras: (0..cameras)
             .map(|i| {
-                // Rolled, too: what turns about one axis alone hardly tells the principal point.
+                // Rolled, too: rotations about one axis alone hardly determine the principal point.
                 let roll = 1.5 * draw(i + 10_000, 1);
                 let rotation =
                     so3::exp(DVec3::Z * roll) * so3::exp(DVec3::new(0.1 * draw(i + 10_000, 0), 0.15 * i as f64, 0.0));
@@ -45,7 +45,8 @@ fn moved(pose: &Pose, by: f64, stream: Stream) -> Pose {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 16))]
 
-    /// All is found again from wrong cameras, points, focal length, distortion and principal point, through wrong observations.
+    /// All is found again from wrong cameras, points, focal length, distortion and principal point, through wrong
+    /// observations.
     #[test]
     fn what_was_seen_is_explained(seed in 0..1000u64, log_focal in -0.05..0.05f64, k1 in -0.1..0.1f64, x in -0.01..0.01f64, wrong in 0..20usize) {
         let stream = Stream::new(seed, 0, "test.bundle");
@@ -80,7 +81,7 @@ proptest! {
     }
 }
 
-/// All a little wrong: cameras turned and shifted, points shifted, by so much of what they could be.
+/// All a little wrong: cameras rotated and shifted, points shifted, by this fraction of the largest disturbance.
 fn disturbed(truth: &Bundle, by: f64, noise: f64, stream: Stream) -> Bundle {
     let mut bundle = truth.clone();
     for (i, camera) in bundle.cameras.iter_mut().enumerate() {
@@ -99,7 +100,7 @@ fn disturbed(truth: &Bundle, by: f64, noise: f64, stream: Stream) -> Bundle {
     bundle
 }
 
-/// A lens of which all but the principal point is adjusted.
+/// A lens with everything but the principal point adjusted.
 const FREE: Lens = Lens {
     log_focal: 0.0,
     k1: 0.0,
@@ -194,7 +195,7 @@ fn both_coefficients_of_distortion_are_found() {
         let found = bundle.lenses[0];
         let error = [found.k1 - k1, found.k2 - k2, found.log_focal - 0.03].map(f64::abs);
         assert!(error.iter().all(|e| *e < 1e-4), "{found:?}, not {lens:?}");
-        // What is expected pulls.
+        // The prior pulls.
         bundle.lenses[0].distortion_weight = 1e7;
         bundle.adjust(4.0, 100);
         assert!(bundle.lenses[0].k1.abs() < 0.5 * k1.abs(), "{:?}", bundle.lenses[0]);
@@ -224,7 +225,7 @@ proptest! {
         prop_assert_eq!(straight.undistort(&camera, seen), seen);
     }
 
-    /// Where nothing is seen at a pixel, too, what comes back is a pixel.
+    /// Even at pixels where nothing can be seen, the result is a pixel.
     #[test]
     fn undistorting_is_finite(k1 in -1.0..1.0f64, k2 in -1.0..1.0f64, x in -1000.0..1000.0f64, y in -1000.0..1000.0f64) {
         let lens = Lens { k1, k2, ..Lens::default() };
@@ -320,7 +321,7 @@ fn covariance_respects_what_is_fixed_and_expected() {
     bundle.adjust(2.0, 100);
     let free = bundle.covariance(2.0).expect("a covariance");
     assert!(free.k1[0].is_nan() && free.shift[0].is_nan() && free.focal[0] > 0.0);
-    // Where two are fixed, what the others have in common with them is told.
+    // With two fixed, the movement that the others share with them is determined.
     let mut fixed = bundle.clone();
     (fixed.fixed[0], fixed.fixed[5]) = (true, true);
     let fixed = fixed.covariance(2.0).expect("a covariance");
@@ -357,7 +358,7 @@ fn fixed_cameras_and_points_stay_to_the_bit() {
     assert!(bundle.cameras[1].pose.angle_to(&truth.cameras[1].pose) < 1e-8);
 }
 
-/// Some free cameras and all points among many that are fixed, of which some points are seen by fixed cameras alone.
+/// Some free cameras and all points among many fixed cameras; some points are seen by fixed cameras alone.
 #[test]
 fn a_few_cameras_move_among_many_that_do_not() {
     let stream = Stream::new(5, 0, "test.local");

@@ -1,4 +1,4 @@
-//! Photos that a program drew, of which nothing else is told.
+//! Rendered photos, without any other information.
 
 use rayon::ThreadPoolBuilder;
 use weaver_data::Scene;
@@ -36,8 +36,8 @@ fn off(found: &Estimate, scene: &Scene) -> f64 {
     found.iter().zip(&truth).map(angle).sum::<f64>() / found.len() as f64
 }
 
-/// Errors of camera centers after the best similarity, the root of the mean square over that of their distances from their
-/// middle.
+/// Errors of camera centers after the best similarity: root mean square, over the root mean square of their distances
+/// from their middle.
 fn centers(found: &Estimate, scene: &Scene) -> f64 {
     let from: Vec<DVec3> = found.cameras.iter().map(|c| c.as_ref().expect("a camera").pose.center()).collect();
     let to: Vec<DVec3> = scene.views.iter().step_by(2).map(|v| v.camera.pose.center()).collect();
@@ -58,7 +58,7 @@ fn cameras_of_a_few_photos() {
         let found = estimate(&photos(&scene, true), &exact());
         assert!(off(&found, &scene) < 1.0, "seed {seed}: {} degrees off", off(&found, &scene));
         assert!(found.seen.iter().all(|n| *n > 50) && found.error < 0.5, "{:?}, {} px", found.seen, found.error);
-        // The first camera is the origin, and what it sees is a unit away.
+        // The first camera is the origin, and the points that it sees are a unit away.
         let first = found.cameras[0].as_ref().expect("a camera");
         assert!(first.pose.angle_to(&Pose::IDENTITY) < 1e-6 && first.pose.center().length() < 1e-9);
         let mut distances: Vec<f64> = found.points.iter().map(|p| p.length()).collect();
@@ -75,7 +75,7 @@ fn a_focal_length_that_nobody_knows() {
     let found = estimate(&photos(&scene, false), &EstimateOptions::default());
     let focal = found.cameras[0].as_ref().expect("a camera").intrinsics.fx / scene.views[0].camera.intrinsics.fx;
     assert!(off(&found, &scene) < 1.0, "{} degrees off", off(&found, &scene));
-    // Four photos from a narrow arc hardly tell it.
+    // Four photos from a narrow arc hardly determine it.
     assert!((focal - 1.0).abs() < 0.2, "focal length off by a factor of {focal}");
 }
 
@@ -86,11 +86,11 @@ fn a_wrong_focal_length_comes_back() {
     photos.iter_mut().for_each(|p| p.focal = p.focal.map(|f| 1.06 * f));
     let found = estimate(&photos, &EstimateOptions::default());
     let focal = found.cameras[0].as_ref().expect("a camera").intrinsics.fx / scene.views[0].camera.intrinsics.fx;
-    // Between what was given and what the photos say.
+    // Between the given focal length and the photos' own.
     assert!((focal - 1.0).abs() < 0.03, "focal length off by a factor of {focal}");
 }
 
-/// Photos that do not tell their focal length have that of the others.
+/// Photos without a focal length take the others'.
 #[test]
 fn unknown_focal_lengths_follow_the_others() {
     let scene = built_in(3, 8);
@@ -215,7 +215,7 @@ fn crops_have_focal_lengths_of_their_own() {
     assert!(centers(&found, &scene) < 0.035, "centers off by {}", centers(&found, &scene));
 }
 
-/// A lens that tells nothing begins as others and is found.
+/// A lens without a focal length begins as others and is found.
 #[test]
 fn an_unknown_lens_is_found() {
     let scene = built_in(3, 16);
@@ -241,7 +241,7 @@ fn what_is_located_finds_no_points() {
     let found = estimate(&photos, &quick());
     assert!(found.cameras[2].is_ok());
     let seen_by_two = |e: &Estimate| e.observations.chunk_by(|a, b| a.point == b.point).all(|of| of.len() > 1);
-    // It shows what others show from another place, then what none shows.
+    // Another view of the same scene, then one of another scene.
     let [again, elsewhere] = [photos[6].clone(), self::photos(&built_in(40, 2), false).remove(0)];
     for other in [again, elsewhere] {
         photos[2].rgb = other.rgb;
@@ -260,7 +260,7 @@ fn what_is_located_has_the_lens_of_the_others() {
     let scene = built_in(3, 12);
     let mut photos = photos(&scene, true);
     photos[2].located = true;
-    // What was told is a little off, and found out by the others.
+    // The given focal lengths are a little off, and the photos correct them.
     photos.iter_mut().for_each(|p| p.focal = p.focal.map(|f| 1.06 * f));
     let found = estimate(&photos, &EstimateOptions::default());
     assert!(off(&found, &scene) < 1.0, "{} degrees off", off(&found, &scene));

@@ -87,8 +87,8 @@ fn spots(places: &[DVec2], sigma: f64, [height, width]: [usize; 2]) -> Vec<f32> 
     photo
 }
 
-/// Enlarged four times, twice and not at all, upright and lying, in every octave that spots of these sizes are found in: places
-/// are right on average over all offsets from pixels, which single ones need not be.
+/// Enlarged four times, twice and not at all, upright and lying, in every octave that spots of these sizes are found
+/// in: places are right on average over all offsets from pixels, which single ones need not be.
 #[test]
 fn places_are_unbiased_in_every_octave() {
     const PHASES: usize = 16;
@@ -96,8 +96,8 @@ fn places_are_unbiased_in_every_octave() {
         // Photos that are not enlarged show no smaller ones.
         let least = if width.max(height) < 1024 { 1.4 } else { 2.6 };
         for sigma in [least, 4.0, 7.0, 12.0] {
-            // Sixteen offsets, spread over one pixel as over the eight that no octave's pixels here exceed, none of them half-way; as
-            // many photos of as many spots as have room.
+            // Sixteen offsets, spread over one pixel as over the eight that no octave's pixels here exceed, none of
+            // them half-way; as many photos of as many spots as have room.
             let room = 10.0 * sigma + 10.0;
             let grid = [width, height].map(|size| ((size as f64 / room) as usize).max(1));
             let cells = (grid[0] * grid[1]).min(PHASES);
@@ -158,7 +158,7 @@ fn places_do_not_move_with_magnification() {
     }
 }
 
-/// Two photos of many keypoints, most of which look like one of the other photo; some twice.
+/// Two photos of many keypoints; most look like one of the other photo, some twice.
 fn alike(count: usize, seed: u64) -> [Features; 2] {
     let number = |photo: u64, k: usize, at: u64| {
         // Every fifth looks like the one before it.

@@ -58,7 +58,8 @@ fn cameras_come_back_with_those_that_are_only_located() {
         all_before += before;
         all_after += error(&found.cameras, &truth);
     }
-    // A narrow arc of eight photos hardly says how far it turns; the eight given cameras do: the mean of eight errors is 0.354 of one.
+    // A narrow arc of eight photos hardly says how far it turns; the eight given cameras do: the mean of eight errors
+    // is 0.354 of one.
     assert!(all_before > 4.0 && all_after < 0.4 * all_before, "from {all_before} to {all_after} degrees");
 }
 

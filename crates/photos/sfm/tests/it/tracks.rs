@@ -4,8 +4,8 @@ use proptest::prelude::*;
 use weaver_sfm::{Match, tracks};
 
 proptest! {
-    /// Whatever is matched, a track holds a photo once, every keypoint is in one track at most, and the order in which pairs
-    /// come does not count.
+    /// For any matches, a track holds a photo once, every keypoint is in one track at most, and the order of pairs does
+    /// not count.
     #[test]
     fn hold_a_photo_once(found in proptest::collection::vec((0..4usize, 0..4usize, 0..6u32, 0..6u32, 0.0..1.0f32), 0..60)) {
         let mut pairs: Vec<([usize; 2], Vec<Match>)> = (found.iter())

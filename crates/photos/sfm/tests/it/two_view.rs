@@ -18,7 +18,7 @@ fn pose(draw: Stream, degrees: f64) -> Pose {
     Pose::new(so3::exp(direction(draw.fork(1)) * angle), direction(draw.fork(2)))
 }
 
-/// The parts of a scene before view i, of which both views see 90 degrees.
+/// The parts of a scene before view i; both views see 90 degrees of it.
 #[derive(Clone, Copy)]
 enum Scene {
     /// Depths of 2 to 6.
@@ -105,7 +105,7 @@ proptest! {
         prop_assert!(turn < 1e-6 && shift < 1e-5, "{turn} {shift}");
         prop_assert!(found.inliers.iter().all(|&inlier| inlier) && found.front == 1.0);
         prop_assert!((found.score - 60.0).abs() < 1e-6);
-        // Depths are those of the points: rho is where R x_i + rho t meets the ray of view j.
+        // Depths belong to the points: rho is where R x_i + rho t meets the ray of view j.
         for ([x, y], rho) in matches.iter().zip(&found.depths) {
             let there = found.pose.apply(x.extend(1.0) / *rho);
             prop_assert!(*rho > 0.0 && (there.truncate() / there.z).distance(*y) < 1e-5);
@@ -128,8 +128,8 @@ fn noise_and_wrong_matches_are_withstood() {
 
 /// The other pose that explains the same plane n . p = 1: the homography R + t n^T is also R' + t' n'^T.
 ///
-/// With s = R^T t, its square 1 + n m^T + m n^T, m = s + |s|^2 n / 2, does not change when n and m are exchanged. Of the
-/// two q = |s'|^2 that solve s' = n - q m / 2, one is for a view from behind the plane.
+/// With s = R^T t, its square 1 + n m^T + m n^T, m = s + |s|^2 n / 2, does not change when n and m are exchanged. Of
+/// the two q = |s'|^2 that solve s' = n - q m / 2, one is for a view from behind the plane.
 ///
 /// Source: Longuet-Higgins, "The reconstruction of a plane surface from two perspective projections" (1986).
 fn other_of_plane(pose: &Pose, n: DVec3) -> Pose {
@@ -174,7 +174,7 @@ fn a_pure_rotation_is_recognized() {
         let (rotation, explained) = rotation_only(&matches, PIXEL);
         assert_eq!(explained, 100);
         assert!(so3::log(&(rotation * truth.rotation.transpose())).length() < 1e-6);
-        // Any translation fits: what tells is how little is left for it to explain.
+        // Any translation fits: the small remainder that it explains gives the rotation away.
         assert!(two_view(&matches, PIXEL).unwrap().parallax < PIXEL);
 
         disturb(&mut matches, Stream::new(seed, 0, "noise"), 0.5 * PIXEL, 0.3);

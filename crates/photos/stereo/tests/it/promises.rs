@@ -1,4 +1,4 @@
-//! What the crate promises.
+//! Promises of the crate.
 
 use crate::planted::{NORMAL, Planted, inverse_depth, wall};
 use std::sync::LazyLock;
@@ -29,7 +29,7 @@ fn the_depth_of_a_wall_is_found() {
     }
 }
 
-/// Gaussians lie on the wall, flat, each part of it once, and no more than asked for.
+/// Gaussians lie on the wall, flat, each part of it once, and no more than requested.
 #[test]
 fn gaussians_cover_the_wall_once() {
     let surface = STEREO.surface();
@@ -68,7 +68,7 @@ fn bits_do_not_depend_on_threads() {
     assert_ne!(with(1, 0), with(1, 1));
 }
 
-/// Nothing is found where there is nothing to find it by: one photo, no points, what is masked.
+/// No depth is found without evidence: from one photo, without points, under a mask.
 #[test]
 fn without_neighbors_there_is_no_depth() {
     let planted = wall(3);

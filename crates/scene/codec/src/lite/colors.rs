@@ -1,7 +1,8 @@
 //! Colors as coefficients of a transform in space.
 //!
-//! A Gaussian's harmonics, in units of its own steps, are transformed by [`Raht`] with the squares of these units as weights: colors that are
-//! equal end up in one coefficient, whatever the steps, and an error of a coefficient is one of the same size in steps.
+//! A Gaussian's harmonics, in units of its own steps, are transformed by [`Raht`] with the squares of these units as
+//! weights: colors that are equal end up in one coefficient for any steps, and an error of a coefficient is one of the
+//! same size in steps.
 
 use super::head::{Head, UNIT};
 use super::symbols::{Symbols, ln_opacities};

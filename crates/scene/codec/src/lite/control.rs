@@ -1,4 +1,4 @@
-//! A control: what the same symbols take without contexts.
+//! A control: the size of the same symbols without contexts.
 
 use super::blocks::STREAMS;
 use super::colors::Block;
@@ -14,10 +14,11 @@ use weaver_scene::Gaussians;
 /// Symbols of an alphabet of the control at most; those beyond count as the last one.
 const ALPHABET: i32 = 1 << 14;
 
-/// Bits that adaptive models of order 0 take for the symbols of [`encode`](super::encode), stream by stream: one model for each number of a
-/// Gaussian, of values or of differences along the Morton order, whichever is shorter; bytes of occupancy for the octree.
+/// Bits that adaptive models of order 0 take for the symbols of [`encode`](super::encode), stream by stream: one model
+/// for each number of a Gaussian, of values or of differences along the Morton order, whichever is shorter; bytes of
+/// occupancy for the octree.
 ///
-/// Bits without contexts and mixing; the difference to [`encode`](super::encode) is what these are worth.
+/// Bits without contexts and mixing; the difference to [`encode`](super::encode) is their gain.
 ///
 /// # Errors
 /// As [`encode`](super::encode).

@@ -10,7 +10,7 @@ use crate::octree::code_octree;
 use crate::raht::Raht;
 use crate::range::Coder;
 
-/// Symbols that are coded, and what both directions know of them.
+/// Symbols to code, and the state that encoder and decoder share.
 pub(super) struct Fields {
     head: Head,
     pub(super) symbols: Symbols,
@@ -33,7 +33,7 @@ fn bucket(x: i32, largest: usize) -> usize {
     ((u32::BITS - x.unsigned_abs().leading_zeros()) as usize).min(largest)
 }
 
-/// A value plus what neighbors have more of it, by `blend` quarters.
+/// A value moved toward the neighbors' mean, by `blend` quarters.
 #[inline(always)]
 fn blended(base: i32, mean: i32, blend: u32) -> i32 {
     base + (mean - base) * blend as i32 / BLENDS as i32
@@ -74,7 +74,8 @@ impl Fields {
         Self { head, near: neighbors(&symbols.voxels), steps: Vec::new(), order: Vec::new(), symbols }
     }
 
-    /// Sees how much each Gaussian shows: what streams behind scales and opacities need. Returns the transform of colors.
+    /// Sets the steps by each Gaussian's visibility, which the streams behind scales and opacities need. Returns the
+    /// transform of colors.
     pub(super) fn see(&mut self) -> Result<Raht, CodecError> {
         let (head, logs) = (self.head, ln_opacities(self.head.opacity_levels));
         let shapes = self.symbols.scales.iter().zip(&self.symbols.opacities);
@@ -202,7 +203,7 @@ impl Fields {
     }
 }
 
-/// Codes the three coefficients of a harmonic. `sums` are those of magnitudes of the harmonics before it.
+/// Codes the three coefficients of a harmonic. `sums` are the magnitudes of the harmonics before it.
 #[inline(always)]
 fn harmonic(
     coder: &mut impl Coder,
@@ -252,7 +253,7 @@ pub(super) fn octree_depth(count: usize) -> u8 {
     (usize::BITS - count.leading_zeros()).div_ceil(2) as u8 + 2
 }
 
-/// So many bits of 1.
+/// A mask of so many bits.
 fn mask(bits: u32) -> u32 {
     ((1_u64 << bits) - 1) as u32
 }
@@ -270,7 +271,7 @@ pub(super) fn positions(
     let mut found = code_octree(coder, octree.into(), count, &cells)?;
     for (i, cell) in found.iter_mut().enumerate() {
         let voxel = voxels.get(i).copied().unwrap_or(0);
-        // What is below the octree, in two parts of at most 32 bits.
+        // The bits below the octree, in two parts of at most 32 bits.
         let (high, low) = (below / 2, below - below / 2);
         let upper = u64::from(coder.raw(high, (voxel >> low) as u32 & mask(high)));
         let lower = u64::from(coder.raw(low, voxel as u32 & mask(low)));

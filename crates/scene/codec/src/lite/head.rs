@@ -1,4 +1,4 @@
-//! What a decoder has to be told before the symbols.
+//! The parameters that a decoder reads before the symbols.
 
 use super::quality::Quality;
 use crate::error::CodecError;
@@ -18,7 +18,7 @@ const VERSION: u8 = 3;
 /// Bytes of a head.
 const BYTES: usize = 12 + 4 + 1 + 10 * 4 + 1;
 
-/// Grid, steps, and how steps follow what a Gaussian can show.
+/// Grid, steps, and the dependence of steps on a Gaussian's visibility.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Head {
     /// Corner of the grid, and side of a voxel.
@@ -35,7 +35,7 @@ pub(super) struct Head {
     /// Powers, in parts of 2^16.
     pub(super) adaptation: u32,
     pub(super) rotation_adaptation: u32,
-    /// Logarithm of what a Gaussian shows whose steps are those above, in parts of 2^16.
+    /// Logarithm of the visibility at which a Gaussian has the steps above, in parts of 2^16.
     pub(super) reference: i32,
     /// Means of the largest log scales and of opacities, as symbols.
     pub(super) scale_mean: i32,
@@ -62,7 +62,8 @@ impl Head {
         }
     }
 
-    /// Logarithm of what a Gaussian can show against the reference, opacity times the root of its largest area, in parts of 2^16.
+    /// Logarithm of a Gaussian's visibility against the reference, opacity times the root of its largest area, in parts
+    /// of 2^16.
     pub(super) fn shows(&self, scales: [i32; 3], opacity: i32, ln_opacity: &[i64]) -> i64 {
         let area = i64::from(scales[0]) + i64::from(scales[1]);
         area * i64::from(self.scale_step) / 2 + ln_opacity[opacity as usize] - i64::from(self.reference)
@@ -77,7 +78,7 @@ impl Head {
     /// Steps of one Gaussian by the symbols that come first.
     pub(super) fn steps(&self, scales: [i32; 3], shows: i64) -> Steps {
         let factor = self.factor(shows, self.adaptation);
-        // What turns is the difference of two scales: thin Gaussians show it more.
+        // A rotation moves the difference of two scales: thin Gaussians show it more.
         let thin = i64::from(scales[0]).saturating_sub(i64::from(scales[2])) * i64::from(self.scale_step);
         let thin = thin.min((2.0 * UNIT) as i64) - UNIT as i64;
         let rotation = f64::from(self.rotation_step) / UNIT;

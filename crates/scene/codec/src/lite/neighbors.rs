@@ -1,4 +1,4 @@
-//! Neighbors that a decoder knows already.
+//! Neighbors that a decoder has decoded already.
 
 use crate::morton::from_morton3;
 use weaver_kernels::simd;
@@ -12,7 +12,8 @@ pub(super) const NEIGHBORS: usize = 3;
 /// Bits of a distance in which its place in the window is kept.
 const LOW_BITS: u32 = 31;
 
-/// The nearest of the Gaussians shortly before each one in Morton order, the nearest first; of the first Gaussians only as many as are before.
+/// The nearest of the Gaussians shortly before each one in Morton order, the nearest first; of the first Gaussians only
+/// as many as are before.
 ///
 /// Of equally near ones it is the first. Distances count by the upper 27 bits of the square in `f32`.
 pub(super) fn neighbors(voxels: &[u64]) -> Vec<[u32; NEIGHBORS]> {

@@ -1,9 +1,10 @@
 //! Settings: how finely each kind of number is stored.
 
-/// Precision of each kind of number, and its dependence on what a Gaussian can show.
+/// Precision of each kind of number, and its dependence on a Gaussian's visibility.
 ///
-/// The visibility of a Gaussian is its opacity times the root of the product of its two largest scales. Colors and rotations of those that show
-/// little are stored in larger steps, by up to twelve times, of those that show much in smaller ones.
+/// The visibility of a Gaussian is its opacity times the root of the product of its two largest scales. Colors and
+/// rotations of those that show little are stored in larger steps, by up to twelve times, of those that show much in
+/// smaller ones.
 ///
 /// ```
 /// use weaver_codec::lite::Quality;
@@ -27,8 +28,8 @@ pub struct Quality {
     pub sh_step: f64,
     /// Offset of the rounding of further harmonics towards zero, in `[0, ½)`.
     pub dead_zone: f64,
-    /// Power of what a Gaussian can show by which steps of colors shrink: 0 for equal steps, 1 for equal errors in pictures where no
-    /// Gaussian hides another.
+    /// Power of a Gaussian's visibility by which steps of colors shrink: 0 for equal steps, 1 for equal errors in
+    /// pictures where no Gaussian hides another.
     pub adaptation: f64,
     /// The same for rotations, where thinness counts as well.
     pub rotation_adaptation: f64,
@@ -83,7 +84,8 @@ impl Quality {
         },
     ];
 
-    /// One number for all of them: 0 is the finest setting, 3 the coarsest; in between steps are interpolated geometrically.
+    /// One number for all of them: 0 is the finest setting, 3 the coarsest; in between steps are interpolated
+    /// geometrically.
     ///
     /// Numbers outside are clamped; NaN is 0.
     pub fn level(level: f64) -> Self {

@@ -11,7 +11,8 @@ pub(super) fn sort_axes(log_scales: [f32; 3], quat: [f32; 4]) -> ([f32; 3], [f64
     (order.map(|axis| log_scales[axis]), to_quaternion(sorted))
 }
 
-/// Rounded scales and rotation, sorted by [`sort_axes`], with the axes that they had before, and a quaternion of the length before.
+/// Rounded scales and rotation, sorted by [`sort_axes`], with the axes that they had before, and a quaternion of the
+/// length before.
 pub(super) fn unsorted(
     (log_scales, quat): ([f32; 3], [f32; 4]),
     (rounded, turned): ([f32; 3], [f32; 4]),
@@ -44,8 +45,8 @@ fn descending(log_scales: [f32; 3]) -> [usize; 3] {
     order
 }
 
-/// Half turns about the axes change nothing, and neither does the sign: of these eight quaternions the one with the largest real part.
-/// Its imaginary part has a length up to √¾.
+/// Half turns about the axes change nothing, and neither does the sign: of these eight quaternions the one with the
+/// largest real part. Its imaginary part has a length up to √¾.
 pub(super) fn imaginary_part(q: [f64; 4]) -> [f64; 3] {
     let [w, x, y, z] = q;
     let turned = [[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]];

@@ -68,7 +68,7 @@ fn adaptive_length_is_that_of_the_gamma_functions() {
 
 #[test]
 fn mixed_length_comes_near_the_better_context() {
-    // Numbers that one context tells, and another one does not.
+    // Numbers that one context predicts, and another one does not.
     let random = Stream::new(2, 0, "codec.mixed");
     let numbers: Vec<(usize, i32)> = (0..30_000)
         .map(|i| {

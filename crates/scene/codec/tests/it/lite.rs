@@ -27,7 +27,7 @@ fn cloud(count: usize, degree: usize) -> Gaussians {
     gaussians
 }
 
-/// Pairs of Gaussians and what they became: nearest in all three coordinates together.
+/// Pairs of Gaussians before and after: nearest in all three coordinates together.
 fn pairs(before: &Gaussians, after: &Gaussians) -> Vec<(usize, usize)> {
     let distance = |a: [f32; 3], b: [f32; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>();
     let near = |i: usize| {
@@ -70,7 +70,7 @@ fn errors_of_colors_are_those_of_their_steps() {
     for quality in Quality::SETTINGS {
         let quality = Quality { dead_zone: 0.0, position: 0.01, ..quality };
         let after = rounded_in_place(&before, &quality).unwrap();
-        // In units of the root mean square of an error within half a step, by what a Gaussian shows.
+        // In units of the root mean square of an error within half a step, by a Gaussian's visibility.
         let error = |numbers: std::ops::Range<usize>, gaussians: &[usize], step: f64| {
             let squares = gaussians.iter().flat_map(|i| numbers.clone().map(move |k| 27 * i + k));
             let squares = squares.map(|k| f64::from(before.sh[k] - after.sh[k]).powi(2));
@@ -101,7 +101,7 @@ fn errors_of_colors_are_those_of_their_steps() {
 /// bounded by each Gaussian's visible weight.
 #[test]
 fn colors_that_hardly_vary_cost_little() {
-    // Of many Gaussians of one color, whatever they show, one coefficient is not 0.
+    // Of many Gaussians of one color and any visibility, one coefficient is not 0.
     let mut gaussians = cloud(20_000, 3);
     let one = gaussians.sh[..48].to_vec();
     gaussians.sh = one.repeat(20_000);
@@ -181,7 +181,7 @@ fn equal_points_take_one_voxel() {
         degree: 3,
     };
     let bytes = encode(&same(40_000), &Quality::default()).unwrap();
-    // At least one byte for eight, whatever the models say; only bits that no model looks at are left.
+    // At least one byte for eight under any model; only bits without a model remain.
     assert!((5000..100_000).contains(&bytes.len()), "{}", bytes.len());
     let after = decode(&bytes).unwrap();
     assert!(after.len() == 40_000 && after.means.iter().all(|m| *m == after.means[0]));

@@ -96,7 +96,7 @@ fn a_planted_scale_and_shift_is_found() {
         assert!(cost(found.scale - by, found.translation - to) > least);
     }
 
-    // What one point, no weight or no number says.
+    // One point, no weight or no number leaves it undetermined.
     let one = [DVec3::X];
     assert_eq!(Similarity::fit_scale_and_shift(&one, &one, &[1.0], 0.0), None);
     assert_eq!(Similarity::fit_scale_and_shift(&from, &exact, &[0.0; 40], 0.0), None);

@@ -57,7 +57,7 @@ fn a_lens_that_folds_back_is_known_up_to_there() {
     assert!(lens.reach() <= fold && lens.reach() > 0.98 * fold, "{}", lens.reach());
     assert!(lens.undistort(DVec2::new(0.7, 0.0)).is_some_and(|p| p.x < fold));
     assert_eq!(lens.undistort(DVec2::new(0.71, 0.0)), None);
-    // All of what is before an ideal fisheye is within a circle of a quarter turn.
+    // The half space before an ideal fisheye is within a circle of a quarter turn.
     let fisheye = Distortion::Fisheye { k: [0.0; 4] };
     assert_eq!(fisheye.undistort(DVec2::new(0.0, 1.58)), None);
     assert!(fisheye.undistort(DVec2::new(0.0, 1.0)).unwrap().distance(DVec2::new(0.0, 1.0_f64.tan())) < 1e-12);
@@ -111,7 +111,7 @@ proptest! {
         // A smaller photo of the same lens is undone in the same way.
         let small = Undistortion::new(camera(200, 150, 180.0), lens).expect("the same lens");
         prop_assert!((small.to.intrinsics.fx * 20.0 / undone.to.intrinsics.fx - 1.0).abs() < 1e-9);
-        // A shorter lens would show blank borders, unless what is lost is the middle.
+        // A shorter lens would show blank borders, unless the middle is lost.
         let zoom = undone.to.intrinsics.fx / large.intrinsics.fx;
         let mut shorter = undone;
         shorter.to.intrinsics.fx *= 0.99;

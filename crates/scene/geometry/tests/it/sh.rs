@@ -41,7 +41,7 @@ fn orthonormal_over_the_sphere() {
 
 #[test]
 fn signs_of_the_reference() {
-    // Where no factor vanishes; worked out by hand from the polynomials of the reference's shader.
+    // At a direction where no factor vanishes; worked out by hand from the polynomials of the reference's shader.
     let values = basis(DVec3::new(1.0, 0.5, 0.9).normalize().to_array());
     let signs: String = values.iter().map(|v| if *v < 0.0 { '-' } else { '+' }).collect();
     assert_eq!(signs, "+-+-+-+-+-+---+-+-++-++--");

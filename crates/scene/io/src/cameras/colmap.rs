@@ -72,13 +72,14 @@ impl Model {
     /// The files that [`write_binary`](Self::write_binary) writes.
     pub const FILES: [&str; 3] = ["cameras.bin", "images.bin", "points3D.bin"];
 
-    /// Reads `cameras`, `images` and `points3D` from a folder: the `.bin` files where they exist, else the `.txt` files.
+    /// Reads `cameras`, `images` and `points3D` from a folder: the `.bin` files where they exist, else the `.txt`
+    /// files.
     ///
     /// A `points3D.ply` takes the place of points that are in neither form; its points have no observations.
     ///
     /// # Errors
-    /// When a file is missing or malformed, a camera's model is FOV or THIN_PRISM_FISHEYE, or an image refers to a camera that is not
-    /// in the model.
+    /// When a file is missing or malformed, a camera's model is FOV or THIN_PRISM_FISHEYE, or an image refers to a
+    /// camera that is not in the model.
     pub fn read(folder: impl AsRef<Path>) -> Result<Self> {
         let folder = folder.as_ref();
         let extension = if folder.join("cameras.bin").is_file() { "bin" } else { "txt" };
@@ -90,8 +91,8 @@ impl Model {
         model.checked(folder)
     }
 
-    /// Reads a model from the bytes of its three files `cameras`, `images` and `points3D`, all of them with this extension: `bin` or
-    /// `txt`. Messages call them so.
+    /// Reads a model from the bytes of its three files `cameras`, `images` and `points3D`, all of them with this
+    /// extension: `bin` or `txt`. Messages call them so.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -126,8 +127,9 @@ impl Model {
         }
     }
 
-    /// Makes a model of photos whose cameras are known, without points. Frames whose size, intrinsics and distortion are equal to the
-    /// bit share a camera, so that other programs adjust one lens; ids count from 1 in the order of first appearance.
+    /// Makes a model of photos whose cameras are known, without points. Frames whose size, intrinsics and distortion
+    /// are equal to the bit share a camera, so that other programs adjust one lens; ids count from 1 in the order of
+    /// first appearance.
     pub fn from_frames(frames: &[Frame]) -> Self {
         let mut model = Self::default();
         let mut known = BTreeMap::new();
@@ -142,8 +144,8 @@ impl Model {
         model
     }
 
-    /// The images with their cameras, in the order of the file: an image's id is the frame's number, that of its camera, which
-    /// photos share, is among [`Frame::extras`] as [`CAMERA_ID`].
+    /// The images with their cameras, in the order of the file: an image's id is the frame's number; the id of its
+    /// camera, which photos share, is among [`Frame::extras`] as [`CAMERA_ID`].
     ///
     /// Images whose camera is missing are left out; there are none in a model that was read from files.
     pub fn frames(&self) -> Vec<Frame> {
@@ -184,7 +186,8 @@ impl CameraModel {
     }
 }
 
-/// The folder that holds the model of a capture: `sparse/0`, `sparse`, or the capture's folder itself, whichever has one.
+/// The folder that holds the model of a capture: `sparse/0`, `sparse`, or the capture's folder itself, whichever has
+/// one.
 pub fn model_folder(folder: impl AsRef<Path>) -> PathBuf {
     let folder = folder.as_ref();
     let candidates = [folder.join("sparse/0"), folder.join("sparse"), folder.to_path_buf()];
@@ -193,7 +196,7 @@ pub fn model_folder(folder: impl AsRef<Path>) -> PathBuf {
     found.cloned().unwrap_or_else(|| folder.to_path_buf())
 }
 
-/// The pose of an image record, or what is wrong with it.
+/// The pose of an image record, or the fault in it.
 fn pose(wxyz: [f64; 4], t: [f64; 3]) -> std::result::Result<Pose, String> {
     let norm = wxyz.iter().map(|x| x * x).sum::<f64>().sqrt();
     // Also false for NaN and for infinities.

@@ -1,4 +1,5 @@
-//! Cameras of DTU and of Tanks and Temples as MVSNet, IDR and NeuS store them: text files, and projections in an archive.
+//! Cameras of DTU and of Tanks and Temples as MVSNet, IDR and NeuS store them: text files, and projections in an
+//! archive.
 
 use crate::files::file::read_text;
 use crate::{Error, Npz, Result};
@@ -9,8 +10,8 @@ use weaver_geometry::{Intrinsics, Pose};
 /// Largest product of axes of a pixel, of the focal length, that is no skew.
 const LARGEST_SKEW: f64 = 1e-3;
 
-/// Reads `*_cam.txt` of MVSNet: `extrinsic` and 16 numbers, world to camera row by row, then `intrinsic` and 9 numbers. What follows is not looked at:
-/// depths of planes.
+/// Reads `*_cam.txt` of MVSNet: `extrinsic` and 16 numbers, world to camera row by row, then `intrinsic` and 9 numbers.
+/// The rest, depths of planes, is ignored.
 ///
 /// ```
 /// let folder = tempfile::tempdir()?;
@@ -50,8 +51,9 @@ pub fn read_cam(path: impl AsRef<Path>) -> Result<(Intrinsics, Pose)> {
     Ok((intrinsics, pose))
 }
 
-/// Reads `cameras.npz` of IDR and NeuS: `world_mat_0`, `world_mat_1`, ..., each a 4x4 matrix whose first three rows are the projection `K [R | t]`, of
-/// any scale. `scale_mat_i`, which brings what is looked at into a sphere, is not looked at: cameras stay in the units of the scan.
+/// Reads `cameras.npz` of IDR and NeuS: `world_mat_0`, `world_mat_1`, ..., each a 4x4 matrix whose first three rows are
+/// the projection `K [R | t]`, of any scale. `scale_mat_i`, which brings the object into a sphere, is ignored: cameras
+/// stay in the units of the scan.
 ///
 /// # Errors
 /// When the file is no archive of such arrays, a number is not finite, or a matrix is no pinhole camera.
@@ -75,7 +77,8 @@ pub fn read_projections(path: impl AsRef<Path>) -> Result<Vec<(Intrinsics, Pose)
         .collect()
 }
 
-/// Intrinsics and pose of a projection of any scale, row by row: the rows of its left 3x3 part are made orthonormal from the last one on.
+/// Intrinsics and pose of a projection of any scale, row by row: the rows of its left 3x3 part are made orthonormal
+/// from the last one on.
 fn decomposed(p: &[f64]) -> Option<(Intrinsics, Pose)> {
     let row = |i: usize| DVec3::new(p[4 * i], p[4 * i + 1], p[4 * i + 2]);
     let matrix = DMat3::from_cols(row(0), row(1), row(2)).transpose();

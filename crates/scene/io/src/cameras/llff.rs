@@ -10,7 +10,7 @@ const NUMBERS: usize = 17;
 /// Longer sides are taken for errors.
 const LONGEST: f64 = 65536.0;
 
-/// A camera and how near and far what it sees is.
+/// A camera with the near and far bounds of its view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoundedCamera {
     /// Its camera; the principal point is the image's center.
@@ -21,8 +21,8 @@ pub struct BoundedCamera {
 
 /// Reads the cameras of a `poses_bounds.npy`, `[V, 17]`, in the order of their photos' names.
 ///
-/// Each row is a 3x5 matrix, row by row, with the columns down, right and back (axes of the camera in the world), center, and (height,
-/// width, focal length); then two depths. Axes become OpenCV's: right, down, forward.
+/// Each row is a 3x5 matrix, row by row, with the columns down, right and back (axes of the camera in the world),
+/// center, and (height, width, focal length); then two depths. Axes become OpenCV's: right, down, forward.
 ///
 /// ```
 /// let folder = tempfile::tempdir()?;
@@ -36,7 +36,8 @@ pub struct BoundedCamera {
 /// ```
 ///
 /// # Errors
-/// When the file is no NPY file of this shape, a number is not finite, a matrix not a rotation, or a size not one of an image.
+/// When the file is no NPY file of this shape, a number is not finite, a matrix not a rotation, or a size not one of an
+/// image.
 pub fn read_poses_bounds(path: impl AsRef<Path>) -> Result<Vec<BoundedCamera>> {
     let path = path.as_ref();
     let array = Npy::open(path)?;

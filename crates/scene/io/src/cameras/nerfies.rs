@@ -30,16 +30,16 @@ pub struct CaptureFrame {
     pub id: String,
     /// Its camera, for the photo of full size.
     pub camera: Camera,
-    /// When it was taken: its `warp_id`, or `time_id` where it has none.
+    /// Time of the photo: its `warp_id`, or `time_id` where it has none.
     pub moment: f64,
     /// True if it is kept from training.
     pub validation: bool,
 }
 
 impl Capture {
-    /// Reads `scene.json` (scale, center), `dataset.json` (ids, train_ids, val_ids), `metadata.json` (by id: warp_id or time_id) and
-    /// `camera/<id>.json` (orientation: rows of the world-to-camera rotation; position, focal_length, principal_point,
-    /// pixel_aspect_ratio, image_size) of a folder.
+    /// Reads `scene.json` (scale, center), `dataset.json` (ids, train_ids, val_ids), `metadata.json` (by id: warp_id or
+    /// time_id) and `camera/<id>.json` (orientation: rows of the world-to-camera rotation; position, focal_length,
+    /// principal_point, pixel_aspect_ratio, image_size) of a folder.
     ///
     /// Positions become `(p - center) scale`. `fy` is the focal length times the pixel's aspect ratio.
     ///
@@ -63,7 +63,7 @@ impl Capture {
         for id in training.iter().chain(&validation).filter(|id| used.insert(id.as_str())) {
             let file = JsonFile::open(folder.join("camera").join(format!("{id}.json")))?;
             let mut camera = camera(&file)?;
-            // R (p - c) s: the rotation stays, and its translation is that of the new center.
+            // R (p - c) s: the rotation stays, and the translation follows from the new center.
             let position = (camera.pose.center() - center) * scale;
             camera.pose.translation = -(camera.pose.rotation * position);
             if !camera.pose.translation.is_finite() {

@@ -54,18 +54,18 @@ fn is_known(key: &str) -> bool {
 impl Transforms {
     /// Reads the file and locates its images.
     ///
-    /// A frame's `time` becomes [`Frame::time`], its `number` [`Frame::number`], its `mask_path` [`Frame::mask`]; unknown keys are kept
-    /// in [`Frame::extras`].
+    /// A frame's `time` becomes [`Frame::time`], its `number` [`Frame::number`], its `mask_path` [`Frame::mask`];
+    /// unknown keys are kept in [`Frame::extras`].
     ///
     /// Intrinsics may stand in the frame or, for all frames, at the top: `fl_x` `fl_y` `cx` `cy` `w` `h`, or
     /// `camera_angle_x` (and `_y`). Missing `fl_y` is `fl_x`, a missing principal point is the image's center, a
-    /// missing size is read from the image's header, as it is stored. Likewise the lens: k1, k2, k3, p1 and p2 are OpenCV's; with the
-    /// `camera_model` FULL_OPENCV k4, k5 and k6 are, too; with OPENCV_FISHEYE, or `is_fisheye`, k1 to k4 are those of a fisheye. A
-    /// `file_path` without extension gets that of a photo, whichever exists.
+    /// missing size is read from the image's header, as it is stored. Likewise the lens: k1, k2, k3, p1 and p2 are
+    /// OpenCV's; with the `camera_model` FULL_OPENCV k4, k5 and k6 are, too; with OPENCV_FISHEYE, or `is_fisheye`, k1
+    /// to k4 are a fisheye's. A `file_path` without extension gets the extension of a photo that exists.
     ///
     /// # Errors
-    /// When the file is malformed, an image is missing, a lens is of another model, or a matrix is not rigid; when two entries give
-    /// one image different cameras. An entry that repeats another one counts once.
+    /// When the file is malformed, an image is missing, a lens is of another model, or a matrix is not rigid; when two
+    /// entries give one image different cameras. An entry that repeats another one counts once.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         Self::parse(path.as_ref(), true)
     }
@@ -114,7 +114,8 @@ impl Transforms {
     /// Writes the file in the form of nerfstudio, with intrinsics in every frame and [`Frame::name`] as `file_path`.
     ///
     /// # Errors
-    /// When an entry of [`Frame::extras`] is not JSON or has the name of a key with its own field, or the file cannot be written.
+    /// When an entry of [`Frame::extras`] is not JSON or has the name of a key with its own field, or the file cannot
+    /// be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         let model = lens::model(self.frames.first().and_then(|frame| frame.distortion));

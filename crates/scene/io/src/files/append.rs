@@ -5,7 +5,7 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// A file to which records are appended; what was written survives the end of the process.
+/// A file to which records are appended; written records survive the end of the process.
 #[derive(Debug)]
 pub struct Appender {
     path: PathBuf,

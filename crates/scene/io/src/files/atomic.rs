@@ -5,10 +5,11 @@ use crate::{Error, Result};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-/// Writes a file atomically: afterward `path` holds either all that `write` wrote, or what it held before.
+/// Writes a file atomically: afterward `path` holds either everything that `write` wrote, or its old content.
 ///
-/// The bytes go to an [unfinished file](UnfinishedFile) in the same folder, which takes the name `path` in one step. When `write` fails,
-/// nothing stays, and its error is returned with the path. A folder that is missing is created. A link is followed.
+/// The bytes go to an [unfinished file](UnfinishedFile) in the same folder, which takes the name `path` in one step.
+/// When `write` fails, nothing stays, and its error is returned with the path. A folder that is missing is created. A
+/// link is followed.
 ///
 /// # Errors
 /// When `path` is neither a regular file nor absent: a folder, a device, a named pipe or a link that leads nowhere.
@@ -24,8 +25,8 @@ pub fn atomic_write(path: impl AsRef<Path>, write: impl FnOnce(&mut dyn Write) -
     atomic_write_checked(path, |w| write(w).map_err(Error::io(path)), |_| Ok(()))
 }
 
-/// The same for what fails in other ways, too, which it says as they are. `check` looks at the file before it takes its name: where it
-/// fails, `path` holds what it held before.
+/// The same for writers with other errors, too, which are returned unchanged. `check` reads the file before it takes
+/// its name: where it fails, `path` keeps its old content.
 pub(crate) fn atomic_write_checked<T>(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> Result<()>,
@@ -39,14 +40,15 @@ pub(crate) fn atomic_write_checked<T>(
     Ok(checked)
 }
 
-/// A writer that keeps its first error: encoders wrap errors, and lose the kind that tells a full disk from a fault of the input.
+/// A writer that keeps its first error: encoders wrap errors, and lose the kind that separates a full disk from a fault
+/// of the input.
 struct FirstError<W> {
     inner: W,
     error: Option<io::Error>,
 }
 
 impl<W: Write> FirstError<W> {
-    /// Writes all to `inner`; an error of `inner` is what is returned, whatever `write` makes of it.
+    /// Writes all to `inner`; an error of `inner` is returned even if `write` hides it.
     fn pass(inner: W, path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
         let mut w = Self { inner, error: None };
         let written = write(&mut w);
@@ -95,7 +97,7 @@ mod tests {
         }
     }
 
-    /// The error of a full disk keeps its kind, whatever an encoder makes of it.
+    /// The error of a full disk keeps its kind, even if an encoder wraps it.
     ///
     /// Promise (files): a full disk is distinguished from a fault of the input, whatever an encoder makes of it.
     #[test]

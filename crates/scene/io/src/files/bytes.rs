@@ -71,8 +71,8 @@ impl<'a> Bytes<'a> {
         Ok(values)
     }
 
-    /// A number of records of at least `record` bytes each, which must fit in what is left of the file:
-    /// whoever reserves memory for them reserves no more than a constant times the file's length.
+    /// A number of records of at least `record` bytes each, which must fit in the rest of the file: a reader reserves
+    /// no more memory for them than a constant times the file's length.
     pub(crate) fn count(&mut self, record: usize, what: &str) -> Result<usize> {
         let count = self.u64(what)?;
         let room = self.rest().len() / record;

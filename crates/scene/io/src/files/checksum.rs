@@ -9,7 +9,7 @@ use std::path::Path;
 /// Bytes of a file that are read at once: a whole number of words.
 const PART: usize = 1 << 16;
 
-/// FNV-1a by whole words: tells content that was changed or exchanged, not content that was forged.
+/// FNV-1a by whole words: detects content that was changed or exchanged, not content that was forged.
 ///
 /// ```
 /// use weaver_io::Checksum;
@@ -47,7 +47,7 @@ impl Checksum {
     /// Adds the content of a file as [`bytes`](Self::bytes) does, a part at a time.
     ///
     /// # Errors
-    /// When it cannot be read to the length that it has.
+    /// When it cannot be read to its full length.
     pub fn file(&mut self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         let mut read = || -> io::Result<()> {
@@ -66,7 +66,7 @@ impl Checksum {
         read().map_err(Error::io(path))
     }
 
-    /// Adds bytes that others follow only if these are whole words.
+    /// Adds bytes; others may follow only if these are whole words.
     fn part(&mut self, bytes: &[u8]) {
         let (words, rest) = bytes.as_chunks();
         words.iter().for_each(|word| self.word(u64::from_le_bytes(*word)));

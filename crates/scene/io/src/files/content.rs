@@ -6,14 +6,14 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// A file that is in memory, or whose parts are read when they are asked for.
+/// A file that is in memory, or whose parts are read on demand.
 pub(crate) enum Content<'a> {
     Memory(Cow<'a, [u8]>),
     Disk { path: PathBuf, length: usize },
 }
 
 impl Content<'static> {
-    /// A file on disk; what has no length, such as a pipe, is read whole.
+    /// A file on disk; a file without a length, such as a pipe, is read whole.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let about = std::fs::metadata(path).map_err(Error::io(path))?;
         let length = usize::try_from(about.len()).ok().filter(|_| about.is_file());

@@ -11,7 +11,7 @@ pub fn list_files(folder: impl AsRef<Path>, extensions: &[&str]) -> Result<Vec<P
     Ok(files)
 }
 
-/// Whatever is in `folder` with one of the `extensions`, sorted by path: files, folders, and links that lead nowhere.
+/// Every entry of `folder` with one of the `extensions`, sorted by path: files, folders, and links that lead nowhere.
 pub(crate) fn list_named(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
@@ -66,11 +66,11 @@ pub fn check_writable(folder: impl AsRef<Path>) -> Result<()> {
         .map_err(|source| Error::io(existing)(std::io::Error::from(source.kind())))
 }
 
-/// The path to a file from a folder, with forward slashes on every system: what files of cameras call a photo, so that both can be moved
-/// together. Neither needs to exist.
+/// The path to a file from a folder, with forward slashes on every system: the name of a photo in files of cameras, so
+/// that both can be moved together. Neither needs to exist.
 ///
-/// Symbolic links above the file are followed, because `..` leads out of the folder where they end. The file's own name is kept. Where no
-/// relative path exists, as between two drives, the absolute one is returned.
+/// Symbolic links above the file are followed, because `..` leads out of the folder where they end. The file's own name
+/// is kept. Where no relative path exists, as between two drives, the absolute one is returned.
 ///
 /// # Errors
 /// When the path is not UTF-8, which is all that such files can hold.

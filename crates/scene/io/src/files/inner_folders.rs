@@ -3,8 +3,8 @@
 use crate::{Error, OutputFolder, Result};
 
 impl OutputFolder {
-    /// Checks that a folder in it holds nothing but files of the same command, if it is there: to be called before long work whose results, of names
-    /// that are not known yet, are written into it.
+    /// Checks that a folder in it holds nothing but files of the same command, if it is there: to be called before long
+    /// work whose results, of names that are not known yet, are written into it.
     ///
     /// # Errors
     /// Names the first file that the same command did not write; the folder's name where that is a file.

@@ -1,4 +1,4 @@
-//! What JSON files are asked for.
+//! Reading values from JSON files.
 
 use crate::files::file::{read_bytes, without_mark};
 use crate::{Error, Result};
@@ -61,7 +61,7 @@ pub(crate) fn kind(value: &Value) -> &'static str {
     }
 }
 
-/// A file and what it holds, by key; a key that is missing is `null`.
+/// A file and its values, by key; a key that is missing is `null`.
 pub(crate) struct JsonFile {
     path: PathBuf,
     value: Value,
@@ -120,7 +120,7 @@ pub(crate) fn numbers<const N: usize>(value: &Value) -> Option<[f64; N]> {
     list?.try_into().ok()
 }
 
-/// A value as errors show it: a short one as it is.
+/// A value for an error message; short values are shown whole.
 pub(crate) fn found(value: &Value) -> String {
     match value {
         Value::Null => "nothing".into(),

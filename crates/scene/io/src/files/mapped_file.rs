@@ -23,27 +23,27 @@ impl MappedFile {
             return Err(Error::invalid(path, "file", "a regular file", "another kind"));
         }
         let file = File::open(path).map_err(Error::io(path))?;
-        // SAFETY: the map is private to this process and never written through. What the type system cannot see is another
-        // process that changes the file meanwhile: bytes would then differ between two looks at them, or be gone where the
-        // file was cut. Every value of a byte is a valid number, lengths are checked against the map's own length, and a
-        // checkpoint that is being written does not yet have its name (all writers here rename at the end).
+        // SAFETY: the map is private to this process and never written through. Another process that changes the file
+        // meanwhile is invisible to the type system: bytes would then differ between two reads, or be gone where the
+        // file was cut. Every value of a byte is a valid number, lengths are checked against the map's own length, and
+        // a checkpoint that is being written does not yet have its name (all writers here rename at the end).
         #[allow(unsafe_code)]
         let map = unsafe { Mmap::map(&file) }.map_err(Error::io(path))?;
         Ok(Self { map, path: path.to_path_buf() })
     }
 
-    /// Bytes in memory in place of those of a file; errors call them by this path.
+    /// Bytes in memory in place of a file's; errors call them by this path.
     pub fn of_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
         let mut map = MmapMut::map_anon(bytes.len()).map_err(Error::io(path))?;
         map.copy_from_slice(bytes);
         Ok(Self { map: map.make_read_only().map_err(Error::io(path))?, path: path.to_path_buf() })
     }
 
-    /// Drops the pages read so far; they are loaded from the file again when needed. Does nothing where the system has no
-    /// such request.
+    /// Drops the pages read so far; they are loaded from the file again when needed. Does nothing where the system has
+    /// no such request.
     pub fn forget(&self) {
-        // SAFETY: a private map that nobody writes to has nothing but what the file has, so that a page that comes back is the
-        // page that went; what was said of a file that changes meanwhile holds here as well.
+        // SAFETY: a private map that nobody writes to has nothing but the file's bytes, so that a page that comes back
+        // is the page that went; the reservation above about a file that changes meanwhile holds here as well.
         #[cfg(unix)]
         #[allow(unsafe_code)]
         let _ = unsafe { self.map.unchecked_advise(memmap2::UncheckedAdvice::DontNeed) };

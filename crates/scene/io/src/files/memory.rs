@@ -1,8 +1,8 @@
-//! How much memory is available.
+//! Available memory.
 
 /// The number of bytes that can be used without swapping, if the system reports it.
 ///
-/// On Linux this is the available memory, or what the process's control group leaves, whichever is less.
+/// On Linux this is the available memory, or the rest of the process's control group, whichever is less.
 pub fn available_memory() -> Option<u64> {
     let system = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| available(&text));
     let number = |path: &str| std::fs::read_to_string(path).ok()?.trim().parse::<u64>().ok();
@@ -18,8 +18,8 @@ fn available(meminfo: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
-/// The largest resident memory of this process so far, in millions of bytes; `None` where the system does not tell
-/// (it does on Linux).
+/// The largest resident memory of this process so far, in millions of bytes; `None` where the system has no such figure
+/// (Linux has).
 pub fn peak_mb() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

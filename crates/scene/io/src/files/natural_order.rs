@@ -3,9 +3,11 @@
 use std::cmp::Ordering;
 use std::ffi::OsStr;
 
-/// The order of names in which runs of digits compare as numbers, and all else byte by byte: `scan9`, `scan10`, `scan11`.
+/// The order of names in which runs of digits compare as numbers, and all else byte by byte: `scan9`, `scan10`,
+/// `scan11`.
 ///
-/// Where zeros in front make numbers equally long, this is the order of bytes; so it is for names that differ in such zeros alone.
+/// Where zeros in front make numbers equally long, this is the order of bytes; so it is for names that differ in such
+/// zeros alone.
 ///
 /// ```
 /// use weaver_io::natural_order;

@@ -1,25 +1,24 @@
-//! Folders of results, in which nothing is replaced but what the same command wrote.
+//! Folders of results; a command replaces only its own files in them.
 
 use crate::files::folder::followed;
 use crate::files::unfinished::kind;
+use crate::files::written::{RECORD, entry};
 use crate::{Advice, Error, Result, check_writable, list_photos};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Write};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// The file in a folder of results that lists what this program wrote there, a line of JSON for each file.
-const RECORD: &str = "written.jsonl";
-/// Files by which a folder of results is told, also one from before there was a record: settings of runs are the others.
+/// Files that mark a folder of results, also one from before there was a record: settings of runs are the others.
 const RESULTS: [&str; 3] = [RECORD, "run.json", "config.toml"];
 
 /// A folder that a command writes its results into. It is the command's alone for as long as this value lives.
 ///
-/// A file is replaced only if the record in the folder, `written.jsonl`, says that the same command wrote it. So results can be made
-/// anew in their place, and whatever else lies there is safe: photos, somebody's cameras, the results of other commands. A folder
-/// that did not exist is removed again if nothing was written into it.
+/// A file is replaced only if the record in the folder, `written.jsonl`, says that the same command wrote it. So
+/// results can be made anew in their place, and all other files there are safe: photos, a user's cameras, the results
+/// of other commands. A folder that did not exist is removed again if nothing was written into it.
 ///
 /// ```
 /// use weaver_io::{OutputFolder, write_text};
@@ -61,7 +60,8 @@ struct Record {
 }
 
 impl OutputFolder {
-    /// Makes a folder, if it does not exist, and claims it for a command with these inputs: files and folders that it reads.
+    /// Makes a folder, if it does not exist, and claims it for a command with these inputs: files and folders that it
+    /// reads.
     ///
     /// # Errors
     /// When it is one of the inputs or lies in one; when it holds photos that this program did not write; when another
@@ -89,7 +89,8 @@ impl OutputFolder {
         Ok(claimed)
     }
 
-    /// Claims the folder of a run that goes on. `own` are the files of such a run, for folders from before there was a record.
+    /// Claims the folder of a run that goes on. `own` are the files of such a run, for folders from before there was a
+    /// record.
     ///
     /// # Errors
     /// When another command is writing into it, and when it cannot be written.
@@ -111,7 +112,7 @@ impl OutputFolder {
 
     fn open(path: PathBuf, command: &str, inputs: Vec<PathBuf>, made: Vec<PathBuf>) -> Result<Self> {
         std::fs::create_dir_all(&path).map_err(Error::io(&path))?;
-        // From here on, what was made is removed when something goes wrong.
+        // From here on, new folders are removed when something goes wrong.
         let record = Record::open(&path.join(RECORD)).inspect_err(|_| remove(&made))?;
         let claimed = Self { path, command: command.into(), inputs, record: Mutex::new(record), made };
         Ok(claimed)
@@ -131,8 +132,8 @@ impl OutputFolder {
         names.into_iter().try_for_each(|name| self.allow(&record, name.as_ref()))
     }
 
-    /// The path of a file that is about to be written, which goes into the record. Folders in its name are made. A name that ends with a
-    /// slash is a folder, all of whose files are the command's.
+    /// The path of a file that is about to be written, which goes into the record. Folders in its name are made. A name
+    /// that ends with a slash is a folder, all of whose files are the command's.
     ///
     /// # Errors
     /// As [`check`](Self::check); when the record cannot be written.
@@ -147,7 +148,8 @@ impl OutputFolder {
         Ok(path)
     }
 
-    /// The path of a folder in it, into which files of these names are about to be written, as [`file`](Self::file) does.
+    /// The path of a folder in it, into which files of these names are about to be written, as [`file`](Self::file)
+    /// does.
     ///
     /// # Errors
     /// As [`file`](Self::file).
@@ -166,7 +168,8 @@ impl OutputFolder {
         if path.exists() { std::fs::remove_file(&path).map_err(Error::io(&path)) } else { Ok(()) }
     }
 
-    /// Removes what the same command wrote into a folder in it, now or before, but for files of these names, relative to this folder.
+    /// Removes the files that the same command wrote into a subfolder, now or before, but for files of these names,
+    /// relative to this folder.
     ///
     /// # Errors
     /// When a file cannot be removed.
@@ -189,7 +192,7 @@ impl OutputFolder {
         self.record.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Refuses a file that a link leads out of the folder to: its record says nothing of what is there.
+    /// Refuses a file behind a link out of the folder: its record does not cover that place.
     fn refuse_outside(&self, path: &Path) -> Result<()> {
         let (file, folder) = (place(path), place(&self.path));
         if file.starts_with(&folder) {
@@ -202,7 +205,7 @@ impl OutputFolder {
         let path = self.path.join(name);
         refuse_inputs(&path, &self.inputs)?;
         self.refuse_outside(&path)?;
-        // A link that leads nowhere is somebody's, too.
+        // A link that leads nowhere is a user's, too.
         if path.symlink_metadata().is_err() {
             return Ok(());
         }
@@ -274,11 +277,6 @@ impl Record {
         if whole < text.len() {
             file.set_len(whole as u64).map_err(Error::io(path))?;
         }
-        let entry = |line: &str| -> Option<(String, String)> {
-            let value: Value = serde_json::from_str(line).ok()?;
-            let name = value["file"].as_str().filter(|name| stays_within(name))?;
-            Some((name.to_string(), value["by"].as_str()?.to_string()))
-        };
         let written: Option<BTreeMap<_, _>> = text[..whole].lines().map(entry).collect();
         let written = written.ok_or_else(|| refused(path, "the record of what this program wrote", "another file"))?;
         Ok(Self { file, is_new: written.is_empty(), written })
@@ -295,12 +293,7 @@ impl Record {
     }
 }
 
-/// True for a name that leads to no place outside of its folder.
-fn stays_within(name: &str) -> bool {
-    Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
-}
-
-/// Checks before long work that a file can be written where it is asked for, and is none that a command reads.
+/// Checks before long work that a file can be written at its place, and is none that a command reads.
 ///
 /// A file that is there will be replaced, unless it is one of the inputs or lies in one that is a folder.
 ///
@@ -315,11 +308,11 @@ pub fn check_output_file<P: AsRef<Path>>(path: impl AsRef<Path>, inputs: impl In
     check_writable(path.parent().unwrap_or(Path::new("")))
 }
 
-/// Checks before long work that results may go into a folder: it is no input, and lies in no folder of photos or of another's files that
-/// is one.
+/// Checks before long work that results may go into a folder: it is no input, and lies in no folder of photos or of
+/// another's files that is one.
 ///
-/// It may lie in a folder of results that is read, such as a run: what was written there is safe from a folder within, which
-/// has a record of its own.
+/// It may lie in a folder of results that is read, such as a run: the run's own files are safe from a folder within,
+/// which has a record of its own.
 ///
 /// # Errors
 /// Names the folder, and the input that it is or lies in.
@@ -341,7 +334,7 @@ fn place(path: &Path) -> PathBuf {
     std::path::absolute(path).map_or_else(|_| path.into(), |path| followed(&path))
 }
 
-/// Refuses to replace what is there, if it is no regular file.
+/// Refuses to replace anything but a regular file.
 fn refuse_irregular(path: &Path) -> Result<()> {
     // Through links, as the file is written.
     let found = match path.metadata() {
@@ -352,7 +345,7 @@ fn refuse_irregular(path: &Path) -> Result<()> {
     Err(refused(path, "the name of a file", found))
 }
 
-/// Refuses what is an input, or lies in one that is a folder.
+/// Refuses a path that is an input, or lies in an input folder.
 fn refuse_inputs(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     let output = place(path);
     let Some(input) = inputs.iter().find(|input| output.starts_with(input)) else { return Ok(()) };

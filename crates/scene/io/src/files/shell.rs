@@ -5,11 +5,11 @@ use std::ffi::OsStr;
 use std::fmt::{self, Write as _};
 use std::path::Path;
 
-/// A command that is printed for somebody to paste, or for a shell to read: each word is quoted where it has to be.
+/// A command that is printed for a user to paste, or for a shell to read: each word is quoted where it has to be.
 ///
 /// Words that stand in the source are given by [`new`](Self::new) and [`then`](Self::then), which take nothing else;
-/// all others by [`word`](Self::word) and [`path`](Self::path), which quote them. The text is one line, whatever the
-/// words hold: control characters, and bytes that are no text, become escapes in `$'...'`.
+/// all others by [`word`](Self::word) and [`path`](Self::path), which quote them. The text is always one line: control
+/// characters, and bytes that are no text, become escapes in `$'...'`.
 ///
 /// ```
 /// use weaver_io::ShellCommand;
@@ -65,12 +65,12 @@ impl ShellCommand {
         if dashed { self.word(Path::new(".").join(path)) } else { self.word(path) }
     }
 
-    /// A path as one word, for texts that name what to add to a command.
+    /// A path as one word, for texts that name an addition to a command.
     pub fn quoted(path: impl AsRef<Path>) -> String {
         Self::new("").path(path).text.trim_start().into()
     }
 
-    /// False if a word needs `$'...'`, which interactive shells know and a plain `sh` may not.
+    /// False if a word needs `$'...'`, which interactive shells support and a plain `sh` may not.
     pub fn is_posix(&self) -> bool {
         self.posix
     }

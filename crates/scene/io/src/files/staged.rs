@@ -1,4 +1,4 @@
-//! Results of several files that replace those before them together.
+//! Results of several files that replace the earlier ones together.
 
 use crate::{Error, OutputFolder, Result, create_folder};
 use std::path::PathBuf;
@@ -8,7 +8,8 @@ const FOLDER: &str = ".staged/";
 
 /// Files of a folder of results that are written elsewhere in it first, and then take their places together.
 ///
-/// Whatever stops the program, and whenever, the folder holds the results before or those after, or none that a reader takes for whole.
+/// At whatever moment the program stops, the folder holds the old results or the new ones, or none that a reader takes
+/// for whole.
 ///
 /// ```
 /// use weaver_io::{OutputFolder, write_text};
@@ -30,13 +31,13 @@ pub struct Staged<'a> {
 }
 
 impl OutputFolder {
-    /// Begins results that are to replace those before them together.
+    /// Begins results that will replace the earlier ones together.
     ///
     /// # Errors
     /// When a place for them cannot be made.
     pub fn staged(&self) -> Result<Staged<'_>> {
         let folder = self.file(FOLDER)?;
-        // What a run left that was killed at this.
+        // Remnants of a run that was killed at this point.
         std::fs::remove_dir_all(&folder).map_err(Error::io(&folder))?;
         create_folder(&folder)?;
         Ok(Staged { out: self, names: Vec::new() })
@@ -66,8 +67,8 @@ impl Staged<'_> {
         Ok(self.out.path().join(FOLDER).join(folder))
     }
 
-    /// Moves all files to their places. `marks` are those without which no reader takes the folder for results: the ones that are there go first, and
-    /// the new ones come last, in this order.
+    /// Moves all files to their places. `marks` are those without which no reader takes the folder for results: the
+    /// ones that are there go first, and the new ones come last, in this order.
     ///
     /// # Errors
     /// When a file cannot be replaced or moved.

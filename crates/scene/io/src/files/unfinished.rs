@@ -17,8 +17,9 @@ const PERMISSIONS: u32 = 0o666;
 
 /// A file that takes its name when it is complete, and is gone if it never is.
 ///
-/// On Linux it has no name in the meantime (`O_TMPFILE`), so that nothing stays when the process ends, whatever ends it. Elsewhere, and on
-/// file systems without such files, it has a hidden one: removed when this value is dropped, and by [`remove_unfinished`].
+/// On Linux it has no name in the meantime (`O_TMPFILE`), so that nothing stays after any end of the process.
+/// Elsewhere, and on file systems without such files, it has a hidden one: removed when this value is dropped, and by
+/// [`remove_unfinished`].
 ///
 /// ```
 /// use std::io::Write;
@@ -41,7 +42,8 @@ pub struct UnfinishedFile {
 }
 
 impl UnfinishedFile {
-    /// Creates a file that is to take this path, or the place where it leads if it is a link. Its folder is created as well if it is missing.
+    /// Creates a file that is to take this path, or the place where it leads if it is a link. Its folder is created as
+    /// well if it is missing.
     ///
     /// # Errors
     /// When the folder cannot be written to, or something is there that is no regular file.
@@ -58,7 +60,7 @@ impl UnfinishedFile {
         let mut builder = builder();
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(PERMISSIONS));
-        // Locked before it is there, so that whoever removes all of them finds this one, too.
+        // Locked before it has a name, so that a concurrent removal of unfinished files sees the lock.
         let mut names = named_files();
         let (file, name) = builder.tempfile_in(folder_of(&to))?.into_parts();
         let name = name.keep().map_err(|error| error.error)?;
@@ -109,7 +111,7 @@ impl UnfinishedFile {
 impl Drop for UnfinishedFile {
     fn drop(&mut self) {
         if let Some(name) = self.name.take() {
-            // A file that somebody else removed needs no removing.
+            // A file that another process removed needs no removing.
             let _ = std::fs::remove_file(&name);
             named_files().remove(&name);
         }
@@ -119,7 +121,7 @@ impl Drop for UnfinishedFile {
 /// Removes all unfinished files that have a name: to be called before the process ends without unwinding.
 pub fn remove_unfinished() {
     for path in std::mem::take(&mut *named_files()) {
-        // The process ends: nobody is left to be told.
+        // The process ends: an error could not be reported any more.
         let _ = std::fs::remove_file(path);
     }
 }

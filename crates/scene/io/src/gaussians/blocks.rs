@@ -8,7 +8,7 @@ use weaver_scene::Gaussians;
 /// Gaussians of a block: four megabytes of degree 3.
 const BLOCK: usize = 1 << 14;
 
-/// Gaussians of which any part is to be had: in memory, or rows of a file.
+/// Gaussians that can be read in parts: in memory, or rows of a file.
 pub trait Blocks {
     /// Number of Gaussians.
     fn len(&self) -> usize;
@@ -100,7 +100,7 @@ impl<B: Blocks + ?Sized> Blocks for &B {
     }
 }
 
-/// Gaussians with something done to each, whatever the others are.
+/// Gaussians with a change applied to each, independently of the others.
 pub struct Changed<'a> {
     /// Gaussians as they were.
     pub from: Box<dyn Blocks + 'a>,

@@ -1,4 +1,4 @@
-//! What the formats of Gaussians share: checks of the fields, and numbers as bytes.
+//! Code shared by the formats of Gaussians: checks of the fields, and numbers as bytes.
 
 use crate::{Error, Result};
 use std::path::Path;
@@ -21,7 +21,7 @@ pub(crate) fn check_values(path: &Path, gaussians: &Gaussians) -> Result<()> {
     check_rows(path, gaussians, 0)
 }
 
-/// The same for Gaussians of which the first has a number in the file.
+/// The same for Gaussians that begin at row `first` of the file.
 pub(crate) fn check_rows(path: &Path, gaussians: &Gaussians, first: usize) -> Result<()> {
     let per_row = gaussians.coefficients() * 3;
     for i in 0..gaussians.len() {

@@ -35,13 +35,13 @@ pub struct SceneFormat {
 /// Decoder of a file; the path is for messages.
 #[derive(Clone, Copy)]
 pub(super) enum Reader {
-    /// Of parts that are asked for.
+    /// Reads parts on demand.
     Blocks(for<'a> fn(&Path, Content<'a>) -> Result<OpenScene<'a>>),
     /// Of all at once.
     Whole(fn(&Path, &[u8]) -> Result<SceneFile>),
 }
 
-/// Encoder of Gaussians, of which all fields have the same length.
+/// Encoder of Gaussians; all their fields have the same length.
 #[derive(Clone, Copy)]
 pub(super) enum Writer {
     /// To a stream, a block at a time; the path is for messages.

@@ -1,8 +1,8 @@
 //! glTF 2.0 with the extension KHR_gaussian_splatting: `.glb`, and `.gltf` with buffers inside or beside it.
 //!
-//! A primitive of points has positions, rotations (xyzw), standard deviations, opacities and coefficients of harmonics as attributes. glTF's
-//! up is +y and that of captures is -y, so that reading and writing turn everything by half a turn about z: x and y are negated, and with them
-//! coefficients whose order m is odd.
+//! A primitive of points has positions, rotations (xyzw), standard deviations, opacities and coefficients of harmonics
+//! as attributes. glTF's up is +y and captures' is -y, so that reading and writing turn everything by half a turn about
+//! z: x and y are negated, and with them coefficients whose order m is odd.
 //!
 //! Source: github.com/KhronosGroup/glTF, extensions/2.0/Khronos/KHR_gaussian_splatting.
 
@@ -27,12 +27,12 @@ const MAGIC: &[u8; 4] = b"glTF";
 const JSON: u32 = u32::from_le_bytes(*b"JSON");
 const BINARY: u32 = u32::from_le_bytes(*b"BIN\0");
 
-/// Opens a `.glb` or `.gltf` file: the Gaussians of all nodes of its scene, with the nodes' transforms applied. Its buffers are read when
-/// Gaussians are asked for, but for those of base64 and of files with sparse accessors.
+/// Opens a `.glb` or `.gltf` file: the Gaussians of all nodes of its scene, with the nodes' transforms applied. Its
+/// buffers are read on demand; base64 and files with sparse accessors are read at once.
 ///
 /// # Errors
-/// When it is malformed, an accessor leads out of its buffer, a transform is no similarity, or the file requires an extension that is
-/// unknown here.
+/// When it is malformed, an accessor leads out of its buffer, a transform is no similarity, or the file requires an
+/// extension that is unknown here.
 pub(crate) fn open<'a>(path: &Path, content: Content<'a>) -> Result<OpenScene<'a>> {
     Ok(OpenScene { gaussians: decode::open(path, content)?, drawing: Drawing::default() })
 }
@@ -65,7 +65,7 @@ fn signs() -> [f32; sh::MAX_COEFFICIENTS] {
     sh::half_turn_signs(2)
 }
 
-/// Content of this file that is not as it should be.
+/// Malformed content of this file.
 fn invalid<'a>(path: &'a Path, place: &'a str, expected: &'a str) -> impl Fn(String) -> Error + 'a {
     move |found| Error::invalid(path, place, expected, found)
 }

@@ -1,10 +1,10 @@
-//! The `.ksplat` format of GaussianSplats3D, versions 0.1 and later, read only: sections of Gaussians at one of three levels of
-//! compression.
+//! The `.ksplat` format of GaussianSplats3D, versions 0.1 and later, read only: sections of Gaussians at one of three
+//! levels of compression.
 //!
-//! A header of 4096 bytes, one of 1024 for each section, then for each section the sizes of buckets that are not full, the centers
-//! of all buckets, and Gaussians: position, standard deviations, rotation (wxyz), color and opacity, and harmonics, of each degree one color
-//! after the other. Level 0 has 32-bit floats; from level 1 on, positions are 16 bits within a bucket and the others 16-bit floats; at level
-//! 2, harmonics are bytes.
+//! A header of 4096 bytes, one of 1024 for each section, then for each section the sizes of buckets that are not full,
+//! the centers of all buckets, and Gaussians: position, standard deviations, rotation (wxyz), color and opacity, and
+//! harmonics, of each degree one color after the other. Level 0 has 32-bit floats; from level 1 on, positions are 16
+//! bits within a bucket and the others 16-bit floats; at level 2, harmonics are bytes.
 //!
 //! Source: github.com/mkkellogg/GaussianSplats3D, src/loaders/SplatBuffer.js.
 

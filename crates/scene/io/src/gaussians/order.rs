@@ -1,4 +1,4 @@
-//! An order of Gaussians in which those that follow each other are near each other.
+//! An order of Gaussians in which successive ones are near each other.
 
 /// Bits of a coordinate.
 const BITS: u32 = 21;

@@ -1,4 +1,4 @@
-//! What a file of Gaussians holds.
+//! The content of a file of Gaussians.
 
 use super::blocks::Blocks;
 use crate::Result;
@@ -13,8 +13,7 @@ pub struct SceneFile {
     pub drawing: Drawing,
 }
 
-/// A file of Gaussians of which any part is to be had; those of binary PLY, splat and SPZ files are read or unpacked when they are
-/// asked for.
+/// A file of Gaussians that can be read in parts; binary PLY, splat and SPZ files are read or unpacked on demand.
 pub struct OpenScene<'a> {
     /// The Gaussians.
     pub gaussians: Box<dyn Blocks + 'a>,
@@ -53,7 +52,8 @@ impl From<SceneFile> for OpenScene<'_> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Drawing {
-    /// Opacities are lowered where a Gaussian is widened to a pixel, as they were in training; false where a file does not say so.
+    /// Opacities are lowered where a Gaussian is widened to a pixel, as they were in training; false where a file does
+    /// not say so.
     pub antialiased: bool,
 }
 

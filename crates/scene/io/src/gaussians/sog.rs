@@ -1,8 +1,8 @@
 //! SOG, version 2: Gaussians as pixels of lossless WebP pictures, beside a `meta.json` or in one ZIP archive with it.
 //!
-//! Pixel i of each picture belongs to Gaussian i. A position has 16 bits per coordinate between bounds of `sign(x) ln(1 + |x|)`, a
-//! rotation three components of 8 bits, scales and colors are entries of tables of 256 numbers, and the harmonics of a Gaussian are one row
-//! of a palette.
+//! Pixel i of each picture belongs to Gaussian i. A position has 16 bits per coordinate between bounds of `sign(x)
+//! ln(1 + |x|)`, a rotation three components of 8 bits, scales and colors are entries of tables of 256 numbers, and
+//! the harmonics of a Gaussian are one row of a palette.
 //!
 //! Source: developer.playcanvas.com/user-manual/gaussian-splatting/formats/sog.
 
@@ -62,8 +62,8 @@ pub(crate) fn names(path: &Path) -> Result<Vec<String>> {
 
 /// Writes a `.sog` archive.
 ///
-/// Gaussians are written in another order, that of a curve through space, which makes smaller pictures. The tables and the palette
-/// come from clustering: equal Gaussians give equal files.
+/// Gaussians are written in the order of a curve through space, which makes smaller pictures. The tables and the
+/// palette come from clustering: equal Gaussians give equal files.
 ///
 /// # Errors
 /// When a value is not finite.

@@ -63,7 +63,8 @@ impl Blocks for Records<'_> {
 
 /// Writes a `.splat` file.
 ///
-/// Colors, opacities and rotations are rounded to 8 bits. The format has no harmonics beyond degree 0; they are left out.
+/// Colors, opacities and rotations are rounded to 8 bits. The format has no harmonics beyond degree 0; they are left
+/// out.
 ///
 /// # Errors
 /// When a value is not finite.

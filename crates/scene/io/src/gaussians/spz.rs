@@ -1,8 +1,9 @@
 //! The compressed `.spz` format of Niantic: versions 1 to 3, which are gzip, and 4, whose arrays are zstd streams.
 //!
-//! A header, then positions, opacities, colors, scales, rotations and spherical harmonics, each an array of all Gaussians. Its axes
-//! are those of OpenGL (x right, y up, z back), against x right, y down, z forward in PLY files and here, so reading and writing turn
-//! everything by half a turn about x, unless a file of version 4 names the axes of PLY files.
+//! A header, then positions, opacities, colors, scales, rotations and spherical harmonics, each an array of all
+//! Gaussians. Its axes follow OpenGL (x right, y up, z back), against x right, y down, z forward in PLY files and here,
+//! so reading and writing turn everything by half a turn about x, unless a file of version 4 names the axes of PLY
+//! files.
 //!
 //! Source: the README of github.com/nianticlabs/spz and of its extensions.
 
@@ -28,8 +29,8 @@ use weaver_scene::Gaussians;
 /// The arrays: positions, opacities, colors, scales, rotations, harmonics.
 type Streams = [Vec<u8>; 6];
 
-/// Opens a `.spz` file of any version, which has 24 bits per coordinate of positions (the first version 16-bit floats) and 8 for most
-/// other numbers. Its arrays are held as the file has them, and unpacked when they are asked for.
+/// Opens a `.spz` file of any version, which has 24 bits per coordinate of positions (the first version 16-bit floats)
+/// and 8 for most other numbers. Its arrays are held as the file has them, and unpacked on demand.
 ///
 /// # Errors
 /// When the file is of another version or is malformed.
@@ -87,7 +88,7 @@ pub(crate) fn encode_zstd(path: &Path, gaussians: &dyn Blocks, drawing: Drawing,
     zstd::write(&header, &packed(&header, gaussians)?, w).map_err(Error::io(path))
 }
 
-/// The arrays of all Gaussians, which take a quarter of what the Gaussians take or less.
+/// The arrays of all Gaussians, at most a quarter of the Gaussians' own size.
 fn packed(header: &Header, gaussians: &dyn Blocks) -> Result<Streams> {
     let mut streams = header.lengths().map(|length| Vec::with_capacity(length as usize));
     for rows in gaussians.blocks() {
@@ -96,16 +97,17 @@ fn packed(header: &Header, gaussians: &dyn Blocks) -> Result<Streams> {
     Ok(streams)
 }
 
-/// Bits after the point of positions, where they are small enough: steps of a quarter millimeter if the unit is a meter.
+/// Bits after the point of positions, where they are small enough: steps of a quarter millimeter if the unit is a
+/// meter.
 const FRACTION: u8 = 12;
 
-/// Bits after the point of positions of which this is the largest coordinate; `None` where they have no place at all.
+/// Bits after the point of positions up to this largest coordinate; `None` where they have no place at all.
 fn fraction(largest: f32) -> Option<u8> {
     let fits = |fraction: &u8| f64::from(largest) * f64::from(1u32 << fraction) < f64::from(1 << 23) - 1.0;
     (0..=FRACTION).rev().find(fits)
 }
 
-/// The step by which positions are rounded in `.spz`; `None` where these are beyond what the format holds.
+/// The step by which positions are rounded in `.spz`; `None` where they are beyond the range of the format.
 pub fn spz_step(gaussians: &Gaussians) -> Option<f64> {
     let largest = gaussians.means.as_flattened().iter().fold(0.0_f32, |most, x| most.max(x.abs()));
     fraction(largest).map(|fraction| (-f64::from(fraction)).exp2())

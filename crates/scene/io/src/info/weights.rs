@@ -44,11 +44,11 @@ struct Module {
     types: BTreeSet<String>,
 }
 
-/// Modules and their parts by name; a part's name has a zero character where that of its module ends.
+/// Modules and their parts by name; a part's name has a zero character at the end of its module's name.
 struct Modules(BTreeMap<String, Module>);
 
 impl Modules {
-    /// At the first depth of names that tells modules apart, and one below, if that is not too long a list.
+    /// At the first depth of names that separates modules, and one below, if that is not too long a list.
     fn of(weights: &Mapped) -> Self {
         let cut = |name: &str, depth: usize| -> String {
             let parts: Vec<&str> = name.split('.').collect();

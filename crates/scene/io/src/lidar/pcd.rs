@@ -167,7 +167,7 @@ fn ascii(path: &Path, body: &[u8], fields: &[Field], points: usize, wanted: &[us
     }
 }
 
-/// Two sizes, and a stream of LZF: runs of bytes, and copies of what came before.
+/// Two sizes, and a stream of LZF: runs of bytes, and copies of earlier bytes.
 fn decompressed(path: &Path, body: &[u8], expected: Option<usize>) -> Result<Vec<u8>> {
     let broken = |found: String| Error::invalid(path, "body", "points compressed by LZF", found);
     let size = |at: usize| {

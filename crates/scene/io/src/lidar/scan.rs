@@ -9,7 +9,7 @@ use std::path::Path;
 /// Endings of the files that [`read_lidar_scan`] reads.
 pub const LIDAR_FORMATS: [&str; 4] = ["bin", "ply", "pcd", "npy"];
 
-/// The points of one sweep, as a file has them: those that are not finite among them.
+/// The points of one sweep as in the file, including ones that are not finite.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LidarScan {
     /// Points `[P]`, meters, x forward, y left, z up.
@@ -31,11 +31,11 @@ impl LidarScan {
     }
 }
 
-/// Reads a scan: by the ending `.bin` (32-bit x y z intensity as KITTI's, or x y z), `.ply`, `.pcd` (ascii, binary, binary_compressed) or
-/// `.npy` (`[P, 3]` or more columns).
+/// Reads a scan: by the ending `.bin` (32-bit x y z intensity as KITTI's, or x y z), `.ply`, `.pcd` (ascii, binary,
+/// binary_compressed) or `.npy` (`[P, 3]` or more columns).
 ///
-/// Columns `time`, `t`, `timestamp` or `time_stamp` of PLY and PCD become times. A `.bin` whose size is a multiple of 16 and of 12 bytes has
-/// four numbers a point if every fourth is between 0 and 255, and three else.
+/// Columns `time`, `t`, `timestamp` or `time_stamp` of PLY and PCD become times. A `.bin` whose size is a multiple of
+/// 16 and of 12 bytes has four numbers a point if every fourth is between 0 and 255, and three else.
 ///
 /// # Errors
 /// When the file cannot be read, is malformed or has no points.

@@ -1,15 +1,15 @@
-//! What a camera writes into its photos about itself.
+//! The camera's own record in its photos.
 
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// The focal length of a photo in millimeters, on a film of 36 x 24 mm with the photo's diagonal
-/// (EXIF's `FocalLengthIn35mmFilm`); `None` where the file does not tell.
+/// The focal length of a photo in millimeters, on a film of 36 x 24 mm with the photo's diagonal (EXIF's
+/// `FocalLengthIn35mmFilm`); `None` if the file has none.
 ///
 /// # Errors
-/// When the file cannot be opened. EXIF that is malformed tells nothing.
+/// When the file cannot be opened. Malformed EXIF is ignored.
 pub fn focal_35mm(path: impl AsRef<Path>) -> Result<Option<f64>> {
     let path = path.as_ref();
     let file = File::open(path).map_err(Error::io(path))?;

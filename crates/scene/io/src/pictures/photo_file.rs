@@ -1,4 +1,4 @@
-//! Photos on disk: which way up they are, and their pixels, for as long as it takes to make them smaller.
+//! Photos on disk: orientation and pixels, decoded for as long as shrinking takes.
 
 mod decoding;
 mod jpeg;
@@ -23,14 +23,16 @@ const TO_CONVERT: [&str; 3] = ["heic", "heif", "avif"];
 
 /// A photo on disk: JPEG (also progressive, gray or CMYK), PNG, TIFF or WebP, of 8 or 16 bits, with or without alpha.
 ///
-/// Making one reads the header; pixels are decoded when they are asked for, to 8 bits, and are only kept in the size that was asked
-/// for. Large photos are decoded one after the other, whatever the number of threads, so that several take little more memory than one.
-/// A JPEG of [16 megapixels](Self::shrink_from) or more that is to become much smaller is decoded at a half or a quarter of its sides, the
-/// least that is still three times what is asked for: four of 48 megapixels take 70 MB. If they are progressive, the decoder holds all
-/// coefficients of one at once: 175 MB where its colors have half the resolution, else 335 MB.
+/// Making one reads the header; pixels are decoded on demand, to 8 bits, and are only kept in the requested size. Large
+/// photos are decoded one after the other, at any number of threads, so that several take little more memory than one.
+/// A JPEG of [16 megapixels](Self::shrink_from) or more that is to become much smaller is decoded at a half or a
+/// quarter of its sides, the least that is still three times the requested size: four of 48 megapixels take 70 MB. If
+/// they are progressive, the decoder holds all coefficients of one at once: 175 MB where its colors have half the
+/// resolution, else 335 MB.
 ///
-/// A photo is turned upright as its EXIF orientation says, unless [`for_camera`](Self::for_camera) says otherwise. Straight alpha is
-/// composited over a background, white if nothing else is said, in sRGB values. Color profiles are ignored: values are taken for sRGB.
+/// A photo is turned upright as its EXIF orientation says, unless [`for_camera`](Self::for_camera) says otherwise.
+/// Straight alpha is composited over a background, white if nothing else is said, in sRGB values. Color profiles are
+/// ignored: values are taken for sRGB.
 #[derive(Clone, Debug)]
 pub struct PhotoFile {
     path: PathBuf,
@@ -50,10 +52,11 @@ pub struct PhotoFile {
     transparent: Arc<AtomicBool>,
 }
 
-/// Pixels of a photo from which it is decoded at a reduced scale. Below, it takes less memory than a network, and its pixels are those
-/// that it always had.
+/// Pixels of a photo from which it is decoded at a reduced scale. Below, it takes less memory than a network, and its
+/// pixels are those that it always had.
 const SHRINK_FROM: usize = 16_000_000;
-/// Least size of a reduced scale over the one that is wanted: less would cost colors of half the resolution some of theirs.
+/// Least size of a reduced scale over the one that is wanted: less would cost colors of half the resolution some of
+/// theirs.
 const ENOUGH: f64 = 3.0;
 
 /// Layer of a photo that is read.
@@ -96,18 +99,18 @@ impl PhotoFile {
         &self.path
     }
 
-    /// Width and height of what is read.
+    /// Width and height as read.
     pub fn size(&self) -> (usize, usize) {
         orientation::turned(self.orientation, self.stored)
     }
 
-    /// Width and height of the pixels in the file, whatever its orientation.
+    /// Width and height of the pixels in the file, before its orientation is applied.
     pub fn stored_size(&self) -> (usize, usize) {
         self.stored
     }
 
-    /// The photo as a camera of this size belongs to it, whose file may have ignored its orientation: upright if it has that size
-    /// upright and not as it is stored, else as it is stored.
+    /// The photo as a camera of this size belongs to it, whose file may have ignored its orientation: upright if it has
+    /// that size upright and not as it is stored, else as it is stored.
     pub fn for_camera(mut self, width: usize, height: usize) -> Self {
         if self.stored == (width, height) || self.size() != (width, height) {
             self.orientation = Orientation::NoTransforms;
@@ -115,23 +118,25 @@ impl PhotoFile {
         self
     }
 
-    /// True if EXIF turns or mirrors the photo without changing its size, so that [`for_camera`](Self::for_camera) cannot tell whether a
-    /// camera is for the upright photo: one that is mirrored or turned by 180 degrees, or a square one.
+    /// True if EXIF turns or mirrors the photo without changing its size, which leaves open to
+    /// [`for_camera`](Self::for_camera) whether a camera is for the upright photo: one that is mirrored or turned by
+    /// 180 degrees, or a square one.
     pub fn has_ambiguous_orientation(&self) -> bool {
         self.orientation != Orientation::NoTransforms && self.size() == self.stored
     }
 
-    /// True if reading the photo, by this or by what was made of it, has met pixels that are not opaque. Always false before it is read.
+    /// True if reading the photo, through this value or its copies, has met pixels that are not opaque. Always false
+    /// before it is read.
     pub fn was_transparent(&self) -> bool {
         self.transparent.load(Ordering::Relaxed)
     }
 
-    /// True if it has no colors; all channels of what is read are alike then.
+    /// True if it has no colors; all channels are alike as read then.
     pub fn is_gray(&self) -> bool {
         self.is_gray
     }
 
-    /// Bits of each number in the file; what is read has 8.
+    /// Bits of each number in the file; as read it has 8.
     pub fn bits(&self) -> usize {
         self.bits
     }
@@ -146,15 +151,15 @@ impl PhotoFile {
         self.has_alpha.then_some(Self { layer: Layer::Alpha, ..self })
     }
 
-    /// The photo over its background where `mask` is dark, in proportion: white takes the photo, black nothing of it. The mask has the
-    /// photo's size.
+    /// The photo over its background where `mask` is dark, in proportion: white takes the photo, black nothing of it.
+    /// The mask has the photo's size.
     pub fn masked(self, mask: Self) -> Self {
         Self { mask: Some(Box::new(mask)), ..self }
     }
 
-    /// From how many pixels on a JPEG may be decoded at a reduced scale, where it is resized to half its sides or less: 16 million, unless
-    /// this says otherwise. Resized pixels then differ a little from those of the whole photo. A photo with a [mask](Self::masked) or
-    /// of CMYK is decoded whole.
+    /// From how many pixels on a JPEG may be decoded at a reduced scale, where it is resized to half its sides or less:
+    /// 16 million, unless this says otherwise. Resized pixels then differ a little from a resized whole photo's. A
+    /// photo with a [mask](Self::masked) or of CMYK is decoded whole.
     pub fn shrink_from(self, pixels: usize) -> Self {
         Self { shrink_from: pixels, ..self }
     }
@@ -210,7 +215,8 @@ impl PhotoFile {
         Ok(Bitmap { width, height, pixels: self.decoded(shrink, resampled)? })
     }
 
-    /// Number of pixels each way that become one while the photo is decoded, of which so many will become one in the end.
+    /// Number of pixels each way that become one while the photo is decoded, where `in_the_end` of them become one in
+    /// total.
     fn shrink(&self, in_the_end: f64) -> usize {
         let large = self.stored.0 * self.stored.1 >= self.shrink_from;
         if !large || self.mask.is_some() || !self.jpeg.is_some_and(|jpeg| jpeg.can_shrink()) {
@@ -236,7 +242,8 @@ impl PhotoFile {
         Ok(consume(decoded))
     }
 
-    /// About how many bytes decoding takes: for pixels, channels while they are apart, and coefficients that are held at once.
+    /// About how many bytes decoding takes: for pixels, channels while they are apart, and coefficients that are held
+    /// at once.
     fn takes(&self, shrink: usize) -> u64 {
         let (width, height) = self.stored;
         let pixels = (width * height) as u64;
@@ -249,7 +256,7 @@ impl PhotoFile {
     fn decoded_alone(&self, shrink: usize) -> Result<Decoded> {
         let shrunk = self.jpeg.filter(|_| shrink > 1 && decoding::may_hold(&self.path, self.stored));
         let shrunk = shrunk.and_then(|jpeg| jpeg::decode(&self.path, jpeg, self.stored, shrink));
-        // The whole also where the other decoder has refused it: this one knows more kinds, and says what is wrong.
+        // The whole also where the other decoder has refused it: this one supports more kinds, and names the fault.
         let pixels = shrunk.map_or_else(|| decoding::decode(&self.path), Ok)?;
         if pixels.whole != self.stored {
             let [(width, height), found] = [self.stored, pixels.whole];
@@ -272,7 +279,7 @@ impl Image {
         Ok(PhotoFile::at(path)?.over(background.rgb()).read()?.to_image())
     }
 
-    /// The same photo as [`read`](Self::read) from the bytes of its file; `origin` is what messages call it.
+    /// The same photo as [`read`](Self::read) from the bytes of its file; messages call it `origin`.
     ///
     /// # Errors
     /// When they are no photo.
@@ -292,9 +299,9 @@ impl Image {
     }
 }
 
-/// The photos in a folder, in [natural order](natural_order): what [`PhotoFile`] reads, and HEIC and AVIF, of which it says how to
-/// convert them. Links that lead nowhere are among them, so that whoever reads them says so; files whose names begin with a dot, as macOS
-/// keeps them beside photos, are not.
+/// The photos in a folder, in [natural order](natural_order): every kind that [`PhotoFile`] reads, and HEIC and AVIF,
+/// whose error says how to convert them. Links that lead nowhere are among them, so that whoever reads them says so;
+/// files whose names begin with a dot, as macOS keeps them beside photos, are not.
 ///
 /// # Errors
 /// When the folder cannot be read.

@@ -4,7 +4,7 @@ use crate::{Result, list_folders, list_photos};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Levels of folders that are looked into, and folders in all: somebody's home has many.
+/// Levels of folders that are looked into, and folders in all: a home folder has many.
 const DEEPEST: usize = 3;
 const MOST: usize = 500;
 /// The folder of masks, which are no photos.
@@ -15,8 +15,8 @@ const MASKS: &str = "masks";
 pub struct PhotoFolder {
     /// The photos in it, as [`list_photos`] lists them.
     pub photos: Vec<PathBuf>,
-    /// Folders below it that have photos, sorted by path, and how many: those of cameras, such as `DCIM/100APPLE`. Hidden folders,
-    /// `masks` and links are left out.
+    /// Folders below it that have photos, sorted by path, with their counts: cameras' folders, such as `DCIM/100APPLE`.
+    /// Hidden folders, `masks` and links are left out.
     pub below: Vec<(PathBuf, usize)>,
     /// Extensions of its files that are no photos, in lower case, and how many have each, most first.
     pub others: Vec<(String, usize)>,
@@ -48,7 +48,7 @@ impl PhotoFolder {
     }
 }
 
-/// Adds a folder and those below it, if they have photos. What cannot be read has none to offer.
+/// Adds a folder and those below it, if they have photos. An unreadable folder has none to offer.
 fn search(folder: &Path, levels: usize, left: &mut usize, found: &mut Vec<(PathBuf, usize)>) {
     let Some(fewer) = left.checked_sub(1).filter(|_| levels > 0) else { return };
     *left = fewer;

@@ -1,8 +1,8 @@
 //! Resizing with the filters of Pillow, on 8-bit values.
 //!
-//! Separable, horizontal pass first; each pass rounds to 8 bits, with filter weights in fixed point, so that
-//! results equal those of Pillow (`Image.resize(size, LANCZOS, box=...)`), which prepares most training data. Pillow 13 makes
-//! the vertical pass first where it shrinks the height more than the width, so that other values are clamped; we do not.
+//! Separable, horizontal pass first; each pass rounds to 8 bits, with filter weights in fixed point, so that results
+//! equal Pillow's (`Image.resize(size, LANCZOS, box=...)`), which prepares most training data. Pillow 13 makes the
+//! vertical pass first where it shrinks the height more than the width, so that other values are clamped; we do not.
 
 use crate::{Bitmap, Image};
 use std::f64::consts::PI;
@@ -22,13 +22,14 @@ impl Image {
         self.resample(width, height, part, LANCZOS)
     }
 
-    /// Resizes the whole image with a cubic filter (Keys, a = -0.5), widened when shrinking: Pillow's `BICUBIC`, the default of
-    /// its `resize`.
+    /// Resizes the whole image with a cubic filter (Keys, a = -0.5), widened when shrinking: Pillow's `BICUBIC`, the
+    /// default of its `resize`.
     pub fn resize_bicubic(&self, width: usize, height: usize) -> Self {
         self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], BICUBIC)
     }
 
-    /// Resizes the whole image by averaging the pixels whose centers lie in the area that each new pixel covers: Pillow's `BOX`.
+    /// Resizes the whole image by averaging the pixels whose centers lie in the area that each new pixel covers:
+    /// Pillow's `BOX`.
     pub fn resize_area(&self, width: usize, height: usize) -> Self {
         self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], AREA)
     }
@@ -64,7 +65,8 @@ pub(crate) const LANCZOS: Filter = Filter(lanczos3, 3.0);
 pub(crate) const BICUBIC: Filter = Filter(bicubic, 2.0);
 const AREA: Filter = Filter(box_filter, 0.5);
 
-/// The part `[x0, y0, x1, y1]` of an image that is read row by row, `[from_width, 3]`, from the top; returns `[height, width, 3]`.
+/// The part `[x0, y0, x1, y1]` of an image that is read row by row, `[from_width, 3]`, from the top; returns `[height,
+/// width, 3]`.
 ///
 /// # Panics
 /// When the part is empty or extends beyond the image.
@@ -124,7 +126,8 @@ const LOW: u32 = 14;
 struct Tap {
     first: usize,
     weights: Vec<i32>,
-    /// The same in two parts of 16 bits, `high * 2^LOW + low`, with zeros up to a whole chunk: processors multiply such numbers in pairs.
+    /// The same in two parts of 16 bits, `high * 2^LOW + low`, with zeros up to a whole chunk: processors multiply such
+    /// numbers in pairs.
     high: Vec<[i16; CHUNK]>,
     low: Vec<[i16; CHUNK]>,
 }
@@ -139,17 +142,17 @@ impl Tap {
         Self { first, weights, high, low }
     }
 
-    /// The weighted sum of samples, of which there is a chunk more than are weighted.
+    /// The weighted sum of samples; `samples` holds a chunk more than the weighted ones.
     fn apply(&self, samples: &[i16]) -> u8 {
         let samples = &samples[self.first..];
-        // Modulo 2^32, in which the whole has its place whatever its parts are.
+        // Modulo 2^32, where the whole sum fits even if its parts overflow.
         let sum = product(samples, &self.low).wrapping_add(product(samples, &self.high) << LOW);
         rounded(HALF.wrapping_add(sum))
     }
 }
 
-/// The sum of the products of samples with the weights of whole chunks. By itself it becomes instructions that multiply in pairs, within a larger
-/// function it does not.
+/// The sum of the products of samples with the weights of whole chunks. By itself it becomes instructions that multiply
+/// in pairs, within a larger function it does not.
 #[inline(never)]
 fn product(samples: &[i16], weights: &[[i16; CHUNK]]) -> i32 {
     let mut sum = 0i32;

@@ -5,13 +5,14 @@ use super::safetensors::{Array, Mapped};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Opens the array in an `.npy` or `.safetensors` file; the numbers are mapped into memory and read in place when needed.
+/// Opens the array in an `.npy` or `.safetensors` file; the numbers are mapped into memory and read in place when
+/// needed.
 ///
 /// A safetensors file has it as `features`, or as its only tensor.
 ///
 /// # Errors
-/// On any other extension, when the file cannot be read or is not complete, when it is not clear which tensor is meant, and for an NPY
-/// file of anything but little-endian `float16` or `float32` in C order.
+/// On any other extension, when the file cannot be read or is not complete, when it is not clear which tensor is meant,
+/// and for an NPY file of anything but little-endian `float16` or `float32` in C order.
 ///
 /// ```
 /// use weaver_io::{open_array, safetensors::Tensors};

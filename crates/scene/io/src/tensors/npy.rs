@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// First bytes of every such file, before two bytes of the version.
 const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// An `.npy` file of numbers in C order, mapped into memory: its shape is known at once, its numbers are read when asked for.
+/// An `.npy` file of numbers in C order, mapped into memory: its shape is read at once, its numbers on demand.
 ///
 /// `float16`, `float32`, `float64`, `uint8` and `bool`. Arrays of Python objects, which are pickled, are refused.
 ///
@@ -147,10 +147,12 @@ impl Npy {
     }
 }
 
-/// Opens an `.npy` file of floating-point numbers of 16 or 32 bits; they are mapped into memory and read in place when needed.
+/// Opens an `.npy` file of floating-point numbers of 16 or 32 bits; they are mapped into memory and read in place when
+/// needed.
 ///
 /// # Errors
-/// When the file cannot be read, is not a complete NPY file, or holds anything but little-endian `float16` or `float32` in C order.
+/// When the file cannot be read, is not a complete NPY file, or holds anything but little-endian `float16` or `float32`
+/// in C order.
 pub(crate) fn read_npy(path: &Path) -> Result<Array> {
     let Npy { file, data, dtype, shape } =
         Npy::of_kinds(MappedFile::open(path)?, &KINDS[..2], "<f4 or <f2, as array.astype(numpy.float32) is")?;

@@ -9,7 +9,7 @@ use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use zip::{CompressionMethod, ZipArchive};
 
-/// Bytes of an array at most, so that no archive asks for more memory than there is.
+/// Bytes of an array at most, so that no archive requests more memory than there is.
 const LARGEST: u64 = 1 << 30;
 
 /// An `.npz` file: arrays by name, stored or deflated, as `numpy.savez` and `numpy.savez_compressed` write them.

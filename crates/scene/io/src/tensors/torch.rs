@@ -20,8 +20,8 @@ const STATE: [&str; 3] = ["state_dict", "model", "model_state_dict"];
 
 /// An open PyTorch checkpoint (`.pt`, `.pth`, `.ckpt`, `.bin`; of PyTorch 1.6 or later).
 ///
-/// The description is a program for Python's pickle machine. The interpreter here makes lists, dictionaries and tensors and
-/// never calls a function; everything else becomes a placeholder that is left out.
+/// The description is a program for Python's pickle machine. The interpreter here makes lists, dictionaries and tensors
+/// and never calls a function; everything else becomes a placeholder that is left out.
 #[derive(Debug)]
 pub struct TorchCheckpoint {
     path: PathBuf,
@@ -121,8 +121,8 @@ impl TorchCheckpoint {
         &self.remarks
     }
 
-    /// Writes the numbers of a tensor, row-major and little-endian. They are passed on as they are read; only those of a
-    /// tensor whose numbers lie in another order, a transposed one say, are in memory at once.
+    /// Writes the numbers of a tensor, row-major and little-endian. They are passed on as they are read; only a tensor
+    /// whose numbers lie in another order, a transposed one say, is in memory whole.
     ///
     /// # Errors
     /// When they are not in the archive, do not fit into memory, or `out` fails.
@@ -138,7 +138,7 @@ impl TorchCheckpoint {
             return Err(outside());
         }
         let in_archive = format!("{}data/{}", self.root, tensor.storage.key);
-        // Checksums are not looked at: PyTorch may have been told to leave them out.
+        // Checksums are ignored: PyTorch can leave them out.
         let mut file = self.archive.by_name_seek(&in_archive).map_err(io::Error::other)?;
         file.seek(SeekFrom::Start(start))?;
         let mut numbers = file.take(length);
@@ -167,7 +167,8 @@ impl TorchCheckpoint {
     }
 }
 
-/// The most numbers of a tensor that has fewer in its file, as one that was expanded: a few bytes may stand for any number of them.
+/// The most numbers of a tensor that has fewer in its file, as one that was expanded: a few bytes may stand for any
+/// number of them.
 const REPEATED: usize = 1 << 24;
 
 /// An error that names the figures, if a tensor that is to be put in order does not fit into memory.

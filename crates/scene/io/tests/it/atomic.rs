@@ -74,7 +74,7 @@ fn has_the_permissions_of_any_new_file() {
     assert_eq!(mode(a), mode(b));
 }
 
-/// Whatever ends a process, nothing of an unfinished file stays: it has no name.
+/// After any end of a process, nothing of an unfinished file stays: it has no name.
 ///
 /// Promise (files): whatever ends a process, nothing of an unfinished file stays.
 #[cfg(target_os = "linux")]

@@ -1,4 +1,4 @@
-//! What cameras write into their photos.
+//! The camera's own record in its photos.
 
 use weaver_io::focal_35mm;
 

@@ -127,10 +127,10 @@ fn a_relative_path_leads_from_a_folder_to_a_file() {
     assert_eq!(from_to("out", "photos/left/a b.jpg"), "../photos/left/a b.jpg");
     assert_eq!(from_to("out", "out/upright/a.png"), "upright/a.png");
     assert_eq!(from_to("out/../out", "photos/../photos/a.jpg"), "../photos/a.jpg");
-    // What does not exist yet is written to later.
+    // A target that does not exist yet is written to later.
     assert_eq!(from_to("new/deep", "photos/a.jpg"), "../../photos/a.jpg");
     assert_eq!(from_to("new/../gone", "elsewhere/./a.jpg"), "../elsewhere/a.jpg");
-    // From the working directory, whatever it is.
+    // From any working directory.
     assert_eq!(relative_path("", "src/lib.rs").unwrap(), "src/lib.rs");
 }
 
@@ -157,7 +157,8 @@ fn relative_paths_keep_the_name_of_the_file() {
 }
 
 proptest! {
-    /// The order of names is one: no two are equal, and three never contradict each other. It is that of bytes where numbers are equally long.
+    /// The order of names is one: no two are equal, and three never contradict each other. It is the order of bytes
+    /// where numbers are equally long.
     ///
     /// Promise of `scans_are_taken_in_the_order_of_their_numbers`.
     #[test]
@@ -174,7 +175,7 @@ proptest! {
     }
 }
 
-/// The checksum of a file that is read a part at a time is that of its bytes, whatever its length.
+/// The checksum of a file that is read a part at a time equals the checksum of its bytes, at any length.
 ///
 /// Promise of `inputs_are_compared_by_their_files`.
 #[test]

@@ -1,4 +1,4 @@
-//! Files of Gaussians by other tools, and what those tools read from them.
+//! Files of Gaussians by other tools, beside those tools' own readings.
 
 use std::path::{Path, PathBuf};
 use weaver_scene::Gaussians;

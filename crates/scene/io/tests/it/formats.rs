@@ -118,7 +118,7 @@ proptest! {
         let back = round_trip("a.compressed.ply", &gaussians);
         prop_assert_eq!((back.len(), back.degree), (gaussians.len(), gaussians.degree));
         assert_near(&ordered("a.compressed.ply", &gaussians), &back, &COMPRESSED);
-        // The files are the same whatever is read from them.
+        // The name of a file does not change its reading.
         let folder = tempfile::tempdir().unwrap();
         let [one, two] = ["1.compressed.ply", "1.ply"].map(|name| folder.path().join(name));
         write_gaussians(&one, &gaussians).unwrap();
@@ -133,7 +133,7 @@ proptest! {
         assert_near(&gaussians, &back, &SPZ);
         // Version 4 holds the same numbers.
         prop_assert_eq!(&round_trip("a.v4.spz", &gaussians), &back);
-        // What was rounded once stays.
+        // A rounded value stays as it is.
         let again = round_trip("a.spz", &back);
         prop_assert_eq!((&again.means, &again.log_scales, &again.sh), (&back.means, &back.log_scales, &back.sh));
     }

@@ -41,8 +41,8 @@ fn a_scene_of_splat_transform() {
     }
 }
 
-/// Two Gaussians by accessors of every kind: positions as interleaved normalized shorts, rotations as normalized signed bytes, scales
-/// as floats, opacities as normalized bytes, colors sparse over nothing.
+/// Two Gaussians by accessors of every kind: positions as interleaved normalized shorts, rotations as normalized signed
+/// bytes, scales as floats, opacities as normalized bytes, colors sparse over nothing.
 pub fn hard() -> Value {
     let mut buffer = Vec::new();
     // Positions and opacities, 8 bytes each: (1, -1, 0.5) and (0, 0.5, -1); 0.2 and 1.

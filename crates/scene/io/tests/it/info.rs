@@ -61,7 +61,8 @@ fn describes_real_files() {
     }
 }
 
-/// Folders are what they hold, scans and arrays are described, and a folder of nothing is no missing file of COLMAP's.
+/// Folders are described by their content, so are scans and arrays, and a folder of nothing is no missing file of
+/// COLMAP's.
 ///
 /// Promise of `runs_of_every_command_are_described`.
 #[test]

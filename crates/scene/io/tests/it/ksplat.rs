@@ -12,7 +12,7 @@ fn the_fixture_of_splat_transform() {
     fixtures::assert_same("minimal.ksplat", &found, &fixtures::decoded("minimal.ksplat"), 1e-5);
 }
 
-/// A file of one section with room for three Gaussians, of which two are there: one in a full bucket around (10, 0, 0), one in a
+/// A file of one section with room for three Gaussians; two are there: one in a full bucket around (10, 0, 0), one in a
 /// bucket of one around (0, -10, 0). Harmonic i of both is i / 32.
 pub fn file(level: u16, degree: u16) -> Vec<u8> {
     let mut data = vec![0, 1, 0, 0];

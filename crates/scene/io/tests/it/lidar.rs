@@ -28,7 +28,7 @@ const POINTS: [[f32; 3]; 4] = [[1.0, -2.0, 3.0], [4.0, 5.0, -6.0], [-7.0, 8.0, 9
 fn bin_of_three_and_of_four_numbers() {
     let (folder, path) = file("a.bin", bytes(POINTS.as_flattened()));
     assert_eq!(read_lidar_scan(&path).unwrap().points, POINTS);
-    // Twelve numbers are four points of three, or three of four, whose intensities tell.
+    // Twelve numbers are four points of three, or three of four; intensities decide.
     let path = folder.path().join("b.bin");
     write_lidar_scan(&path, &POINTS[..3]).unwrap();
     assert_eq!(read_lidar_scan(&path).unwrap().points, POINTS[..3]);

@@ -1,4 +1,4 @@
-//! Weights in place: one file or several, of any type, and what is wrong with broken ones.
+//! Weights in place: one file or several, of any type, and the faults of broken ones.
 
 use half::{bf16, f16};
 use std::collections::BTreeMap;
@@ -143,7 +143,7 @@ fn written_one_after_another() {
     assert_eq!(weights.metadata(), &metadata);
     let Storage::F32(wide) = weights.get("wide").unwrap().storage().unwrap() else { panic!() };
     assert_eq!(wide.as_ref(), [1.0, -2.0]);
-    // What is wrong leaves the old file and nothing else.
+    // A failure leaves the old file and nothing else.
     let before = std::fs::read(&path).unwrap();
     let short = write_weights(&path, &metadata, &tensors, |_, _| Ok(())).unwrap_err().to_string();
     assert!(short.contains("wide: 0 bytes written, 8 planned"), "{short}");

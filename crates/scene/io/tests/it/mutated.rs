@@ -1,7 +1,8 @@
-//! Mutated files: every reader refuses them or reads what is left, without a panic, in little memory and time.
+//! Mutated files: every reader refuses them or reads the rest, without a panic, in little memory and time.
 //!
-//! `cargo xtask stress parsers` draws many more than an ordinary run, for all readers or those whose name contains `WEAVER_READER`. A file is drawn from the reader's name and a number alone, so
-//! that a failure that is printed can be repeated.
+//! `cargo xtask stress parsers` draws many more than an ordinary run, for all readers or those whose name contains
+//! `WEAVER_READER`. A file is drawn from the reader's name and a number alone, so that a failure that is printed can be
+//! repeated.
 
 use crate::array::{HEADER, npy};
 use crate::colmap::model;
@@ -28,7 +29,7 @@ const LARGEST: u64 = 3 * (512 << 20);
 /// Long for a small file even on a busy machine in a debug build.
 const LONG: Duration = Duration::from_secs(10);
 
-/// A reader and what it reads: files by name, of which the first is the one to open.
+/// A reader and its input: files by name, the first of them to open.
 struct Reader {
     name: &'static str,
     files: Vec<(String, Vec<u8>)>,
@@ -180,8 +181,8 @@ fn nerfies_files() -> Vec<(String, Vec<u8>)> {
     names.map(|name| (name.into(), std::fs::read(folder.path().join(name)).unwrap())).to_vec()
 }
 
-/// A gzip file of what a mutation has changed, which no checksum would let through otherwise; as it is, for compressing takes longer than
-/// reading.
+/// A gzip file of mutated bytes, which no checksum would let through otherwise; stored, for compressing takes longer
+/// than reading.
 fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut sum = Crc::new();
     sum.update(bytes);
@@ -212,7 +213,7 @@ fn contained(bytes: &[u8]) -> Vec<u8> {
     out
 }
 
-/// A container of what a mutation has changed, with checksums that fit.
+/// A container of mutated bytes, with checksums that fit.
 fn containing(bytes: &[u8]) -> Vec<u8> {
     let word = |at: usize| -> [u8; 4] { std::array::from_fn(|i| bytes.get(at + i).copied().unwrap_or(0)) };
     // A container is filled up to an eighth of its Gaussians.
@@ -227,7 +228,7 @@ fn containing(bytes: &[u8]) -> Vec<u8> {
     Container { gaussians, coefficients: bytes.first().copied().unwrap_or(0), streams }.write()
 }
 
-/// Gives the chunks of a PNG the checksums of what is in them.
+/// Gives the chunks of a PNG the checksums of their data.
 fn checksummed(bytes: &[u8]) -> Vec<u8> {
     let (mut out, mut at) = (bytes.to_vec(), 8);
     while let Some(length) = out.get(at..at + 4) {

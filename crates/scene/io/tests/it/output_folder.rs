@@ -57,7 +57,7 @@ fn nothing_is_written_where_something_is_read() {
         refused(OutputFolder::claim(link.join("new"), "fit", [&photos]), &["link/new"]);
         refused(OutputFolder::claim(photos.join("new"), "fit", [&link]), &["photos/new"]);
     }
-    // Beside what is read: but not in it.
+    // Beside the inputs: but not in them.
     let out = OutputFolder::claim(parent.path(), "fit", [&photos]).unwrap();
     out.check(["photo"]).unwrap();
     refused(out.file("photos/new.png"), &["photos/new.png", "apart from what is read"]);
@@ -137,7 +137,7 @@ fn a_record_that_a_kill_cut_short_goes_on() {
     write_text(out.file("a \"name\"\n.txt").unwrap(), "").unwrap();
     drop(out);
     claim(parent.path(), "fit").check(["scene.ply", "a \"name\"\n.txt"]).unwrap();
-    // A file of this name that is somebody's.
+    // A user's file of this name.
     fs::write(&record, "when,what\n").unwrap();
     refused(OutputFolder::claim(parent.path(), "fit", NOTHING), &["written.jsonl", "another file"]);
     assert_eq!(fs::read_to_string(&record).unwrap(), "when,what\n");

@@ -134,12 +134,12 @@ fn what_cannot_be_read_says_why_and_how_to_convert_it() {
         parts.iter().chain([&name]).for_each(|part| assert!(message.contains(part), "{part}: {message}"));
     };
     says("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", &["found HEIC: convert it to JPEG", "heif-convert"]);
-    // By content, whatever the name.
+    // By content, under any name.
     says("b.jpg", b"\0\0\0\x18ftypmif1\0\0\0\0mif1heic", &["HEIC"]);
     says("c.avif", b"\0\0\0\x18ftypavif\0\0\0\0avif", &["AVIF"]);
     says("d.png", b"no photo at all", &["expected a JPEG, PNG, TIFF or WebP image"]);
     assert!(PhotoFile::at(folder.path().join("none.png")).unwrap_err().to_string().contains("none.png"));
-    // What has to be converted is listed, so that it is not left out without a word.
+    // A file that has to be converted is listed, so that it is not left out without a word.
     std::fs::write(folder.path().join("notes.txt"), "").unwrap();
     let names: Vec<_> = list_photos(folder.path()).unwrap();
     let names: Vec<_> = names.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
@@ -204,7 +204,7 @@ fn hidden_files_and_broken_links() {
     assert_eq!(names, if cfg!(unix) { vec!["a.jpg", "link.jpg"] } else { vec!["a.jpg"] });
 }
 
-/// A photo says whether its size tells which way up it is.
+/// A photo says whether its orientation follows from its size.
 ///
 /// Promise (photos): photos that are mirrored, upside down, or square and on their side are matched and written
 /// upright.
@@ -237,7 +237,7 @@ fn photos_know_if_they_are_transparent() {
         rgba.save(&path).unwrap();
         let photo = PhotoFile::at(&path).unwrap();
         assert!(!photo.was_transparent(), "nothing was read");
-        // Of all of the file, whatever is asked for.
+        // Transparency counts in the whole file, outside the requested part too.
         photo.clone().resize(2, 2, [0.0, 0.0, 4.0, 4.0]).unwrap();
         assert_eq!(photo.was_transparent(), transparent);
     }

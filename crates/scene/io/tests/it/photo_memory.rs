@@ -1,4 +1,4 @@
-//! How much memory photos take that are much larger than what is kept of them.
+//! Memory of photos that are much larger than the kept size.
 
 use flate2::read::GzDecoder;
 use image::codecs::jpeg::JpegEncoder;

@@ -1,4 +1,4 @@
-//! Resizing against what Pillow 11.1 made of the same image: noise on its left, hard edges on its right.
+//! Resizing against Pillow 11.1 on the same image: noise on its left, hard edges on its right.
 
 use std::path::Path;
 use weaver_io::{Background, Image};

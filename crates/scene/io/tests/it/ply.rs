@@ -238,7 +238,7 @@ proptest! {
     }
 }
 
-/// An empty file and a text that are called .ply are told from a damaged PLY.
+/// The error of an empty file or a text named .ply differs from a damaged PLY's.
 ///
 /// Promise (files): an empty file or text with the name of a PLY is called so.
 #[test]

@@ -43,7 +43,7 @@ fn a_shell_reads_the_words_that_were_meant() {
     }
 }
 
-/// A word that a plain `sh` may not read is told from the others.
+/// A word that a plain `sh` may not read is recognized.
 ///
 /// Promise of `a_shell_reads_the_words_that_were_meant`.
 #[test]

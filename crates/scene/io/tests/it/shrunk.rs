@@ -1,4 +1,4 @@
-//! JPEGs that are decoded at a reduced scale: the photo that decoding all of it gives, to within what is bounded here.
+//! JPEGs that are decoded at a reduced scale equal the fully decoded photo, to within the bounds here.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::metadata::Orientation;
@@ -41,8 +41,8 @@ fn shrunk(photo: &PhotoFile) -> PhotoFile {
 
 /// Sides that are no multiple of eight, at a half and at a quarter, whole and in part, whichever way up.
 ///
-/// A photo that begins half a pixel too far to the left, as one does that is stored mirrored and padded at its right, is off by more than 2 on
-/// average.
+/// A photo that begins half a pixel too far to the left, as one does that is stored mirrored and padded at its right,
+/// is off by more than 2 on average.
 ///
 /// Promise (photos): a large JPEG that is decoded at a reduced scale gives the photo of the whole, whichever way up,
 /// to within 1/255 on average.
@@ -72,7 +72,8 @@ fn a_reduced_scale_gives_the_photo_of_the_whole() {
     }
 }
 
-/// Photos that are shrunk little, small ones, and those that only the other decoder knows keep the values that they had.
+/// Photos that are shrunk little, small ones, and kinds that only the other decoder supports keep the values that they
+/// had.
 ///
 /// Promise (photos): photos that are not large keep the values that they always had.
 #[test]

@@ -13,8 +13,8 @@ use weaver_scene::Gaussians;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-/// Sixteen bits of `ln(1 + |x|)` up to 500 on both sides; rotations of 8 bits. Of so few Gaussians tables hold every number, but not
-/// palettes of harmonics.
+/// Sixteen bits of `ln(1 + |x|)` up to 500 on both sides; rotations of 8 bits. Of so few Gaussians tables hold every
+/// number, but not palettes of harmonics.
 const FEW: Tolerance = Tolerance {
     position: 0.51 * 12.5 / 65535.0 * 501.0,
     scale: 1e-6,
@@ -96,7 +96,7 @@ fn a_folder_is_read_by_its_name() {
     assert!(weaver_io::info(&path).unwrap().contains("30 of SH degree 1"));
 }
 
-/// The Gaussians of one scene that are nearest to those of another.
+/// The Gaussians of one scene that are nearest to another's.
 fn matched(from: &Gaussians, to: &Gaussians) -> Gaussians {
     let apart =
         |i: usize, j: usize| -> f32 { from.means[i].iter().zip(&to.means[j]).map(|(a, b)| (a - b).abs()).sum() };

@@ -1,4 +1,4 @@
-//! SPZ of every version, beside what other tools read from the same files.
+//! SPZ of every version, beside other tools' readings of the same files.
 
 use crate::{fixtures, shared};
 use flate2::Compression;

@@ -56,7 +56,7 @@ fn archive(path: &Path, length: i32, shape: [i32; 2], strides: [i32; 2], numbers
     zip.finish().unwrap();
 }
 
-/// Counts what comes, and the largest piece of it.
+/// Counts the bytes written, and the largest piece.
 #[derive(Default)]
 struct Pieces {
     bytes: usize,
@@ -139,7 +139,7 @@ fn other_files_are_named() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
-    /// Whatever bytes are changed: an error or other tensors, but no panic and no endless memory.
+    /// With any bytes changed: an error or other tensors, but no panic and no endless memory.
     #[test]
     fn changed_bytes(changes in prop::collection::vec((0usize..1800, any::<u8>()), 1..6)) {
         let mut bytes = std::fs::read(sample()).unwrap();

@@ -1,10 +1,10 @@
 //! The photometric loss and its gradient on a band of rows.
 //!
-//! Pixels are taken as rows of numbers: the next pixel of the same channel is three numbers away, so that filters along x are
-//! sums of shifted rows, without taking channels apart. A row of windows needs eleven rows of pixels, and a row of the
-//! gradient eleven rows of windows; both are kept in rings, which stay in the second-level cache.
+//! Pixels are taken as rows of numbers: the next pixel of the same channel is three numbers away, so that filters along
+//! x are sums of shifted rows, without taking channels apart. A row of windows needs eleven rows of pixels, and a row
+//! of the gradient eleven rows of windows; both are kept in rings, which stay in the second-level cache.
 //!
-//! The moments of a window are those of the target b and of the difference d = a - b, not of both images, as
+//! The moments of a window belong to the target b and the difference d = a - b, not to both images, as
 //!
 //! ```text
 //! 1 - brightness = E[d]^2 / (E[a]^2 + E[b]^2 + C1)
@@ -103,7 +103,7 @@ fn slot<T>(ring: &mut [T], vectors: usize, y: usize) -> &mut [T] {
     &mut ring[y % WINDOW * vectors..][..vectors]
 }
 
-/// The rows of a ring from the one of `y` on.
+/// The rows of a ring from row `y` on.
 #[inline(always)]
 fn ring_rows<T>(ring: &[T], vectors: usize, y: usize) -> [&[T]; WINDOW] {
     let mut rows = [&ring[..0]; WINDOW];

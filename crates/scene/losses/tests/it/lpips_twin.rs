@@ -1,4 +1,4 @@
-//! Perceptual distance by its definition, loop for loop, on weights that are drawn: what no file is needed for.
+//! Perceptual distance by its definition, loop for loop, on weights that are drawn, so that no file is needed.
 
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::Input;
@@ -29,7 +29,7 @@ impl Layer {
     }
 }
 
-/// Weights about as large as what comes in, so that later layers see something.
+/// Weights about as large as their inputs, so that later layers see something.
 fn drawn() -> Tensors {
     let mut tensors = Tensors::new();
     let mut insert = |key: String, shape: Vec<usize>, [least, most]: [f64; 2]| {
@@ -168,7 +168,7 @@ fn of_what_is_masked_nothing_counts() {
     let masked = |mask: &[bool]| metrics::lpips_masked(&lpips, &a, &b, size, mask);
     assert_eq!(masked(&vec![true; height * width]), Some(metrics::lpips(&lpips, &a, &b, size)));
     assert_eq!(masked(&vec![false; height * width]), None);
-    // What is left is as much as if it were alone in the picture, for each of its pixels.
+    // The remaining part counts as much as if it were alone in the picture, for each of its pixels.
     let part: Vec<bool> = (0..height * width).map(|p| p % width < 12 && p / width < 20).collect();
     let white = |image: &[f64]| -> Vec<f64> {
         image.iter().enumerate().map(|(i, x)| if part[i % part.len()] { *x } else { 1.0 }).collect()

@@ -1,11 +1,11 @@
-//! Masked losses: gradients, slow twins, and that what lies outside does not matter.
+//! Masked losses: gradients, slow twins, and no influence of pixels outside.
 
 use proptest::prelude::*;
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::{Input, Options, gradcheck_with};
 use weaver_losses::{masked_mse, masked_ssim, mse, ssim};
 
-/// A mask of which about one in `rare` pixels is outside.
+/// A mask with about one in `rare` pixels outside.
 fn mask(seed: u64, pixels: usize, rare: f64) -> Vec<bool> {
     Input::uniform(seed, 0.0, rare, [pixels]).data.iter().map(|x| *x > 1.0).collect()
 }

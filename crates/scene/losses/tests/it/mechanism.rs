@@ -1,4 +1,4 @@
-//! What pins the losses to the method.
+//! Properties that pin the losses to the method.
 
 use weaver_autograd::gradcheck::Input;
 use weaver_autograd::{Pool, Tape};

@@ -15,7 +15,7 @@ fn equal_to_the_reference() {
         let tape = Tape::<f32>::new();
         let loss = mse(tape.constant(&a, &shape[..]), tape.constant(&b, &shape[..]));
         fixture.assert_close(&format!("out.mse{i}"), &[loss.item()]);
-        // The file's tolerance is that of a careless 32-bit implementation; this one is exact to the file's rounding.
+        // The file's tolerance allows for a careless 32-bit implementation; this one is exact to the file's rounding.
         let similarity = ssim(&a, &b, shape.try_into().unwrap());
         let expected = f64::from(fixture.f32(&format!("out.ssim{i}"))[0]);
         assert!((similarity - expected).abs() < 1e-7, "{similarity} against {expected}");
@@ -59,7 +59,7 @@ fn an_affine_map_of_colors_is_taken_out() {
         .collect();
     assert!(psnr(&image, &photo) < 30.0);
     assert!(psnr_aligned(&image, &photo, None).unwrap() > 80.0);
-    // What is not in the mask does not count, in the map nor in the figure.
+    // Pixels outside the mask do not count, in the map nor in the figure.
     let (mask, mut other): (Vec<bool>, _) = ((0..64).map(|i| i % 3 > 0).collect(), photo.clone());
     (0..64).filter(|i| i % 3 == 0).for_each(|i| other[i] = 0.0);
     assert!(psnr_aligned(&image, &other, Some(&mask)).unwrap() > 80.0);

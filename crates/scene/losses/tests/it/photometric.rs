@@ -1,4 +1,4 @@
-//! The fused photometric loss against the ops on the tape, finite differences, and what it must be where it is known.
+//! The fused photometric loss against the ops on the tape, finite differences, and its known values.
 
 use proptest::prelude::*;
 use weaver_autograd::Tape;

@@ -1,4 +1,4 @@
-//! Structural similarity: gradient, slow twin, and what it must be where it is known.
+//! Structural similarity: gradient, slow twin, and its known values.
 
 use proptest::prelude::*;
 use weaver_autograd::Tape;

@@ -93,8 +93,8 @@ fn what_makes_no_sense_is_refused() {
     assert_eq!((empty.blocks(), empty.mesh()), (0, Mesh::default()));
 }
 
-/// Nothing is near nothing: without points there are no errors, and without a point that is near no accuracy and no Chamfer distance. Nor is
-/// a mesh without triangles judged as a surface, or one whose corners are nowhere.
+/// Nothing is near nothing: without points there are no errors, and without a point that is near no accuracy and no
+/// Chamfer distance. Nor is a mesh without triangles judged as a surface, or one whose corners are nowhere.
 ///
 /// Promise of `nothing_is_no_good_mesh`.
 #[test]
@@ -115,8 +115,8 @@ fn what_is_not_there_has_no_good_score() {
     }
 }
 
-/// The bytes that a field takes are told, view by view, before they are taken, whoever watches may end it, and cells too small to be numbered
-/// are refused at the first view. The field is the same.
+/// The bytes of a field are reported, view by view, before they are taken, the observer may end it, and cells too small
+/// to be numbered are refused at the first view. The field is the same.
 ///
 /// Promise (fits): a mesh's memory is asked for before it is taken, and its making is seen.
 #[test]
@@ -176,7 +176,8 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
-    /// No two points that stay are nearer than the spacing, each that goes has one that near, and the same seed keeps the same.
+    /// No two points that stay are nearer than the spacing, each that goes has one that near, and the same seed keeps
+    /// the same.
     ///
     /// Promise of `meshes_are_measured_as_benchmarks_do`.
     #[test]

@@ -39,7 +39,8 @@ fn cameras() -> Vec<Camera> {
     poses.map(|pose| Camera { pose, intrinsics, width: 96, height: 96 }).collect()
 }
 
-/// promise: the mesh of a scene lies on its surface, is closed where cameras see it, has its colors, and ends at the distance that was given.
+/// promise: the mesh of a scene lies on its surface, is closed where cameras see it, has its colors, and ends at the
+/// distance that was given.
 #[test]
 fn a_ball_of_gaussians_becomes_a_ball() {
     let mut scene = DrawnScene::new(&ball(1.0), [0.2, 0.4, 0.9], RasterSettings::default(), 6.0).carving();

@@ -77,7 +77,7 @@ proptest! {
         gradcheck(&[viewmats, intrinsics], |x| vec![encode(x[0], x[1], 48, 64)]);
     }
 
-    /// The same code as that of the plain camera of weaver-geometry.
+    /// The same code as from the plain camera of weaver-geometry.
     #[test]
     fn encoding_agrees_with_geometry(seed in 0u64..1_000_000) {
         let [viewmats, intrinsics] = any_cameras(seed, 3);

@@ -1,4 +1,4 @@
-//! What holds for a descent under any loss.
+//! Properties of a descent under any loss.
 
 use proptest::array::{uniform6, uniform12};
 use proptest::prelude::*;

@@ -210,7 +210,7 @@ pub(super) fn see_all(
     seen
 }
 
-/// The features of what a pixel looks at.
+/// The features of a Gaussian as a pixel sees it.
 pub(super) fn features_of<'a>(gaussians: &GaussianSlices<'a, f64>, seen: &Seen) -> &'a [f64] {
     gaussians.features.map_or(&[], |features| features.of(seen.index))
 }

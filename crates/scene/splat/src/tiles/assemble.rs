@@ -7,7 +7,7 @@ use weaver_kernels::{Real, parallel};
 
 impl<T: Real> Tiles<T> {
     /// Writes the images of the last [`blend`](Self::blend), which had the same `blending`, over a background color per
-    /// view. Images are those of the grid's region, `[V, h, w, channels]`, or `[V, K, h, w, channels]` of K groups.
+    /// view. Images cover the grid's region, `[V, h, w, channels]`, or `[V, K, h, w, channels]` of K groups.
     pub fn images(
         &self,
         blending: &Blending<'_, T>,
@@ -46,8 +46,8 @@ impl<T: Real> Tiles<T> {
         }
     }
 
-    /// Runs `body(picture, planes of the window, block, first lane, pixels)` on each row of each block, in parallel; `out`
-    /// is `[V, K, h, w, channels]`, a window has `per_window` of the `planes`.
+    /// Runs `body(picture, planes of the window, block, first lane, pixels)` on each row of each block, in parallel;
+    /// `out` is `[V, K, h, w, channels]`, a window has `per_window` of the `planes`.
     pub(super) fn assemble(
         &self,
         out: &mut [T],
@@ -73,7 +73,8 @@ impl<T: Real> Tiles<T> {
     }
 }
 
-/// Cuts a row of pixels that starts at column `x` where columns are multiples of `side`: each part with its first column.
+/// Cuts a row of pixels that starts at column `x` where columns are multiples of `side`: each part with its first
+/// column.
 fn cuts<T>(x: usize, side: usize, channels: usize, row: &mut [T]) -> impl Iterator<Item = (usize, &mut [T])> {
     let until = (side - x % side) * channels;
     let (first, rest) = row.split_at_mut(until.min(row.len()));

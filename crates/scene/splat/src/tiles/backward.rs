@@ -21,13 +21,13 @@ pub struct BackwardPass<'a, T> {
     pub blending: Blending<'a, T>,
     /// Gradients that arrive at the images.
     pub cotangents: Cotangents<'a, T>,
-    /// Sums what [`GaussianStatistics`](crate::GaussianStatistics) are made of, too; only where there is room for it
+    /// Also sums the parts of [`GaussianStatistics`](crate::GaussianStatistics); only where there is room for them
     /// ([`MAX_SUMS_WITH_STATISTICS`](super::MAX_SUMS_WITH_STATISTICS)).
     pub statistics: bool,
 }
 
 impl<T: Real> Tiles<T> {
-    /// Sums over pixels, for each list entry, what the images of the last [`blend`](Self::blend) pass back.
+    /// Sums over pixels, for each list entry, the gradients from the images of the last [`blend`](Self::blend).
     ///
     /// [`sums`](Self::sums) reads the result. `background` is the background color per view.
     pub fn backward<P: Footprint + Response>(
@@ -93,8 +93,9 @@ impl<T: Real> Tiles<T> {
         });
     }
 
-    /// Gradients of primitive `n` of view `v`, after [`backward`](Self::backward): the sums of its shape ([`Response::backward`]), of which
-    /// it has `N` ([`Response::SUMS`]), the gradients with respect to its color, and to the depth of its record.
+    /// Gradients of primitive `n` of view `v`, after [`backward`](Self::backward): the `N` sums of its shape
+    /// ([`Response::backward`], [`Response::SUMS`]), the gradients with respect to its color, and to the depth of its
+    /// record.
     pub fn sums<const N: usize>(&self, v: usize, n: usize) -> ([T; N], [T; 3], T) {
         let mut sums = [T::ZERO; LANES];
         for row in self.entries(v, n) {

@@ -8,7 +8,7 @@ use crate::each::each;
 use weaver_kernels::lanes::{LANES, Lanes, Row};
 use weaver_scene::Features;
 
-/// Planes of a window: transmittance, red, green, blue, depth if asked for, features.
+/// Planes of a window: transmittance, red, green, blue, depth if requested, features.
 pub(crate) fn planes(depth: bool, channels: usize) -> usize {
     4 + usize::from(depth) + channels
 }
@@ -28,7 +28,8 @@ pub(crate) fn at_pixels<V: Lanes, R: Response>(response: &R, i: usize, value: V,
     if i == DEPTH_PLANE { response.depth(sample, value) } else { value }
 }
 
-/// Adds primitives to the planes of a window, of which `C` are colors and depth. `MORE` says that there are features.
+/// Adds primitives to the planes of a window, `C` planes of colors and depth among them. `MORE` says that there are
+/// features.
 pub(crate) struct Blend<'a, V: Lanes, R, const C: usize, const MORE: bool> {
     response: &'a R,
     features: Features<'a, V::Scalar>,
@@ -79,7 +80,7 @@ impl<'a, V: Lanes, R, const C: usize, const MORE: bool> Blend<'a, V, R, C, MORE>
         }
     }
 
-    /// Adds the features of what a block met; sixteen channels stay in registers meanwhile.
+    /// Adds the features of the primitives that a block met; sixteen channels stay in registers meanwhile.
     #[inline(always)]
     fn add_features(&mut self, block: usize) {
         let channels = self.more.len();

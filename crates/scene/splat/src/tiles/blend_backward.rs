@@ -1,7 +1,7 @@
-//! Blend backward for a window: sums over pixels of what blending passes back to each primitive.
+//! Blend backward for a window: sums over pixels of the gradients that blending passes back to each primitive.
 //!
-//! The walk is front to back again, with exactly the arithmetic of the forward pass. What lies behind a primitive at a pixel is
-//! what the whole list gave there, known from the forward pass, less what came up to it.
+//! The walk is front to back again, with exactly the arithmetic of the forward pass. The light from behind a primitive
+//! at a pixel is the total of the whole list there, known from the forward pass, less the sum up to it.
 
 use super::blend::{DEPTH_PLANE, at_pixels, values};
 use super::primitive::{MAX_SUMS, MAX_SUMS_WITH_STATISTICS, Response};
@@ -59,9 +59,10 @@ fn part<T>(values: Option<&[T]>, start: usize) -> Option<&[T]> {
     values.filter(|values| !values.is_empty()).map(|values| &values[start..])
 }
 
-/// Fills `planes`, as many as the forward pass had: what the pixel gives in total, contracted with the cotangents, then the
-/// cotangents of red, green, blue, depth if it was drawn, features. They hold zeros where there are no cotangents. Works from
-/// the cotangents and from `drawn`, the planes of the forward pass; returns the gradient with respect to the background.
+/// Fills `planes`, as many as the forward pass had: the pixel's total, contracted with the cotangents, then the
+/// cotangents of red, green, blue, depth if it was drawn, features. They hold zeros where there are no cotangents.
+/// Works from the cotangents and from `drawn`, the planes of the forward pass; returns the gradient with respect to the
+/// background.
 #[inline(always)]
 pub(crate) fn prepare<V: Lanes>(
     window: &Window,
@@ -109,8 +110,8 @@ pub(crate) fn prepare<V: Lanes>(
     each!(3, |c| dbackground[c].to_array().into_iter().sum())
 }
 
-/// Sums what primitives receive from the pixels of a window, of `C` planes of colors and depth. `MORE` says that there are
-/// features or statistics.
+/// Sums the gradients of primitives from the pixels of a window, of `C` planes of colors and depth. `MORE` says that
+/// there are features or statistics.
 pub(crate) struct BlendBackward<'a, V: Lanes, R: Response, const C: usize, const MORE: bool> {
     response: &'a R,
     alpha_max: V,
@@ -157,7 +158,7 @@ pub(crate) struct Attributes<'a, T> {
 }
 
 impl<'a, V: Lanes, R: Response, const C: usize, const MORE: bool> BlendBackward<'a, V, R, C, MORE> {
-    /// Adds to `sums`; `planes` are those of [`prepare`], `row_sums` is room for all features.
+    /// Adds to `sums`; `planes` come from [`prepare`], `row_sums` is room for all features.
     #[inline(always)]
     pub fn new(
         (response, alpha_max): (&'a R, f64),

@@ -1,7 +1,7 @@
 //! Tile coverage: which tiles each primitive may be seen in.
 //!
-//! A tile gets a primitive if its outline touches one of the tile's rows of pixel centers. Outlines are rounded outward, and
-//! each pixel decides for itself, so that tiles leave no trace in an image.
+//! A tile gets a primitive if its outline touches one of the tile's rows of pixel centers. Outlines are rounded
+//! outward, and each pixel decides for itself, so that tiles leave no trace in an image.
 
 use super::primitive::{Footprint, Projection};
 use super::{Grid, Record};
@@ -20,7 +20,7 @@ pub(crate) const UNSEEN: u64 = u64::MAX;
 /// The tiles of consecutive primitives of a view.
 #[derive(Debug, Default)]
 pub(crate) struct Chunk {
-    /// Where the tiles of each primitive begin, and where those of the last end, `[primitives + 1]`.
+    /// Start of each primitive's tiles, and the end of the last one's, `[primitives + 1]`.
     starts: Vec<u32>,
     /// Tiles, primitive by primitive; binning replaces each by the place of its entry in the tiles' lists.
     places: Vec<AtomicU32>,
@@ -41,13 +41,13 @@ impl Chunk {
         &self.places[self.starts[i] as usize..self.starts[i + 1] as usize]
     }
 
-    /// Asks for what [`Self::prefetch_places`] will look at.
+    /// Prefetches the start that [`Self::prefetch_places`] will read.
     #[inline(always)]
     pub fn prefetch_start(&self, i: usize) {
         prefetch(&self.starts[i]);
     }
 
-    /// Asks for the places of primitive `i`.
+    /// Prefetches the places of primitive `i`.
     #[inline(always)]
     pub fn prefetch_places(&self, i: usize) {
         self.places.get(self.starts[i] as usize).into_iter().for_each(|x| prefetch(x));
@@ -65,7 +65,7 @@ pub(crate) struct Coverage<'a, P, F, T> {
     pub footprint: &'a F,
     pub grid: &'a Grid,
     pub view: usize,
-    /// The first primitive; as many as there are records follow.
+    /// The first primitive; one for each record follows.
     pub first: usize,
     pub records: &'a mut [Record<T>],
     pub keys: &'a mut [AtomicU64],
@@ -121,8 +121,8 @@ impl<T: Real, P: Projection<T>, F: Footprint> LaneKernel<T> for Coverage<'_, P, 
     }
 }
 
-/// The rows of tiles that each outline touches, and in `spans[k]` the columns in the k-th of them. Second intervals share no column with
-/// the first.
+/// The rows of tiles that each outline touches, and in `spans[k]` the columns in the k-th of them. Second intervals
+/// share no column with the first.
 #[inline(always)]
 fn rows_of<V: Lanes>(
     footprint: &impl Footprint,

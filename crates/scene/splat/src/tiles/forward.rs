@@ -91,8 +91,8 @@ impl<T: Real> Tiles<T> {
         Ok(stats)
     }
 
-    /// Sorts the projected primitives of each picture by depth, ties by index, and puts them into the lists of its tiles. A view has one
-    /// picture, or one for each of `groups` of primitives.
+    /// Sorts the projected primitives of each picture by depth, ties by index, and puts them into the lists of its
+    /// tiles. A view has one picture, or one for each of `groups` of primitives.
     #[inline(never)]
     pub fn bin(&mut self, groups: Option<Groups<'_>>) {
         self.groups = groups.map_or(1, |groups| groups.count);

@@ -14,8 +14,9 @@ use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
 use weaver_kernels::{Real, parallel};
 
 impl<T: Real> Tiles<T> {
-    /// The sums over all pixels of w times `values` `[V, h, w, channels]`, w = alpha T, for each primitive, `[N, channels]`: the
-    /// gradients with respect to features, by the bits of [`backward`](Self::backward), without the other gradients.
+    /// The sums over all pixels of w times `values` `[V, h, w, channels]`, w = alpha T, for each primitive, `[N,
+    /// channels]`: the gradients with respect to features, by the bits of [`backward`](Self::backward), without the
+    /// other gradients.
     ///
     /// # Panics
     ///
@@ -31,7 +32,8 @@ impl<T: Real> Tiles<T> {
         self.gather::<P, false>(primitive, alpha_max, values, sums);
     }
 
-    /// The sums over all pixels of w^2 times `values` `[V, h, w, channels]`, w = alpha T, for each primitive, `[N, channels]`.
+    /// The sums over all pixels of w^2 times `values` `[V, h, w, channels]`, w = alpha T, for each primitive, `[N,
+    /// channels]`.
     ///
     /// Entries are summed in the order of views and tiles, so that the bits are the same at any number of threads.
     ///
@@ -74,7 +76,7 @@ impl<T: Real> Tiles<T> {
         self.sum_features(sums, channels);
     }
 
-    /// Sums features over the entries of each primitive, `[N, channels]`; 0 for what is not finite.
+    /// Sums features over the entries of each primitive, `[N, channels]`; 0 for sums that are not finite.
     ///
     /// # Panics
     ///

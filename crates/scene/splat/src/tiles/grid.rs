@@ -63,14 +63,14 @@ impl TileSide {
 
 /// The tiles that meet a region of an image.
 ///
-/// Tiles are those of the whole image, whatever the region: a pixel belongs to one tile and to one place in it, so that
-/// sums over the pixels of a tile have the same order with and without a region.
+/// Tiles divide the whole image, for any region: a pixel belongs to one tile and to one place in it, so that sums over
+/// the pixels of a tile have the same order with and without a region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
     pub(crate) region: Region,
     /// Pixels per tile side.
     pub(crate) side: usize,
-    /// Column and row of the first tile among those of the whole image.
+    /// Column and row of the first tile in the whole image.
     first: [u32; 2],
     /// Numbers of columns and rows.
     count: [u32; 2],
@@ -108,11 +108,12 @@ impl Grid {
         (column * self.side, row * self.side)
     }
 
-    /// The columns (axis 0) or rows (axis 1) of tiles, numbered in the whole image, with a pixel center in `[low, high]`.
+    /// The columns (axis 0) or rows (axis 1) of tiles, numbered in the whole image, with a pixel center in `[low,
+    /// high]`.
     #[inline(always)]
     pub(crate) fn touched(&self, axis: usize, low: f64, high: f64) -> Range<u32> {
         let side = self.side as f64;
-        // Casts saturate, and what is not a number becomes 0.
+        // Casts saturate, and NaN becomes 0.
         let start = ((low - side + 0.5) / side).ceil() as u32;
         let end = ((high - 0.5) / side + 1.0).floor() as u32;
         start.max(self.first[axis])..end.min(self.first[axis] + self.count[axis])

@@ -1,4 +1,4 @@
-//! What was blended, hit by hit.
+//! The blended primitives, hit by hit.
 
 use super::backward::for_tiles;
 use super::coverage::CHUNK;
@@ -14,9 +14,9 @@ use weaver_kernels::{Real, parallel};
 impl<T: Real> Tiles<T> {
     /// Calls `visit(pixel, primitive, weight, transmittance)` for every primitive at every pixel that it adds to.
     ///
-    /// `pixel` indexes `[V, h, w]` of the region, `primitive` is 0 to N - 1, `transmittance` T is the light that arrives
-    /// there, `weight` is alpha T, the same numbers that the images are made of. At each pixel hits come front to back. Tiles are visited
-    /// in parallel, so that hits of different pixels come in no fixed order.
+    /// `pixel` indexes `[V, h, w]` of the region, `primitive` is 0 to N - 1, `transmittance` T is the light that
+    /// arrives there, `weight` is alpha T, the same numbers that the images are made of. At each pixel hits come front
+    /// to back. Tiles are visited in parallel, so that hits of different pixels come in no fixed order.
     pub fn for_each_hit<P: Footprint + Response>(
         &self,
         primitive: &P,
@@ -36,8 +36,8 @@ impl<T: Real> Tiles<T> {
         });
     }
 
-    /// Contribution of each primitive to the images: the sum and the largest of its weights alpha T over the pixels, `[V, N]`
-    /// each; 0 where it is not seen.
+    /// Contribution of each primitive to the images: the sum and the largest of its weights alpha T over the pixels,
+    /// `[V, N]` each; 0 where it is not seen.
     ///
     /// # Panics
     ///
@@ -78,7 +78,7 @@ impl<T: Real> Tiles<T> {
     }
 }
 
-/// Tells of every hit in a window.
+/// Reports every hit in a window.
 struct Report<'a, T, P, F> {
     primitive: &'a P,
     alpha_max: f64,

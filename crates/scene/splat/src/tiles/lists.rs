@@ -1,7 +1,7 @@
 //! Binning: which primitives each tile has to look at, in drawing order.
 //!
-//! Primitives are sorted by depth once per picture, then put into the lists of the tiles in that order: a stable counting sort,
-//! parallel over parts of the sorted sequence.
+//! Primitives are sorted by depth once per picture, then put into the lists of the tiles in that order: a stable
+//! counting sort, parallel over parts of the sorted sequence.
 
 use super::coverage::{CHUNK, Chunk};
 use crate::memory::grown;
@@ -40,7 +40,7 @@ fn for_each_places(sorted: &[AtomicU64], chunks: &[Chunk], mut body: impl FnMut(
 }
 
 impl Lists {
-    /// Makes room for `entries` entries in `tiles` tiles, those of all pictures.
+    /// Makes room for `entries` entries in `tiles` tiles, over all pictures.
     pub fn prepare(&mut self, tiles: usize, entries: usize) {
         grown(&mut self.starts, tiles + 1);
         grown(&mut self.entries, entries);
@@ -48,8 +48,9 @@ impl Lists {
         self.len = entries;
     }
 
-    /// Bins the primitives of a picture, after those of the pictures before; `sorted` are their keys by depth, `chunks` the tiles of
-    /// all primitives of its view, of which the first is `first`. A picture has `tiles` tiles.
+    /// Bins the primitives of a picture, after the earlier pictures' primitives; `sorted` are their keys by depth,
+    /// `chunks` the tiles of all primitives of its view, which begin with primitive `first`. A picture has `tiles`
+    /// tiles.
     pub fn bin(&mut self, (picture, first): (usize, usize), tiles: usize, sorted: &[AtomicU64], chunks: &[Chunk]) {
         // Enough parts for many threads, few enough for the cursors to stay in the cache. The result does not depend
         // on them.
@@ -95,7 +96,7 @@ impl Lists {
         self.len
     }
 
-    /// Where tile `t` (of all pictures) has its entries.
+    /// The range of entries of tile `t` (of all pictures).
     pub fn range(&self, t: usize) -> Range<usize> {
         self.starts[t] as usize..self.starts[t + 1] as usize
     }

@@ -1,4 +1,4 @@
-//! What the tile layer asks of a primitive.
+//! The interface of a primitive to the tile layer.
 
 use super::record;
 use std::fmt;
@@ -7,7 +7,7 @@ use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 
 /// Projects primitives into records, sixteen at a time.
 ///
-/// A record is what a view needs to know of a primitive: sixteen numbers, one cache line in `f32`. The tile layer reads the
+/// A record is all that a view needs of a primitive: sixteen numbers, one cache line in `f32`. The tile layer reads the
 /// depth and the color in it ([`record`]); the other numbers belong to the primitive.
 pub trait Projection<T: Real>: Sync {
     /// Values computed once for many primitives of one view, such as the camera in vector registers.
@@ -39,7 +39,7 @@ impl<V: Lanes> fmt::Debug for Projected<V> {
 }
 
 impl<V: Lanes> Projected<V> {
-    /// Primitives that were projected one by one: `None` for those that are not seen.
+    /// Primitives that were projected one by one: `None` for invisible ones.
     pub fn from_records(records: [Option<[V::Scalar; LANES]>; LANES]) -> Self {
         let number = |lane: usize, k: usize| records[lane].map_or(V::Scalar::ZERO, |numbers| numbers[k]);
         let seen =
@@ -58,19 +58,20 @@ impl<V: Lanes> Projected<V> {
     }
 }
 
-/// Which pixels a primitive may cover: its outline, rounded outward.
+/// The pixels that a primitive may cover: its outline, rounded outward.
 ///
-/// Pixels outside the outline never see the primitive. Pixels inside decide for themselves ([`Response::at`]), so that a
-/// generous outline costs time and changes no image.
+/// Pixels outside the outline never see the primitive. Pixels inside decide for themselves ([`Response::at`]), so that
+/// a generous outline costs time and changes no image.
 pub trait Footprint: Sync {
     /// The smallest and the largest y of the outlines of sixteen primitives, in pixels. Pixel centers are at +0.5.
     fn rows<V: Lanes>(&self, columns: &[V; LANES]) -> (V, V);
 
-    /// The smallest and the largest x of the outlines between two rows of pixel centers at y = `top` and y = `bottom`, and
-    /// which outlines reach these rows at all.
+    /// The smallest and the largest x of the outlines between two rows of pixel centers at y = `top` and y = `bottom`,
+    /// and which outlines reach these rows at all.
     fn span<V: Lanes>(&self, columns: &[V; LANES], top: V, bottom: V) -> (V, V, V::Mask);
 
-    /// The second interval of x, as [`span`](Self::span), of outlines that the seam of a panorama cuts in two; by default there is none.
+    /// The second interval of x, as [`span`](Self::span), of outlines that the seam of a panorama cuts in two; by
+    /// default there is none.
     #[inline(always)]
     fn second_span<V: Lanes>(&self, _columns: &[V; LANES], _top: V, _bottom: V) -> Option<(V, V, V::Mask)> {
         None
@@ -90,12 +91,14 @@ pub trait Response: Sync {
     type Loaded<V: Lanes>: Copy;
     /// Values of a primitive at sixteen pixels that [`backward`](Self::backward) needs.
     type Sample<V: Lanes>: Copy;
-    /// Numbers that all primitives share at pixels with these x, such as the sine and cosine of an azimuth; x itself will do.
+    /// Numbers that all primitives share at pixels with these x, such as the sine and cosine of an azimuth; x itself
+    /// will do.
     type Column<V: Lanes>: Copy;
     /// Numbers that all primitives share at pixels with these y.
     type Line<V: Lanes>: Copy;
 
-    /// Prepares pixels whose centers have these x. Called once for each window and column of blocks, not for each primitive.
+    /// Prepares pixels whose centers have these x. Called once for each window and column of blocks, not for each
+    /// primitive.
     fn column<V: Lanes>(&self, x: V) -> Self::Column<V>;
 
     /// Prepares pixels whose centers have these y.
@@ -112,32 +115,34 @@ pub trait Response: Sync {
         line: &Self::Line<V>,
     ) -> (V, Self::Sample<V>);
 
-    /// The depth at the pixels of a sample, finite also where alpha is zero. `center` is the depth of the record, which all
-    /// pixels have by default.
+    /// The depth at the pixels of a sample, finite also where alpha is zero. `center` is the depth of the record, which
+    /// all pixels have by default.
     #[inline(always)]
     fn depth<V: Lanes>(&self, _sample: &Self::Sample<V>, center: V) -> V {
         center
     }
 
-    /// Adds what the pixels pass back to the numbers that alpha depends on. `g` is alpha dL/dalpha, the gradient with
-    /// respect to the logarithm of alpha. What the [`SUMS`](Self::SUMS) sums over pixels mean is up to the primitive.
+    /// Adds the gradients from the pixels to the numbers that alpha depends on. `g` is alpha dL/dalpha, the gradient
+    /// with respect to the logarithm of alpha. The primitive decides the meaning of the [`SUMS`](Self::SUMS) sums over
+    /// pixels.
     fn backward<V: Lanes>(&self, sample: &Self::Sample<V>, g: V, sums: &mut [V]);
 
-    /// Adds what the pixels pass back to the numbers that [`depth`](Self::depth) depends on; `g` is the gradient with respect to
-    /// the depth at each pixel. By default none: the gradient with respect to a record's depth is summed anyway.
+    /// Adds the gradients from the pixels to the numbers that [`depth`](Self::depth) depends on; `g` is the gradient
+    /// with respect to the depth at each pixel. By default none: the gradient with respect to a record's depth is
+    /// summed anyway.
     #[inline(always)]
     fn depth_backward<V: Lanes>(&self, _sample: &Self::Sample<V>, _g: V, _sums: &mut [V]) {}
 
-    /// The gradient with respect to the primitive's position on the image, in pixels, that each pixel contributes; zero by
-    /// default. Asked for by statistics only.
+    /// The gradient with respect to the primitive's position on the image, in pixels, that each pixel contributes; zero
+    /// by default. Used by statistics only.
     #[inline(always)]
     fn screen_gradient<V: Lanes>(&self, _primitive: &Self::Loaded<V>, _sample: &Self::Sample<V>, _g: V) -> [V; 2] {
         [V::zero(); 2]
     }
 }
 
-/// Largest number of sums over pixels that a primitive may have for the gradient of its shape: a row has sixteen places, of which
-/// color and depth take four.
+/// Largest number of sums over pixels that a primitive may have for the gradient of its shape: a row has sixteen
+/// places, and color and depth take four.
 pub const MAX_SUMS: usize = LANES - 4;
 
 /// Largest number of such sums of primitives with statistics, which take four places more.

@@ -16,8 +16,8 @@ const PLANES: usize = 4;
 impl<T: Real> Tiles<T> {
     /// Writes the median depth and the distortion of each pixel of the lists, `[V, h, w]` each.
     ///
-    /// The median is the depth z ([`Response::depth`]) of the last primitive that more than half of the light reaches, 0 without any. The
-    /// distortion is the sum of w_i w_j (z_i - z_j)^2 over pairs of primitives, with w = alpha T.
+    /// The median is the depth z ([`Response::depth`]) of the last primitive that more than half of the light reaches,
+    /// 0 without any. The distortion is the sum of w_i w_j (z_i - z_j)^2 over pairs of primitives, with w = alpha T.
     ///
     /// # Panics
     ///

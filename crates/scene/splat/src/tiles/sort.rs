@@ -35,9 +35,11 @@ pub(crate) fn sort(keys: &mut [AtomicU64], sorted: &mut [AtomicU64], counts: &mu
     len
 }
 
-/// Moves the keys below [`UNSEEN`] to the front of `to`, group by group, in each in their order; `ends` are where the groups end.
+/// Moves the keys below [`UNSEEN`] to the front of `to`, group by group, in each in their order; `ends` are where the
+/// groups end.
 ///
-/// Groups are sorted and binned one by one: what lies in the caches is then no more than if each were drawn alone.
+/// Groups are sorted and binned one by one: the working set in the caches is then no larger than if each were drawn
+/// alone.
 pub(crate) fn split(
     from: &[AtomicU64],
     to: &[AtomicU64],
@@ -59,7 +61,8 @@ fn pass(
     (digits, digit): (usize, impl Fn(u64) -> usize + Sync),
     counts: &mut Vec<u32>,
 ) -> usize {
-    // Enough chunks for many threads, few enough for the counts to stay in the cache. The result does not depend on them.
+    // Enough chunks for many threads, few enough for the counts to stay in the cache. The result does not depend on
+    // them.
     let chunks = (from.len() / (8 * DIGITS)).clamp(1, 32);
     let chunk_len = from.len().div_ceil(chunks);
     let part = |chunk: usize| -> Range<usize> { chunk * chunk_len..((chunk + 1) * chunk_len).min(from.len()) };

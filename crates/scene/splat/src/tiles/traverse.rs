@@ -1,7 +1,8 @@
 //! Walking the lists of tiles: which primitive meets which pixels, in drawing order, and how much light is left.
 //!
-//! [`traverse`] walks a tile's list front to back over a window and shows every block that a primitive meets to a [`Visitor`];
-//! drawing, differentiating and counting are visitors. What happens at a pixel depends on the primitive and the pixel alone.
+//! [`traverse`] walks a tile's list front to back over a window and shows every block that a primitive meets to a
+//! [`Visitor`]; drawing, differentiating and counting are visitors. The computation at a pixel depends on the primitive
+//! and the pixel alone.
 
 use super::primitive::{Footprint, Response};
 use super::window::{BLOCK, Plane, Window};
@@ -11,10 +12,10 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 use weaver_kernels::simd::prefetch;
 
-/// A primitive at the pixels of a block; `S` is what its response keeps of the pixels.
+/// A primitive at the pixels of a block; `S` is the sample that its response keeps of the pixels.
 #[derive(Clone, Copy)]
 pub(crate) struct Hit<V: Lanes, S> {
-    /// Which block.
+    /// Index of the block.
     pub block: usize,
     /// The pixels that it adds to.
     pub seen: V::Mask,
@@ -99,7 +100,7 @@ fn transpose_bits(mut words: [u16; LANES]) -> [u16; LANES] {
 
 /// Walks `list` front to back over a window until no pixel is open.
 ///
-/// `transmittance` is overwritten: what is left behind the last primitive.
+/// `transmittance` is overwritten with the transmittance behind the last primitive.
 #[inline(always)]
 pub(crate) fn traverse<V: Lanes, P: Footprint + Response>(
     primitive: &P,

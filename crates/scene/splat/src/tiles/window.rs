@@ -1,4 +1,4 @@
-//! Windows of 16 x 16 pixels, which are 4 x 4 blocks of 4 x 4 pixels; a block is what [`Lanes`] hold.
+//! Windows of 16 x 16 pixels, which are 4 x 4 blocks of 4 x 4 pixels; a block fits in one [`Lanes`].
 
 use super::{Grid, Region};
 use crate::each::each;
@@ -29,7 +29,7 @@ impl Window {
         (self.corner.0 + x, self.corner.1 + y)
     }
 
-    /// The number of a pixel of the whole image among those of the region, if it is one.
+    /// The index within the region of a pixel of the whole image, if it is inside.
     #[inline(always)]
     pub fn index(&self, (x, y): (usize, usize)) -> Option<usize> {
         let Region { x: left, y: top, width, height } = self.region;
@@ -87,7 +87,8 @@ impl Window {
 }
 
 impl Window {
-    /// All channels of the region's image `[h, w, channels]` at the pixels of a block, `rows` `[channels]`; 0 beyond its edge.
+    /// All channels of the region's image `[h, w, channels]` at the pixels of a block, `rows` `[channels]`; 0 beyond
+    /// its edge.
     #[inline(always)]
     pub fn gather_all<V: Lanes>(&self, block: usize, image: &[V::Scalar], rows: &mut [Row<V::Scalar>]) {
         let channels = rows.len();

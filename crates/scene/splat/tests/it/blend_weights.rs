@@ -17,7 +17,7 @@ fn weights<T: Real>(scene: &Scene<T>) -> (Arc<BlendWeights<T>>, Workspace<T>) {
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 8, failure_persistence: None, ..Default::default() })]
 
-    /// Pictures and gradients of features are those of the rasterizer, in groups or not.
+    /// Pictures and gradients of features equal the rasterizer's, in groups or not.
     ///
     /// Promise (results): weights of a drawing, kept: products are drawings, also gradients and on any number of
     /// threads; a router trained by them is the one that draws.

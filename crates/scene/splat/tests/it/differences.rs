@@ -62,7 +62,8 @@ proptest! {
     }
 }
 
-/// A scene with every branch in it: clipped by tiles, beyond the limits of the Jacobian, behind, opaque, faint, floored.
+/// A scene with every branch in it: clipped by tiles, beyond the limits of the Jacobian, behind, opaque, faint,
+/// floored.
 #[test]
 fn agrees_with_central_differences_in_a_crowd() {
     for (seed, antialiased) in [(3, false), (4, true)] {

@@ -30,7 +30,7 @@ fn alone<T: Real>(scene: &Scene<T>, group: u32) -> (Scene<T>, Vec<usize>) {
     (alone, rows)
 }
 
-/// The pictures of one group among those of all views.
+/// The pictures of one group among the pictures of all views.
 fn pictures_of<T: Real>(scene: &Scene<T>, planes: &Planes<T>, group: usize) -> Planes<T> {
     let count = scene.groups.as_ref().unwrap().1;
     let pixels = scene.region().pixels();
@@ -90,7 +90,7 @@ proptest! {
             let (alone, rows) = alone(&scene, group as u32);
             prop_assert_eq!(&alone.render(), &pictures_of(&scene, &drawn, group));
             let expected = alone.gradients(&pictures_of(&scene, &cotangents, group));
-            // Gradients of Gaussians, features and statistics among them; those of cameras are sums over all groups.
+            // Gradients of Gaussians, features and statistics among them; cameras' gradients are sums over all groups.
             for part in [0, 1, 2, 3, 4, 8, 9] {
                 let width = gradients[part].len() / n;
                 let own: Vec<f32> = rows.iter().flat_map(|row| gradients[part][row * width..][..width].to_vec()).collect();
@@ -108,8 +108,8 @@ proptest! {
         }
     }
 
-    /// One light for all groups, by which each may hide the others: colors that only a group has, drawn as features, sum to the picture
-    /// of all.
+    /// One light for all groups, by which each may hide the others: colors that only a group has, drawn as features,
+    /// sum to the picture of all.
     #[test]
     fn groups_of_one_light_sum_to_one_picture(seed: u64, n in 1_usize..200, count in 1_usize..5) {
         let mut scene = Scene::random(seed, n, 2, (20, 15), None).with_channels(3 * count);

@@ -1,4 +1,5 @@
-//! Numbers that nobody should pass, and shapes at the edge: clean frames, finite gradients, or an error that says why.
+//! Numbers that no caller should pass, and shapes at the edge: clean frames, finite gradients, or an error that says
+//! why.
 
 use crate::scene::{NAMES, Planes, Scene, relative};
 use crate::twin::reference_planes;
@@ -39,7 +40,7 @@ fn ones<T: Real>(scene: &Scene<T>) -> Planes<T> {
     Planes { image, alpha, depth, features }
 }
 
-/// Renders and differentiates: everything that comes out is a number, whatever went in.
+/// Renders and differentiates: every output is a number, for any input.
 fn endure<T: Real>(scene: &Scene<T>, cotangents: &Planes<T>) -> Result<(), TestCaseError> {
     let mut workspace = Workspace::new();
     let (planes, stats) = scene.render_in(&mut workspace);
@@ -196,7 +197,7 @@ fn at_and_behind_the_camera() {
     }
 }
 
-/// Broken colors, features and opacities of Gaussians that nobody would see hurt nobody, and are not counted.
+/// Broken colors, features and opacities of invisible Gaussians do no harm, and are not counted.
 #[test]
 fn what_is_not_seen_is_not_looked_at() {
     for degree in [None, Some(1)] {

@@ -1,4 +1,4 @@
-//! What must not change an image, or a gradient.
+//! Changes that must not affect an image, or a gradient.
 
 use crate::scene::{NAMES, Planes, Scene, relative};
 use proptest::prelude::*;
@@ -41,7 +41,8 @@ fn hits<T: Real>(workspace: &Workspace<T>) -> Vec<Hit<T>> {
     hits
 }
 
-/// All that a scene gives: images, counts, gradients, hits, sums and maxima of contributions, and what squared ones gather.
+/// All outputs of a scene: images, counts, gradients, hits, sums and maxima of contributions, and sums by squared
+/// weights.
 fn everything(scene: &Scene<f32>, cotangents: &Planes<f32>) -> (Outcome<f32>, Vec<Hit<f32>>, [Vec<f32>; 3]) {
     let outcome = outcome(scene, cotangents);
     let mut workspace = Workspace::new();
@@ -88,7 +89,7 @@ proptest! {
         let n = if many { 60 * few } else { few };
         let mut scene = Scene::random(seed, n, 1, (20, 14), None);
         scene.viewmats = vec![1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        // Depths that only `f64` can tell apart, descending.
+        // Depths that differ only in `f64`, descending.
         (0..n).for_each(|i| scene.means[3 * i + 2] = 2.0 - 1e-12 * i as f64);
         scene.opacities.iter_mut().for_each(|o| *o *= 0.1);
         let mut workspace = Workspace::new();
@@ -220,7 +221,7 @@ proptest! {
         let mut expected = scene.gradients(&cotangents);
         expected[0] = expected[0].chunks(3).flat_map(rotate).collect();
         expected[1] = expected[1].chunks(4).flat_map(|d| quaternion_product(q, d)).collect();
-        // p = A m + t is what it was, so that dA' = dA R^T + dt b^T.
+        // p = A m + t stays the same, so that dA' = dA R^T + dt b^T.
         for row in expected[5].chunks_mut(4) {
             let r = rotate(&row[..3]);
             (0..3).for_each(|j| row[j] = r[j] + row[3] * shift[j]);
@@ -282,7 +283,7 @@ proptest! {
     }
 }
 
-/// As many Gaussians as it takes for the radix sort and the lists to be made in parts.
+/// Enough Gaussians for the radix sort and the lists to be made in parts.
 #[test]
 fn number_of_threads_in_a_large_scene() {
     let mut scene = Scene::random(1, 40_000, 1, (70, 50), Some(1));

@@ -87,7 +87,7 @@ proptest! {
     }
 }
 
-/// The tape's outputs are those of the plain function; what is not asked for is not there.
+/// The tape's outputs equal the plain function's; outputs that are not requested are absent.
 #[test]
 fn equals_the_plain_function() {
     let scene = Scene::random(3, 30, 2, (20, 15), Some(1)).with_channels(5);

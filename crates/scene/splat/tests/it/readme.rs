@@ -3,7 +3,7 @@
 use weaver_autograd::Tape;
 use weaver_pose::CameraVars;
 
-/// The lines of the README, with what they take for granted.
+/// The lines of the README, with the names that they take for granted.
 #[test]
 fn the_readme_draws_and_differentiates() {
     let (width, height) = (8, 6);

@@ -55,8 +55,8 @@ pub const NAMES: [&str; 10] = [
 ];
 
 impl Scene<f64> {
-    /// `n` Gaussians around the view of `views` cameras: some behind, some out of sight, some opaque; cameras are not quite
-    /// rigid, principal points are off center, quaternions not normalized.
+    /// `n` Gaussians around the view of `views` cameras: some behind, some out of sight, some opaque; cameras are not
+    /// quite rigid, principal points are off center, quaternions not normalized.
     pub fn random(seed: u64, n: usize, views: usize, (width, height): (usize, usize), degree: Option<usize>) -> Self {
         let stream = Stream::new(seed, 0, "splat.test");
         let normal = |purpose: u64, i: usize| stream.fork(purpose).normal::<f64>(i as u64);

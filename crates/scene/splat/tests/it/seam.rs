@@ -133,8 +133,8 @@ fn each_image<T>(planes: &Planes<T>, scene: &Scene<f64>, body: impl Fn(&[T], usi
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 10, failure_persistence: None, ..Default::default() })]
 
-    /// A region has the bits of that part of the whole image, and the very gradients of the whole image with cotangents of
-    /// zero outside.
+    /// A region has the bits of that part of the whole image, and the very gradients of the whole image with cotangents
+    /// of zero outside.
     #[test]
     fn a_region_is_a_crop(
         seed: u64,

@@ -16,7 +16,7 @@ use weaver_splat::{PixelSums, Primitive, RasterSettings, RasterizePrimitives, Ti
 const NUMBERS: usize = 9;
 type Spot = [f64; NUMBERS];
 
-/// Where a record keeps what, beside depth and color.
+/// Slots of a record, beside depth and color.
 mod slot {
     pub const DIRECTION: usize = 0;
     pub const CONCENTRATION: usize = 3;
@@ -44,7 +44,7 @@ impl Sphere {
     /// The record of a spot, if it is bright enough to be seen.
     fn record(&self, spot: &Spot) -> Option<[f64; LANES]> {
         let [x, y, z, concentration, opacity, red, green, blue, depth] = *spot;
-        // 1 - d . w where alpha falls to what is visible, and the angle from d there.
+        // 1 - d . w where alpha falls to the visible minimum, and the angle from d there.
         let reach = (opacity / ALPHA_MIN).log2() / concentration;
         if reach < 0.0 {
             return None;
@@ -120,7 +120,7 @@ impl Footprint for Sphere {
     #[inline(always)]
     fn second_span<V: Lanes>(&self, columns: &[V; LANES], top: V, bottom: V) -> Option<(V, V, V::Mask)> {
         let (left, right, touched) = self.span(columns, top, bottom);
-        // What is beyond one end of a row is at the other.
+        // The image is periodic: a place beyond one end of a row is at the other.
         let around = V::constant(self.width).or(V::zero().ge(left), V::constant(-self.width));
         Some((left + around, right + around, touched))
     }

@@ -28,7 +28,7 @@ proptest! {
         let mut features = vec![0.0; 2 * scene.pixels()];
         let (mut sums, mut largest) = (vec![0.0_f64; 2 * n], vec![0.0_f64; 2 * n]);
         for &(pixel, n_, weight, light) in &hits {
-            // Front to back: what arrives is what the splats in front left.
+            // Front to back: the arriving light has passed the splats in front.
             prop_assert!((light - (1.0 - alpha[pixel])).abs() < 1e-12);
             alpha[pixel] += weight;
             (0..2).for_each(|c| features[2 * pixel + c] += weight * scene.features[2 * n_ + c]);
@@ -42,7 +42,7 @@ proptest! {
         workspace.contributions(&mut own_sums, &mut own_largest).unwrap();
         prop_assert!(relative(&own_sums, &sums, 1.0) < 1e-12);
         prop_assert_eq!(own_largest, largest);
-        // What is gathered by squared weights, alone and on top of something.
+        // Sums by squared weights, alone and on top of something.
         let values = scene.cotangents(seed).features;
         let mut gathered = vec![0.0; 2 * n];
         for &(pixel, n_, weight, _) in &hits {

@@ -23,7 +23,7 @@ fn a_plane_has_its_range() {
     for i in (0..camera.pixels()).filter(|i| images.opacity[*i] > 0.0) {
         let ray = camera.pixel_ray(i % 256, i / 256);
         let expected = normal.dot(center) / normal.dot(ray);
-        // Pixels beside the center may be those of the low-pass filter.
+        // Pixels beside the center may come from the low-pass filter.
         if (range[i] - expected).abs() > 1e-9 {
             assert!((range[i] - center.length()).abs() < 1e-9, "{} {expected}", range[i]);
         } else {

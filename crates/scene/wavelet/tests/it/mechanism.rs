@@ -1,4 +1,4 @@
-//! What the transform must do to images whose coefficients are known.
+//! The effect of the transform on images whose coefficients are known.
 
 use weaver_autograd::Tape;
 use weaver_wavelet::{Wavelet, analysis};

@@ -2,7 +2,7 @@
 
 use super::{LeftOperand, OutputRows};
 
-/// Defines `multiply` for one vector type in terms of what is in scope: `LANES`, `zero`, `splat`, `load`, `store`,
+/// Defines `multiply` for one vector type in terms of the names in scope: `LANES`, `zero`, `splat`, `load`, `store`,
 /// `mul_add`, `fetch`, `finish`; a tile is `$rows` high, two vectors wide.
 macro_rules! products {
     ($t:ty, $rows:literal: $($row:literal)*, $(#[$feature:meta])*) => {
@@ -63,7 +63,7 @@ macro_rules! products {
     };
 }
 
-/// Defines `multiply_shifted` and `multiply_runs` for one vector type, in terms of what `products` needs.
+/// Defines `multiply_shifted` and `multiply_runs` for one vector type, in terms of the names that `products` needs.
 macro_rules! windows {
     ($t:ty, $($row:literal)*, $(#[$feature:meta])*) => {
         $(#[$feature])*
@@ -338,7 +338,8 @@ pub mod avx512_pairs {
     products!(f32, 12: 1 2 3 4 5 6 7 8 9 10 11 12, #[target_feature(enable = "avx512f,avx512bf16")]);
 }
 
-/// The vector functions and the tile for any target: arrays, which the compiler vectorizes with the baseline instructions.
+/// The vector functions and the tile for any target: arrays, which the compiler vectorizes with the baseline
+/// instructions.
 macro_rules! portable_tile {
     ($name:ident, $t:ty, $lanes:literal) => {
         #[allow(unsafe_code)]

@@ -18,7 +18,7 @@ use weaver_kernels::rope::Rope2d;
 use weaver_kernels::rows::*;
 use weaver_kernels::softmax::*;
 
-/// A kernel of some size: what it is given, and what it makes of that.
+/// A kernel of some size: its inputs and its function.
 pub struct Kernel<T> {
     pub name: String,
     pub inputs: Vec<Vec<T>>,

@@ -12,7 +12,7 @@ use weaver_scene::Gaussians;
 
 /// Steps of a weight within the deviation of its layer.
 const FINE: f64 = 32.0;
-/// Largest magnitude of what a broken stream may say.
+/// Largest magnitude of a number from a broken stream.
 const LARGEST: f64 = 1e30;
 
 /// A network of two layers with weights as they are read.
@@ -77,8 +77,8 @@ struct Anchors<'a> {
 const CHUNK: usize = 256;
 
 impl Anchors<'_> {
-    /// Codes all numbers as the context predicts them, but for the offsets of Gaussians that are not there, and hands them over rounded, an anchor
-    /// at a time. An encoder is given them, a decoder leaves them out.
+    /// Codes all numbers as the context predicts them, but for the offsets of Gaussians that are not there, and hands
+    /// them over rounded, an anchor at a time. An encoder is given them, a decoder leaves them out.
     fn code(
         &self,
         coder: &mut impl Coder,
@@ -90,7 +90,7 @@ impl Anchors<'_> {
             let mut features = vec![0.0; places.len() * width];
             HashGrid::new(&levels, places).features(self.table, &mut features);
             for (anchor, features) in (CHUNK * chunk..).zip(features.chunks_exact(width)) {
-                // A broken stream ends here; nothing is made of what is not in it.
+                // A broken stream ends here; the missing rest is not made up.
                 if coder.exhausted() {
                     return;
                 }
@@ -210,7 +210,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, CompressError> {
     Ok(gaussians)
 }
 
-/// Adds what networks make of the numbers of an anchor.
+/// Adds the Gaussians that networks make of the numbers of an anchor.
 fn add(to: &mut Gaussians, anchor: [f32; 3], numbers: &[f64; NUMBERS], shown: &[bool], networks: &[Network]) {
     let finite = |x: f64| if x.is_nan() { 0.0 } else { x.clamp(-LARGEST, LARGEST) as f32 };
     let features = std::array::from_fn::<f64, FEATURES, _>(|k| numbers[k] / SPREAD);

@@ -20,7 +20,8 @@ pub(super) const SCALINGS: usize = 6;
 pub(super) const NUMBERS: usize = FEATURES + SCALINGS + 3 * OFFSETS;
 /// Groups of these numbers, and the middle of the steps that each is rounded with.
 pub(super) const STEPS: [(usize, f64); 3] = [(FEATURES, 1.0), (SCALINGS, 0.05), (3 * OFFSETS, 0.2)];
-/// Numbers that are predicted of an anchor: means and logarithms of deviations, and the place of the three steps in their ranges.
+/// Numbers that are predicted of an anchor: means and logarithms of deviations, and the place of the three steps in
+/// their ranges.
 pub(super) const PREDICTED: usize = 2 * NUMBERS + STEPS.len();
 /// Largest magnitudes of a logarithm, and of the place of a step.
 pub(super) const LOGARITHM: f64 = 12.0;
@@ -81,7 +82,7 @@ pub(super) struct Made<'t> {
     pub colors: Var<'t, f32>,
 }
 
-/// Gaussians as they are drawn, and what the loss has beside their picture.
+/// Gaussians as they are drawn, and the further terms of the loss.
 pub(super) struct Drawn<'t> {
     pub gaussians: GaussianVars<'t, f32>,
     pub penalty: Var<'t, f32>,
@@ -197,7 +198,7 @@ impl Model {
         Drawn { gaussians, penalty: penalty + volumes.mean().reshape(penalty.shape()) * VOLUMES }
     }
 
-    /// The Gaussians of numbers `[A, NUMBERS]`, of which those that are `shown` `[A, K]` have a size.
+    /// The Gaussians of numbers `[A, NUMBERS]`; only the `shown` ones `[A, K]` have a size.
     fn gaussians<'t>(&self, numbers: Var<'t, f32>, shown: Var<'t, f32>) -> GaussianVars<'t, f32> {
         let (count, all, tape) = (self.count(), self.count() * OFFSETS, numbers.tape());
         let scalings = numbers.slice(1, FEATURES, SCALINGS).clamp(-LOGARITHM, LOGARITHM).exp();

@@ -43,7 +43,7 @@ impl Groups {
         let (grid, order) = Grid::about(&means, DEPTH);
         let group = |&(_, group): &(u64, usize)| {
             let mut members = numbers[OFFSETS * group..numbers.len().min(OFFSETS * (group + 1))].to_vec();
-            // Those that are alike are in the same place of their groups.
+            // Similar ones are in the same place of their groups.
             let size = |i: usize| gaussians.log_scales[i].iter().sum::<f32>();
             members.sort_by(|&a, &b| size(b).total_cmp(&size(a)).then(a.cmp(&b)));
             members
@@ -57,7 +57,8 @@ impl Groups {
         Model::new(anchors, &places(&self.codes), degree, seed)
     }
 
-    /// Gives the anchors the numbers of the Gaussians: offsets as they are, features and networks such that they make the rest.
+    /// Gives the anchors the numbers of the Gaussians: offsets as they are, features and networks such that they make
+    /// the rest.
     pub fn begin(&self, model: &mut Model, gaussians: &Gaussians, task: &Task<'_>) -> Result<(), CompressError> {
         self.place(model, gaussians);
         let targets = self.targets(model, gaussians, &contributions(gaussians, &task.pictures)?);
@@ -153,14 +154,14 @@ fn sorted(gaussians: &Gaussians, i: usize) -> ([f32; 3], [f32; 4]) {
 struct Targets {
     weights: Vec<f32>,
     opacities: Vec<f32>,
-    /// Log scales beside those of the anchor.
+    /// Log scales beside the anchor's.
     shares: Vec<f32>,
     quats: Vec<f32>,
     colors: Vec<f32>,
 }
 
 impl Targets {
-    /// Weighted squares of what opacities, log scales, rotations and harmonics are off by.
+    /// Weighted squares of the errors of opacities, log scales, rotations and harmonics.
     fn loss<'t>(&self, model: &Model, tape: &'t Tape<f32>) -> weaver_autograd::Var<'t, f32> {
         let all = self.weights.len();
         let made = model.made(tape.param(&model.params, model.id("features")));

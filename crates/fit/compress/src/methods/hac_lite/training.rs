@@ -21,7 +21,7 @@ const NOISE: f64 = 3000.0 / 30_000.0;
 const BITS: f64 = 10_000.0 / 30_000.0;
 /// Weight of the similarity in the loss.
 const SIMILARITY: f64 = 0.2;
-/// Rates of Scaffold-GS and HAC, by the beginnings of names; and what is left of them in the end.
+/// Rates of Scaffold-GS and HAC, by the beginnings of names; and the factor on them at the end.
 const RATES: [(&str, f64); 8] = [
     ("features", 0.0075 * SPREAD),
     ("scalings", 0.007),
@@ -34,9 +34,9 @@ const RATES: [(&str, f64); 8] = [
 ];
 const CONTEXT: (&str, f64) = ("context.", 0.005);
 const LEFT: f64 = 0.05;
-/// Of all steps, those in which rates rise: what the scene began as is not to be lost before moments are known.
+/// Part of the steps in which rates rise: the initial scene is not to be lost before moments are known.
 const RISE: f64 = 0.02;
-/// Where a state has the steps done.
+/// Key of the steps done in a state.
 const STEP: &str = "hac.step";
 
 /// A task that is due at a step.
@@ -44,7 +44,7 @@ const STEP: &str = "hac.step";
 enum Due {
     /// The numbers of the given scene.
     Scene,
-    /// The first guess of what they are distributed as.
+    /// The first guess of their distribution.
     Context,
 }
 
@@ -94,7 +94,7 @@ impl<'a> HacTraining<'a> {
         })
     }
 
-    /// Does what is due before a step.
+    /// Runs the tasks that are due before a step.
     fn change(&mut self) -> Result<(), CompressError> {
         for due in self.schedule.take_due(self.steps[0]) {
             match due {
@@ -150,7 +150,7 @@ impl Training for HacTraining<'_> {
         if let Some(error) = self.workspaces.failure() {
             return Err(error.into());
         }
-        // The loss. What is hidden agrees with what is drawn.
+        // The loss. Masked pixels take the drawn color.
         let picture = image.to_vec();
         let mut target: Vec<f32> = photo.rgb.iter().map(|x| f32::from(*x) / 255.0).collect();
         for (pixel, _) in photo.mask.iter().flatten().enumerate().filter(|(_, counts)| !**counts) {

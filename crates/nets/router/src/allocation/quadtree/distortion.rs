@@ -1,4 +1,4 @@
-//! What is lost where so many Gaussians stand for all pixels of a cell.
+//! The loss where so many Gaussians stand for all pixels of a cell.
 
 use super::MOST;
 use super::forest::Forest;
@@ -16,7 +16,7 @@ const DEPTH_WEIGHT: f32 = 1.0;
 const WITHIN_PIXEL: f32 = 1.0 / 12.0;
 /// A cell's Gaussians reach so far beyond it on every side, in sides of the cell.
 const MARGIN: f32 = 0.25;
-/// Variance of what looks even: among cells without detail, larger ones are divided first.
+/// Variance of even colors: among cells without detail, larger ones are divided first.
 const EVEN: f32 = 1e-6;
 /// Cells per parallel chunk.
 const GRAIN: usize = 64;
@@ -37,7 +37,7 @@ impl Picture {
         let plane = height * width;
         let value = |p: usize| {
             if request.inside.is_some_and(|inside| !inside[p]) {
-                // What a mask hides has no say.
+                // Masked pixels have no say.
                 return [0.0; CHANNELS];
             }
             let photo = &request.photos[p / plane * 3 * plane + p % plane..];
@@ -87,8 +87,8 @@ impl Picture {
         3.0 * WITHIN_PIXEL * (x * x + y * y)
     }
 
-    /// Squared deviation from the mean of the nearest band, over all that a cell's Gaussians reach, per pixel of the cell; infinite
-    /// where a band has no pixel.
+    /// Squared deviation from the mean of the nearest band, over all that a cell's Gaussians reach, per pixel of the
+    /// cell; infinite where a band has no pixel.
     fn deviation(&self, view: usize, cell: Cell, gaussians: usize, angle: f32) -> f32 {
         let (rows, columns) = (cell.rows(self.height), cell.columns(self.width));
         let own = (rows.len() * columns.len()) as f32;
@@ -120,7 +120,7 @@ impl Picture {
         (sum / reached + EVEN * own.sqrt()) * own
     }
 
-    /// The angle of each node, and what it loses with 0 to `most` Gaussians `[nodes, 1 + most]`; without any, all.
+    /// The angle of each node, and its loss with 0 to `most` Gaussians `[nodes, 1 + most]`; without any, infinite.
     pub fn measure(&self, forest: &Forest, most: usize) -> (Vec<f32>, Vec<f32>) {
         let mut nodes = vec![(0.0, [f32::INFINITY; 1 + MOST]); forest.nodes()];
         parallel::for_chunks(&mut nodes, GRAIN, |chunk, nodes| {
@@ -129,7 +129,7 @@ impl Picture {
                 *angle = self.angle(view, cell);
                 for (e, loss) in losses.iter_mut().enumerate().take(1 + most).skip(1) {
                     *loss = match cell.level {
-                        // Of what bands thinner than the pixel would show, only its slope is known.
+                        // For bands thinner than the pixel, only its slope is known.
                         0 => {
                             let p = (view * self.height + cell.row) * self.width + cell.column;
                             self.within_pixel(p) / (e * e) as f32

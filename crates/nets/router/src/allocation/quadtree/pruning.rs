@@ -1,8 +1,9 @@
 //! The division of a forest into leaves with the least loss at a given count.
 //!
-//! For a price of a Gaussian, the cheapest division of each tree follows from those of its subtrees: the best of one leaf with any
-//! number of Gaussians and of the sum of its children (Breiman et al., Classification and Regression Trees, 1984; Chou et al., IEEE
-//! Trans. Inf. Theory 35, 1989). A search finds the price at which the count is just not exceeded; what is left goes to single trees.
+//! For a price of a Gaussian, the cheapest division of each tree follows from its subtrees' divisions: the best of one
+//! leaf with any number of Gaussians and of the sum of its children (Breiman et al., Classification and Regression
+//! Trees, 1984; Chou et al., IEEE Trans. Inf. Theory 35, 1989). A search finds the price at which the count is just not
+//! exceeded; the remaining Gaussians go to single trees.
 
 use super::forest::Forest;
 use crate::cell::COARSEST;
@@ -63,7 +64,8 @@ impl<'a> Pruning<'a> {
         self.losses[node * (1 + self.most) + gaussians]
     }
 
-    /// The leaves of the best division into at most `budget` Gaussians, and into exactly so many where leaves can take more.
+    /// The leaves of the best division into at most `budget` Gaussians, and into exactly so many where leaves can take
+    /// more.
     pub fn leaves(&self, budget: usize) -> Vec<Leaf> {
         let largest = self.losses.iter().filter(|d| d.is_finite()).fold(0.0_f32, |a, b| a.max(*b));
         // Above `dear` the fewest Gaussians are the best; below `cheap`, nearly the most.
@@ -106,7 +108,8 @@ impl<'a> Pruning<'a> {
         }
     }
 
-    /// So many Gaussians more: one more for each of the leaves that gain most by it, and where no leaf can take more, a division.
+    /// So many Gaussians more: one more for each of the leaves that gain most by it, and where no leaf can take more, a
+    /// division.
     fn spend(&self, mut left: usize, leaves: &mut Vec<Leaf>) {
         while left > 0 {
             let room = leaves.iter().enumerate().filter(|(_, (_, e))| (1..self.most).contains(&usize::from(*e)));
@@ -128,7 +131,8 @@ impl<'a> Pruning<'a> {
         if then.is_finite() { now - then } else { f32::MIN }
     }
 
-    /// Divides the full leaf that loses most, each child with one Gaussian. If these are more than are left, another leaf gives some.
+    /// Divides the full leaf that loses most, each child with one Gaussian. If these are more than are left, another
+    /// leaf gives some.
     fn divide(&self, left: &mut usize, leaves: &mut Vec<Leaf>) -> bool {
         let loss = |&(node, e): &Leaf| if e > 0 { self.loss(node, e.into()) } else { f32::MIN };
         let divisible = leaves.iter().enumerate().filter(|(_, (node, e))| *e > 0 && self.forest.level_of(*node) > 0);

@@ -8,8 +8,8 @@ use weaver_geometry::glam::DVec3;
 /// A way to move, away from where a solid is at rest.
 #[derive(Clone, Debug)]
 pub(super) enum Motion {
-    /// A cubic of time, and a steady turn: coefficients of the Chebyshev polynomials of degree 1, 2 and 3 over the clip, whose lengths
-    /// bound the path; radians over the clip.
+    /// A cubic of time, and a steady turn: coefficients of the Chebyshev polynomials of degree 1, 2 and 3 over the
+    /// clip, whose lengths bound the path; radians over the clip.
     Cubic { path: [DVec3; 3], turn: f64 },
     /// A smooth curve through keys that are equally far apart in time, from 0 to 1.
     Keys(Vec<DVec3>),
@@ -24,7 +24,7 @@ pub(super) enum Motion {
 /// A solid that moves.
 #[derive(Clone, Debug)]
 pub(super) struct Mover {
-    /// Which kind of motion it is, from 1.
+    /// Kind of the motion, from 1.
     pub kind: u8,
     /// As it is at rest.
     pub solid: Solid,
@@ -58,7 +58,8 @@ impl Motion {
     }
 }
 
-/// The cubic Hermite spline through keys with the slopes of Catmull and Rom, `(p_{n+1} - p_{n-1}) / 2`; at the ends those of one side.
+/// The cubic Hermite spline through keys with the slopes of Catmull and Rom, `(p_{n+1} - p_{n-1}) / 2`; at the ends
+/// one-sided slopes.
 fn through(keys: &[DVec3], time: f64) -> DVec3 {
     let last = keys.len() - 1;
     let x = time.clamp(0.0, 1.0) * last as f64;

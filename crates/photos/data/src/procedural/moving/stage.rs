@@ -15,7 +15,7 @@ const TEETH: usize = 10;
 /// Slats in the row.
 const SLATS: usize = 11;
 
-/// A world of which a part moves.
+/// A world with a part that moves.
 #[derive(Clone, Debug)]
 pub(super) struct Stage {
     /// The still part, under a sky of one color.
@@ -94,7 +94,7 @@ fn ball(draws: &mut Draws) -> Mover {
     Mover { kind: 2, solid, motion: Motion::Keys((0..KEYS).map(|i| key(i, draws)).collect()) }
 }
 
-/// Kind 3: two combs of upright teeth, one between those of the other, that shake oppositely, near on the right.
+/// Kind 3: two combs of upright teeth, interleaved, that shake oppositely, near on the right.
 fn combs(draws: &mut Draws) -> Vec<Mover> {
     let (cycles, phase) = (draws.within(3.6, 4.4), draws.within(0.0, TAU));
     let swing = DVec3::Z * draws.within(0.12, 0.16);

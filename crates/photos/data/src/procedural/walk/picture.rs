@@ -1,4 +1,5 @@
-//! Photos of boxes: one ray a pixel where a single face fills it, sixteen at edges, and paint that is filtered for its pixel.
+//! Photos of boxes: one ray a pixel where a single face fills it, sixteen at edges, and paint that is filtered for its
+//! pixel.
 
 use super::paint::{Paint, hash};
 use weaver_geometry::Camera;

@@ -1,4 +1,4 @@
-//! What stands along a walk: houses with windows, sills, balconies and posters, and things on the pavement.
+//! Objects along a walk: houses with windows, sills, balconies and posters, and things on the pavement.
 
 use super::paint::Paint;
 use super::picture::Block;
@@ -6,7 +6,7 @@ use super::{Draws, INSIDE, OUTSIDE};
 use std::f64::consts::FRAC_PI_2;
 use weaver_geometry::glam::{DVec2, DVec3};
 
-/// Height of a floor, and width of what belongs to a window.
+/// Height of a floor, and width of a window's section.
 const FLOOR: f64 = 3.0;
 const BAY: f64 = 2.4;
 /// Depth of houses.

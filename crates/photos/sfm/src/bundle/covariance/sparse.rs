@@ -9,15 +9,16 @@ use crate::bundle::structure::NONE;
 use crate::bundle::sums::{BLOCK, PADDED};
 use crate::bundle::system::Row;
 
-/// Lenses up to which conjugate gradients tell what each is known to.
+/// Lenses up to which conjugate gradients find each one's marginal deviation.
 const LENSES: usize = 16;
 
 impl Inner<'_> {
-    /// The diagonal of the pseudo-inverse where a factor can be found, else what is known of each camera [`alone`](Self::alone).
+    /// The diagonal of the pseudo-inverse where a factor can be found, else the variances of each camera
+    /// [`alone`](Self::alone).
     ///
-    /// With E as many unit vectors as movements G that nothing tells, orthonormal, and no sum of these in their complement, and with
-    /// `C = (S + w E E^T)^-1`, the pseudo-inverse is `(1 - G G^T) C (1 - G G^T)` for any w: what C is multiplied by is
-    /// solved with nothing where E is, and exactly.
+    /// With G the orthonormal movements that no observation determines, E as many unit vectors, no sum of them in the
+    /// complement of G, and `C = (S + w E E^T)^-1`, the pseudo-inverse is `(1 - G G^T) C (1 - G G^T)` for any w: C is
+    /// applied to vectors without a part along G, so that the solution is 0 at E, and exact.
     pub(super) fn marginal_of_many(&self, gauge: &[Vec<f64>], limits: &Limits) -> Option<Vec<Row>> {
         let reduced = &self.descent.reduced;
         let Some(mut profile) = Profile::new(reduced, limits.profile) else { return self.alone(limits) };
@@ -77,8 +78,8 @@ fn by_blocks(profile: &mut Profile, right: &[f64]) -> Vec<f64> {
     solved.iter().flat_map(|row| row[..BLOCK].to_vec()).collect()
 }
 
-/// As many numbers as there are movements, that no sum of these leaves where they are: each the one that what is left of them,
-/// the others held, moves most.
+/// Numbers to hold, one for each movement, so that no sum of the movements leaves them all unchanged: each is the
+/// number that the remaining movements, the others held, change most.
 fn held(gauge: &[Vec<f64>]) -> Vec<usize> {
     let mut left = gauge.to_vec();
     let mut held = Vec::new();

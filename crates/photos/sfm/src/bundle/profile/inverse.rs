@@ -13,11 +13,11 @@ type Square = [[f64; BLOCK]; BLOCK];
 impl Profile {
     /// The diagonal of the inverse, from the factor, whose place the inverse takes as far as it is stored there.
     ///
-    /// With L the factor, the inverse Z is found from its last column on: `Z_ij = d_ij (L_jj L_jj^T)^-1 - sum_k>j Z_ik L_kj L_jj^-1`
-    /// needs nothing but what is stored, in as many products as the factor took.
+    /// With L the factor, the inverse Z is found from its last column on: `Z_ij = d_ij (L_jj L_jj^T)^-1 - sum_k>j Z_ik
+    /// L_kj L_jj^-1` needs only stored blocks, in as many products as the factor took.
     ///
-    /// Source: Takahashi, Fagan and Chen, Formation of a sparse bus impedance matrix and its application to short circuit study,
-    /// 1973.
+    /// Source: Takahashi, Fagan and Chen, Formation of a sparse bus impedance matrix and its application to short
+    /// circuit study, 1973.
     pub fn inverse_diagonal(&mut self) -> Vec<Row> {
         let n = self.first.len();
         let mut by_place = vec![[0.0; PADDED]; n];

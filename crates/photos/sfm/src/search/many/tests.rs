@@ -1,4 +1,4 @@
-//! Many photos of points on a ball, beside what few photos are taken for and the truth.
+//! Many photos of points on a ball, compared with the search for few photos and with the truth.
 
 use super::*;
 use crate::features::{Features, Keypoint};
@@ -30,7 +30,7 @@ fn truth() -> Vec<Pose> {
     (0..PHOTOS).map(pose).collect()
 }
 
-/// Features of each photo, those of the points that face it, a third of a pixel off.
+/// Features of each photo: the points that face it, a third of a pixel off.
 fn features() -> Vec<Features> {
     let stream = Stream::new(5, 0, "test.ball");
     let normal = |k: usize| stream.normal(k as u64);
@@ -62,11 +62,11 @@ fn features() -> Vec<Features> {
     truth().into_iter().enumerate().map(photo).collect()
 }
 
-/// The best scene of what a way to search finds.
+/// The best scene that a way to search finds.
 fn found(features: &[Features], run: impl Fn(&mut Search<'_>)) -> Grown {
     let taken = vec![Taken { size: SIZE, focal: Some(FOCAL), lens: 0 }; PHOTOS];
     let settings = EstimateOptions::default();
-    // What is seen is drawn, so nothing is looked up in photos.
+    // Observations are drawn, so nothing is looked up in photos.
     let blank = Photo::new(vec![0; 3 * SIZE[0] * SIZE[1]], SIZE);
     let photos = vec![&blank; PHOTOS];
     let mut search = Search::new(&taken, &photos, features, &settings);
@@ -120,7 +120,7 @@ fn pairs_with_little_in_common_come_later() {
         let (pose, inverse_depths) = (Pose::IDENTITY, vec![1.0; count]);
         Pair { photos, matches, pose, rival: None, inverse_depths, parallax: 0.1, score: 1.0, turned: 0.0, share }
     };
-    // The best of the last photo is no better than what it has in common with the first.
+    // The last photo has no better pair than the one with the first.
     let pairs = [([0, 3], 30, 0.4), ([0, 2], 25, 0.9), ([1, 3], 40, 0.55), ([0, 1], 100, 0.9), ([1, 2], 60, 0.7)];
     let pairs = pairs.map(|(photos, count, share)| pair(photos, count, share)).to_vec();
     let ranked = Ranked::new([pairs, vec![pair([0, 4], 25, 0.7)]].concat(), 5);

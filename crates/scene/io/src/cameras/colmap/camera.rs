@@ -5,8 +5,8 @@ use crate::{Error, Result};
 use std::path::Path;
 use weaver_geometry::{Distortion, Intrinsics};
 
-/// COLMAP's camera models: number, name, count of parameters. Those of the last column begin with one focal length, the others with
-/// two.
+/// COLMAP's camera models: number, name, count of parameters. Models that are `true` in the last column begin with one
+/// focal length, the others with two.
 pub(super) const MODELS: [(u32, &str, usize, bool); 11] = [
     (0, "SIMPLE_PINHOLE", 3, true),
     (1, "PINHOLE", 4, false),

@@ -28,7 +28,7 @@ impl<'a> Fields<'a> {
         Ok(values)
     }
 
-    /// Fields until the line ends, in groups of whatever `read` takes.
+    /// Records until the line ends, each read by `read`.
     fn until_end<R>(&mut self, mut read: impl FnMut(&mut Self) -> Result<R>) -> Result<Vec<R>> {
         let mut records = Vec::new();
         while self.fields.clone().next().is_some() {

@@ -5,7 +5,7 @@ use crate::Result;
 use serde_json::{Value, json};
 use weaver_geometry::Distortion;
 
-/// The coefficients, all of which are 0 where they are missing.
+/// The coefficients, each 0 where it is missing.
 pub(super) const KEYS: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
 
 /// The models that k1, k2, k3, p1 and p2 belong to, whichever of them they use.
@@ -30,7 +30,7 @@ pub(super) fn write(distortion: Option<Distortion>, frame: &mut Value) {
         Some(Distortion::Radial { k, p }) => (&k[..], &p[..]),
         Some(Distortion::Fisheye { k }) => (&k[..], &[][..]),
     };
-    // Three coefficients are what most readers know; the others are there where they say something.
+    // Most readers support three coefficients; the others are written where they are not zero.
     let keys = KEYS.iter().zip(k).enumerate().filter(|(i, (_, k))| *i < 3 || **k != 0.0).map(|(_, pair)| pair);
     for (key, value) in keys.chain(KEYS[6..].iter().zip(p)) {
         frame[key] = json!(value);

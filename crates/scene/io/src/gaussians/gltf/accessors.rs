@@ -133,7 +133,7 @@ impl Accessors<'_> {
         }
     }
 
-    /// `count` elements of `size` bytes, all of which lie within the view.
+    /// `count` elements of `size` bytes, all within the view.
     fn rows(&self, index: usize, view: usize, offset: usize, [count, size]: [usize; 2]) -> Result<Rows<'_>> {
         let view = self.buffers.view(view)?;
         let stride = view.stride.unwrap_or(size);

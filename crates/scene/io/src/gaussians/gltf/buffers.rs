@@ -56,7 +56,7 @@ impl<'a> Buffers<'a> {
         self.buffers.iter().map(|buffer| self.place(buffer).1.len()).sum()
     }
 
-    /// Where the bytes of a buffer are.
+    /// The content and range of a buffer's bytes.
     fn place<'b>(&'b self, source: &'b Source<'a>) -> (&'b Content<'a>, Range<usize>) {
         match source {
             Source::Chunk(place) => (&self.file, place.clone()),

@@ -20,7 +20,7 @@ const KNOWN: [&str; 2] = [EXTENSION, "KHR_mesh_quantization"];
 const DEGREE: usize = 3;
 const POINTS: u64 = 0;
 
-/// Opens a document: its Gaussians are read when they are asked for, those of sparse accessors at once.
+/// Opens a document: its Gaussians are read on demand, or at once from sparse accessors.
 pub(super) fn open<'a>(path: &Path, file: Content<'a>) -> Result<Box<dyn Blocks + 'a>> {
     let (document, binary) = Document::read(path, &file)?;
     if let Some(other) = document.extensions_required.iter().find(|name| !KNOWN.contains(&name.as_str())) {
@@ -47,7 +47,7 @@ pub(super) fn open<'a>(path: &Path, file: Content<'a>) -> Result<Box<dyn Blocks 
                 let expected = format!("at most {most} Gaussians in buffers of this length");
                 return Err(Error::invalid(path, place(part.of), expected, count));
             }
-            // What is wrong whatever the numbers are.
+            // Finds faults that do not depend on the numbers.
             scene.gaussians(&part, 0..0)?;
             if part.count > 0 {
                 scene.parts.push(part);
@@ -74,7 +74,7 @@ struct Part {
     degree: usize,
 }
 
-/// Where a primitive stands in the document.
+/// Place of a primitive in the document, for messages.
 fn place([mesh, primitive]: [usize; 2]) -> String {
     format!("meshes[{mesh}].primitives[{primitive}]")
 }

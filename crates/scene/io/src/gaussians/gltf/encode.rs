@@ -114,7 +114,8 @@ fn position([x, y, z]: [f32; 3]) -> [f32; 3] {
     [-x, -y, z]
 }
 
-/// The corners of the box of all positions as they are written: the least and the largest. Values are checked on the way.
+/// The corners of the box of all positions as they are written: the least and the largest. Values are checked on the
+/// way.
 fn corners(path: &Path, gaussians: &dyn Blocks) -> Result<[[f32; 3]; 2]> {
     let mut points = Vec::new();
     let mut corners = [[0.0; 3]; 2];
@@ -130,7 +131,8 @@ fn corners(path: &Path, gaussians: &dyn Blocks) -> Result<[[f32; 3]; 2]> {
     Ok(corners)
 }
 
-/// Writes one attribute after the other. As many as fit into `gathered` bytes are gathered in one pass over the Gaussians, and one at least.
+/// Writes one attribute after the other. As many as fit into `gathered` bytes are gathered in one pass over the
+/// Gaussians, and one at least.
 fn binary(
     path: &Path,
     gaussians: &dyn Blocks,

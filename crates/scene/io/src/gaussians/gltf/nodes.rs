@@ -1,4 +1,4 @@
-//! Where the meshes of a scene are.
+//! Transforms of the meshes of a scene.
 
 use super::document::{Document, Node};
 use crate::{Error, Result};
@@ -6,10 +6,10 @@ use std::path::Path;
 use weaver_geometry::Similarity;
 use weaver_geometry::glam::{DMat3, DMat4, DQuat, DVec3};
 
-/// Largest difference of scales along axes, and of angles between them, from those of a similarity.
+/// Largest difference from a similarity, in scales along axes and angles between them.
 const TOLERANCE: f64 = 1e-4;
 
-/// The meshes that a scene shows, and the transform of each; none where it stays as it is.
+/// The meshes of a scene, each with its transform; `None` for the identity.
 pub(super) fn placed(path: &Path, document: &Document) -> Result<Vec<(usize, Option<Similarity>)>> {
     if document.scenes.is_empty() {
         return Ok((0..document.meshes.len()).map(|mesh| (mesh, None)).collect());

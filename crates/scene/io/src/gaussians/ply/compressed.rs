@@ -1,8 +1,9 @@
-//! The compressed PLY files of SuperSplat: blocks of 256 Gaussians, each with the bounds of what it holds.
+//! The compressed PLY files of SuperSplat: blocks of 256 Gaussians, each with the bounds of its values.
 //!
-//! An element `chunk` has the bounds of positions, logarithms of scales and colors of a block; `vertex` has four words for each Gaussian: its
-//! position and scale in 11, 10 and 11 bits between these bounds, its rotation without the largest component in 2 and three times 10, its
-//! color and opacity in four bytes; `sh`, if there are harmonics, a byte for each of them from -4 to 4, one color after the other.
+//! An element `chunk` has the bounds of positions, logarithms of scales and colors of a block; `vertex` has four words
+//! for each Gaussian: its position and scale in 11, 10 and 11 bits between these bounds, its rotation without the
+//! largest component in 2 and three times 10, its color and opacity in four bytes; `sh`, if there are harmonics, a byte
+//! for each of them from -4 to 4, one color after the other.
 
 use super::header::first_lines;
 use super::table::Elements;

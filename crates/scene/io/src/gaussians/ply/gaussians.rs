@@ -15,15 +15,17 @@ use std::path::{Path, PathBuf};
 use weaver_geometry::sh;
 use weaver_scene::{Gaussians, forms};
 
-/// Opens a 3DGS PLY file, ASCII or binary little-endian, or a compressed one. Rows of a binary file are read when they are asked for.
+/// Opens a 3DGS PLY file, ASCII or binary little-endian, or a compressed one. Rows of a binary file are read on demand.
 ///
-/// The number of `f_rest_*` properties tells the degree of the spherical harmonics. Positions and scales are required: a
-/// file without scales is a point cloud, for [`read_points`](crate::gaussians::ply::read_points). Other missing properties are filled
-/// as viewers do it: without a rotation it is the identity, without an opacity Gaussians are opaque, and without harmonics
-/// (`f_dc_*`) the color is that of `red`, `green`, `blue` (0 to 255), or else middle gray.
+/// The number of `f_rest_*` properties gives the degree of the spherical harmonics. Positions and scales are required:
+/// a file without scales is a point cloud, for [`read_points`](crate::gaussians::ply::read_points). Other missing
+/// properties are filled as viewers do it: without a rotation it is the identity, without an opacity Gaussians are
+/// opaque, and without harmonics (`f_dc_*`) the color comes from `red`, `green`, `blue` (0 to 255), or else is middle
+/// gray.
 ///
 /// # Errors
-/// When a required property or a part of a property is missing, or a value is not finite (opacity logits may be infinite).
+/// When a required property or a part of a property is missing, or a value is not finite (opacity logits may be
+/// infinite).
 pub(crate) fn open<'a>(path: &Path, content: Content<'a>) -> Result<OpenScene<'a>> {
     let header = Header::of(path, &content)?;
     let (before, vertex) = header.vertices(path)?;
@@ -150,8 +152,8 @@ impl Columns {
     }
 }
 
-/// Writes a 3DGS PLY file, binary little-endian, with the properties of the reference implementation in its order; normals
-/// are zero.
+/// Writes a 3DGS PLY file, binary little-endian, with the properties of the reference implementation in its order;
+/// normals are zero.
 ///
 /// # Errors
 /// When a value is not finite, but for opacity logits.

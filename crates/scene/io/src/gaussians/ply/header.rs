@@ -122,7 +122,7 @@ pub(super) struct Header {
     pub elements: Vec<Element>,
     /// Antialiasing as a comment of Brush or Postshot states it.
     pub antialiased: bool,
-    /// Where the body begins.
+    /// Offset of the body.
     pub end: usize,
 }
 
@@ -130,7 +130,7 @@ pub(super) struct Header {
 const START: usize = 1 << 14;
 
 impl Header {
-    /// The header of a file, of which no more is read than it needs.
+    /// The header of a file; no more of the file is read than it needs.
     pub fn of(path: &Path, content: &Content<'_>) -> Result<Self> {
         let mut size = START;
         loop {
@@ -220,7 +220,7 @@ impl Header {
     }
 }
 
-/// Refuses what is no PLY file by its first bytes: what is not text may have no line for gigabytes.
+/// Refuses a file that is no PLY by its first bytes: binary data may have no line end for gigabytes.
 fn check_kind(path: &Path, data: &[u8]) -> Result<()> {
     if data.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_none_or(u8::is_ascii_whitespace)) {
         return Ok(());

@@ -9,7 +9,8 @@ use weaver_scene::PointCloud;
 
 /// Reads a point cloud from a PLY file, ASCII or binary little-endian.
 ///
-/// The properties are `x`, `y`, `z` and, optionally, `red`, `green`, `blue` (0 to 255); without colors, points are white.
+/// The properties are `x`, `y`, `z` and, optionally, `red`, `green`, `blue` (0 to 255); without colors, points are
+/// white.
 ///
 /// # Errors
 /// When a property is missing or a position is not finite.

@@ -4,7 +4,7 @@ use super::header::{Element, Format, Header};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// The vertices, whatever their properties.
+/// The vertices, with any properties.
 pub(crate) struct Table {
     path: PathBuf,
     /// Property names.
@@ -16,8 +16,8 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// Reads the vertices of an ASCII or binary little-endian file. Elements before them are skipped (those of
-    /// fixed size only), elements after them are ignored.
+    /// Reads the vertices of an ASCII or binary little-endian file. Elements before them are skipped (only if their
+    /// size is fixed), elements after them are ignored.
     pub(crate) fn read(path: &Path, data: &[u8]) -> Result<Self> {
         let header = Header::read(path, data)?;
         let (before, vertex) = header.vertices(path)?;
@@ -45,8 +45,8 @@ impl Table {
     }
 }
 
-/// The lists of the element `face` behind the vertices, whose lengths are bytes and whose numbers are 32-bit integers; none where there
-/// is no such element.
+/// The lists of the element `face` behind the vertices, whose lengths are bytes and whose numbers are 32-bit integers;
+/// none where there is no such element.
 pub(crate) fn faces(path: &Path, data: &[u8]) -> Result<Vec<Vec<u32>>> {
     let Header { format, elements, end, .. } = Header::read(path, data)?;
     let Some(index) = elements.iter().position(|e| e.name == "face") else { return Ok(Vec::new()) };

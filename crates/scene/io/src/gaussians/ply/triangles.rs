@@ -8,7 +8,7 @@ use std::path::Path;
 /// Vertices and triangles.
 pub type Triangles = (Vec<[f32; 3]>, Vec<[u32; 3]>);
 
-/// Writes a surface as a binary little-endian PLY file; `colors` are those of the vertices, or none.
+/// Writes a surface as a binary little-endian PLY file; `colors` are the vertices', or none.
 ///
 /// # Errors
 /// When the file cannot be written.

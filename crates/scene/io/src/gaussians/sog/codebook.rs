@@ -11,10 +11,11 @@ pub(super) struct Codebook {
 }
 
 impl Codebook {
-    /// The table with the least sum of squared distances that Lloyd's method finds for `values`, which are finite; where there are no
-    /// more than 256 different ones, it is exact.
+    /// The table with the least sum of squared distances that Lloyd's method finds for `values`, which are finite;
+    /// where there are no more than 256 different ones, it is exact.
     ///
-    /// Half of the entries start at quantiles, the others evenly spaced, so that rare extremes are not left without any.
+    /// Half of the entries start at quantiles, the others evenly spaced, so that rare extremes are not left without
+    /// any.
     pub(super) fn of(mut values: Vec<f32>) -> Self {
         values.sort_unstable_by(f32::total_cmp);
         let mut different = values.clone();

@@ -1,4 +1,4 @@
-//! What `meta.json` holds.
+//! The content of `meta.json`.
 
 use super::META;
 use crate::files::json::{found, not_json};

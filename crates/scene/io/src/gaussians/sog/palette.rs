@@ -1,7 +1,7 @@
 //! Rows of numbers as rows of a palette, by k-means in two levels.
 //!
-//! Against all of 65536 centers, a million rows would take hours. So rows are first divided among the square root of that number of
-//! clusters, and each cluster is divided by itself: every row meets 512 centers.
+//! Against all of 65536 centers, a million rows would take hours. So rows are first divided among the square root of
+//! that number of clusters, and each cluster is divided by itself: every row meets 512 centers.
 
 use weaver_kernels::gemm::{Mat, MatMut, gemm_serial};
 use weaver_kernels::parallel::for_chunks;

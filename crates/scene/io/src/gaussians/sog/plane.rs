@@ -20,7 +20,7 @@ pub(super) enum Size {
     Columns(usize, usize),
 }
 
-/// Pixels that a picture may have beyond a multiple of what it has to hold.
+/// Pixels that a picture may have beyond twice the required number.
 const MORE: usize = 1 << 14;
 
 impl Plane {

@@ -32,7 +32,7 @@ pub(in crate::gaussians) fn write(meta: &Path, files: &[File]) -> Result<()> {
         };
         complete.push((written().map_err(Error::io(&path))?, path));
     }
-    // Without it there is no scene, so that none is read of which a part is new.
+    // Without it there is no scene, so that no reader finds a partly replaced one.
     remove(meta)?;
     for (file, path) in complete {
         file.persist().map_err(Error::io(&path))?;

@@ -24,7 +24,7 @@ pub(super) fn unpack(
         gaussians.means = positions.as_chunks().0.iter().map(|p| turned([0, 1, 2].map(|i| half(p, i)))).collect();
     } else {
         let unit = f64::from(1u32 << header.fraction).recip();
-        // Into the upper three bytes, so that the sign lands where it belongs.
+        // Into the upper three bytes, so that the sign bit is in its place.
         let fixed = |p: &[u8; 9], i: usize| i32::from_le_bytes([0, p[3 * i], p[3 * i + 1], p[3 * i + 2]]) >> 8;
         let position = |p: &[u8; 9]| turned([0, 1, 2].map(|i| (f64::from(fixed(p, i)) * unit) as f32));
         gaussians.means = positions.as_chunks().0.iter().map(position).collect();

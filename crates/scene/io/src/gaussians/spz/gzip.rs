@@ -28,7 +28,7 @@ pub(super) fn read(path: &Path, packed: &[u8]) -> Result<(Header, Streams)> {
     if expected > limit {
         return Err(wrong(format!("at most {limit}")));
     }
-    // What a file unpacks to is up to the file: no more is unpacked than its header speaks of.
+    // The file decides its unpacked size: no more is unpacked than its header announces.
     let mut streams = Streams::default();
     let mut so_far = 0;
     for (stream, length) in streams.iter_mut().zip(lengths) {

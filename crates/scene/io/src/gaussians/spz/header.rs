@@ -1,4 +1,4 @@
-//! What every version begins with.
+//! The common beginning of every version.
 
 use crate::Result;
 use crate::files::bytes::Bytes;
@@ -8,7 +8,7 @@ use weaver_geometry::sh;
 /// The first four bytes.
 pub(super) const MAGIC: u32 = u32::from_le_bytes(*b"NGSP");
 
-/// Bytes of a header, of which version 4 has more.
+/// Bytes of a header; version 4 has more.
 pub(super) const BYTES: usize = 16;
 
 /// The bit of `flags` that says how Gaussians were trained.
@@ -22,7 +22,7 @@ pub(super) struct Header {
     /// Bits after the point of positions.
     pub fraction: u8,
     pub antialiased: bool,
-    /// The file's axes are those of OpenGL, not those of PLY files.
+    /// The file's axes follow OpenGL, not PLY files.
     pub turned: bool,
 }
 

@@ -15,14 +15,14 @@ const NAMES: [&str; 6] = ["positions", "opacities", "colors", "scales", "rotatio
 const HEADER: usize = 32;
 /// Bytes of a row of the table: the compressed and the original size.
 const ROW: usize = 16;
-/// The bit of `flags` that says that there are extensions.
+/// The bit of `flags` for extensions.
 const EXTENDED: u8 = 2;
-/// The extension that names the axes, and those of OpenGL and of PLY files in it.
+/// The extension that names the axes, and its values for OpenGL's and for PLY files'.
 const AXES: u32 = 0xadbe_0003;
 const AXES_UNKNOWN: u32 = 0;
 const AXES_OPENGL: u32 = 4;
 const AXES_PLY: u32 = 6;
-/// A window that every encoder may use, whatever it compresses.
+/// A window that every encoder may use for any data.
 const WINDOW: u64 = 8 << 20;
 /// A block of 128 KB takes at least four bytes.
 const LARGEST_RATIO: u64 = 1 << 15;
@@ -70,7 +70,7 @@ pub(super) fn read(path: &Path, data: &[u8]) -> Result<(Header, Streams)> {
     Ok((header, found))
 }
 
-/// True if the axes are those of OpenGL, which they are unless an extension says otherwise.
+/// True if the axes follow OpenGL, the default without an extension.
 fn turned(records: &mut Bytes) -> Result<bool> {
     let mut turned = true;
     while !records.rest().is_empty() {

@@ -49,7 +49,7 @@ pub(super) fn header(path: &Path) -> Result<Header> {
     let color = decoder.color_type();
     Ok(Header {
         stored: (width as usize, height as usize),
-        // What is malformed says nothing.
+        // A malformed orientation is ignored.
         orientation: decoder.orientation().unwrap_or(Orientation::NoTransforms),
         has_alpha: color.has_alpha(),
         is_gray: !color.has_color(),
@@ -63,7 +63,7 @@ pub(super) fn decode(path: &Path) -> Result<Pixels> {
     Ok(decode_bytes(path, &read_bytes(path)?)?.0)
 }
 
-/// The pixels of a photo in memory, and which way up they are; `path` is what messages call it.
+/// The pixels of a photo in memory, and their orientation; messages call it `path`.
 pub(super) fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<(Pixels, Orientation)> {
     check_kind(path, bytes)?;
     if is_cut_jpeg(bytes) {
@@ -71,18 +71,18 @@ pub(super) fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<(Pixels, Orienta
     }
     check_values(path, &mut Cursor::new(bytes))?;
     let mut decoder = decoder(path, "image", Cursor::new(bytes))?;
-    // What is malformed says nothing.
+    // A malformed orientation is ignored.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let (total, length) = (decoder.total_bytes(), bytes.len() as u64);
     check_claim(path, density(bytes), decoder.dimensions(), total, length)?;
-    // What is compressed is no longer than the file.
+    // Compressed data are no longer than the file.
     let mut limits = Limits::default();
     limits.max_alloc = Some(2 * total + length + MARGIN);
     decoder.set_limits(limits).map_err(|e| Error::invalid(path, "image", EXPECTED, e))?;
     let decoded = DynamicImage::from_decoder(decoder).map_err(|e| Error::invalid(path, "image", EXPECTED, e))?;
     let size = (decoded.width() as usize, decoded.height() as usize);
     let has_alpha = decoded.color().has_alpha();
-    // Neither is a copy of what has the form already.
+    // Neither conversion copies values that have the form already.
     let values = if has_alpha { decoded.into_rgba8().into_raw() } else { decoded.into_rgb8().into_raw() };
     Ok((Pixels { whole: size, shrink: 1, size, values, channels: if has_alpha { 4 } else { 3 } }, orientation))
 }
@@ -99,7 +99,8 @@ pub(super) fn may_hold(path: &Path, (width, height): (usize, usize)) -> bool {
     std::fs::metadata(path).is_ok_and(|file| check_claim(path, Some(DENSE), size, total, file.len()).is_ok())
 }
 
-/// Bytes of pixels that one byte of a file stands for at most; `None` for lossless WebP, where one color takes no bits at all.
+/// Bytes of pixels that one byte of a file stands for at most; `None` for lossless WebP, where one color takes no bits
+/// at all.
 fn density(bytes: &[u8]) -> Option<u64> {
     const LOSSLESS: &[u8] = b"VP8L";
     match image::guess_format(bytes).ok()? {
@@ -109,7 +110,8 @@ fn density(bytes: &[u8]) -> Option<u64> {
     }
 }
 
-/// Refuses what a header claims and a file of this density cannot hold, or what is too much: memory is taken for it before a pixel is decoded.
+/// Refuses a size in a header that a file of this density cannot hold, or that is too much: memory is taken for it
+/// before a pixel is decoded.
 fn check_claim(path: &Path, density: Option<u64>, size: (u32, u32), total: u64, bytes: u64) -> Result<()> {
     if density.is_some_and(|density| total / density > bytes) {
         let expected = format!("{} x {} pixels, as its header says", size.0, size.1);
@@ -121,13 +123,13 @@ fn check_claim(path: &Path, density: Option<u64>, size: (u32, u32), total: u64, 
     Ok(())
 }
 
-/// Refuses what claims values that are longer than the file.
+/// Refuses a header whose values are longer than the file.
 fn check_values(path: &Path, file: &mut (impl Read + Seek)) -> Result<()> {
     let found = super::tiff::too_long(file);
     found.map_or(Ok(()), |found| Err(Error::invalid(path, "directory", "values that the file can hold", found)))
 }
 
-/// Says how to convert what phones write and nothing here reads.
+/// Says how to convert formats that phones write and nothing here reads.
 fn check_kind(path: &Path, bytes: &[u8]) -> Result<()> {
     let kind = match bytes.get(4..12) {
         Some(b"ftypavif" | b"ftypavis") => "AVIF",
@@ -167,7 +169,7 @@ pub(super) struct Decoded {
 }
 
 impl Decoded {
-    /// Width and height of what is read.
+    /// Width and height as read.
     pub fn size(&self) -> (usize, usize) {
         orientation::turned(self.orientation, self.pixels.size)
     }
@@ -184,7 +186,7 @@ impl Decoded {
         [x0 + left, y0 + top, (x1 + left).min(width as f64), (y1 + top).min(height as f64)]
     }
 
-    /// A row of what is read, `[width, 3]`.
+    /// A row as read, `[width, 3]`.
     pub fn row(&self, y: usize, row: &mut [u8]) {
         if self.is_plain() {
             return row.copy_from_slice(&self.pixels.values[y * row.len()..(y + 1) * row.len()]);
@@ -198,14 +200,14 @@ impl Decoded {
         }
     }
 
-    /// The pixel as it is stored, of a place as it is read.
+    /// The stored pixel at a place of the upright photo.
     fn pixel(&self, at: (usize, usize)) -> &[u8] {
         let Pixels { size, values, channels, .. } = &self.pixels;
         let (x, y) = orientation::stored(self.orientation, *size, at);
         &values[(y * size.0 + x) * channels..][..*channels]
     }
 
-    /// True if what is read is what is stored.
+    /// True if pixels are read as they are stored.
     fn is_plain(&self) -> bool {
         self.mask.is_none()
             && self.orientation == Orientation::NoTransforms
@@ -229,7 +231,7 @@ impl Decoded {
         }
     }
 
-    /// All of what is read, `[height, width, 3]`.
+    /// All pixels as read, `[height, width, 3]`.
     pub fn into_pixels(self) -> Vec<u8> {
         if self.is_plain() {
             return self.pixels.values;
@@ -245,13 +247,14 @@ impl Decoded {
 static USED: Mutex<u64> = Mutex::new(0);
 static FREED: Condvar = Condvar::new();
 
-/// The right to decode a photo, until it is dropped. Whoever holds one must not wait for another, nor for other threads.
+/// The right to decode a photo, until it is dropped. Whoever holds one must not wait for another, nor for other
+/// threads.
 pub(super) struct Permit {
     bytes: u64,
 }
 
 impl Permit {
-    /// Waits until so many bytes fit beside the others, or there are no others.
+    /// Waits until so many bytes fit beside the other decoders' memory, or there are no others.
     pub fn wait(bytes: u64) -> Self {
         let used = USED.lock().unwrap_or_else(PoisonError::into_inner);
         let too_much = |used: &mut u64| *used > 0 && *used + bytes > MOST;
@@ -301,7 +304,7 @@ mod tests {
         };
         std::thread::scope(|scope| (0..4).for_each(|_| drop(scope.spawn(decode))));
         assert_eq!(most.into_inner(), 1);
-        // One alone is decoded, whatever its size.
+        // One alone is decoded at any size.
         drop(Permit::wait(10 * MOST));
     }
 }

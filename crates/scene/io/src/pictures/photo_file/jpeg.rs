@@ -1,4 +1,5 @@
-//! What only JPEG has: it says how it was coded before its pixels, and can be decoded smaller than it is.
+//! Properties of JPEG alone: its header describes the coding before its pixels, and it can be decoded at a reduced
+//! scale.
 
 use super::pixels::Pixels;
 use jpeg_decoder::{ColorTransform, Decoder, PixelFormat};
@@ -13,7 +14,7 @@ pub(super) struct Segments {
     pub progressive: bool,
     /// Where the first scan begins, behind its header, in bytes.
     pub end: u64,
-    /// Conversion of its channels to colors, where that is gray or what nearly all photos have.
+    /// Conversion of its channels to colors, if it is gray or the conversion of nearly all photos.
     colors: Option<ColorTransform>,
 }
 
@@ -28,7 +29,8 @@ mod kind {
 }
 
 impl Segments {
-    /// Reads a file from its beginning up to its first scan; `None` if it is no JPEG, or one that is out of the ordinary.
+    /// Reads a file from its beginning up to its first scan; `None` if it is no JPEG, or one that is out of the
+    /// ordinary.
     pub fn read(file: &mut (impl BufRead + Seek)) -> Option<Self> {
         let mut start = [0; 2];
         file.read_exact(&mut start).ok()?;
@@ -76,7 +78,8 @@ fn colors(frame: &[u8], adobe: Option<u8>) -> Option<ColorTransform> {
     }
 }
 
-/// Decodes a photo so that `shrink` x `shrink` of its pixels, 2 or 4 each way, become one; `None` if that fails, for whatever reason.
+/// Decodes a photo so that `shrink` x `shrink` of its pixels, 2 or 4 each way, become one; `None` if that fails for any
+/// reason.
 ///
 /// `whole` is its width and height, for which memory is taken.
 pub(super) fn decode(path: &Path, segments: Segments, whole: (usize, usize), shrink: usize) -> Option<Pixels> {

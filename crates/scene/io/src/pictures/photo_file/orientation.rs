@@ -1,4 +1,4 @@
-//! Which way up a photo is.
+//! Orientation of photos.
 
 use image::metadata::Orientation::{self, *};
 
@@ -28,8 +28,8 @@ pub(super) fn stored(
     }
 }
 
-/// Distance from the border of the decoded picture to the upright photo, at the left and at the top, where that reaches so far beyond what is stored
-/// at its right and its bottom.
+/// Distance from the border of the decoded picture to the upright photo, at the left and at the top, where the picture
+/// reaches so far beyond the stored pixels at its right and its bottom.
 pub(super) fn margin(orientation: Orientation, [right, bottom]: [f64; 2]) -> [f64; 2] {
     match orientation {
         NoTransforms | Rotate90FlipH => [0.0, 0.0],

@@ -1,9 +1,9 @@
-//! What a TIFF claims before its pixels.
+//! The size that a TIFF announces before its pixels.
 
 use std::io::{Read, Seek, SeekFrom};
 
-/// The first value of a TIFF's first directory that is longer than the file, in words; `None` if there is none, or the file is of
-/// another kind. A decoder takes memory for it before it reads.
+/// The first value of a TIFF's first directory that is longer than the file, in words; `None` if there is none, or the
+/// file is of another kind. A decoder takes memory for it before it reads.
 pub(super) fn too_long(file: &mut (impl Read + Seek)) -> Option<String> {
     let length = file.seek(SeekFrom::End(0)).ok()?;
     file.rewind().ok()?;

@@ -1,4 +1,4 @@
-//! What is wrong with the header of a safetensors file, in words.
+//! Faults in the header of a safetensors file, in words.
 
 use ::safetensors::SafeTensorError;
 

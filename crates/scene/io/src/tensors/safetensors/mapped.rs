@@ -82,7 +82,7 @@ impl<E: FromBytes + Immutable + KnownLayout> AsRef<[E]> for Slice<E> {
     }
 }
 
-/// The name that a folder's only file of weights has, and that of the index where there are several.
+/// The name of a folder's only file of weights, and the name of the index where there are several.
 const NAMES: [&str; 2] = ["model.safetensors", "model.safetensors.index.json"];
 
 impl Mapped {
@@ -134,7 +134,7 @@ impl Mapped {
         Ok(())
     }
 
-    /// The files of an index, and that they hold what it says.
+    /// The files of an index, and that they hold its tensors.
     fn add_index(&mut self, path: &Path) -> Result<()> {
         let text = crate::read_text(path)?;
         let json: serde_json::Value = serde_json::from_str(&text)
@@ -195,12 +195,13 @@ impl Mapped {
         })
     }
 
-    /// An error that names the file and `place`, for content that is not what the caller expects.
+    /// An error that names the file and `place`, for content that the caller does not expect.
     pub fn invalid(&self, place: impl Display, expected: impl Display, found: impl Display) -> Error {
         Error::invalid(&self.path, place, expected, found)
     }
 
-    /// Releases the memory of everything read so far. It stays readable: the system reads it from the files again when needed.
+    /// Releases the memory of everything read so far. It stays readable: the system reads it from the files again when
+    /// needed.
     pub fn forget(&self) {
         self.files.iter().for_each(|file| file.forget());
     }

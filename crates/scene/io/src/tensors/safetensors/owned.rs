@@ -138,7 +138,7 @@ impl Tensors {
         Self::from_bytes(&read_bytes(path.as_ref())?, path.as_ref())
     }
 
-    /// The content of a safetensors file in memory; `origin` is what messages call it.
+    /// The content of a safetensors file in memory; messages call it `origin`.
     ///
     /// # Errors
     /// As [`Tensors::read`].
@@ -208,7 +208,7 @@ impl Tensors {
         &self.origin
     }
 
-    /// Adds a tensor, or replaces the one of that name.
+    /// Adds a tensor, or replaces an earlier one under its name.
     ///
     /// # Panics
     /// When the shape does not fit the values.

@@ -26,9 +26,10 @@ impl Planned {
     }
 }
 
-/// Writes a safetensors file of any size atomically, calling `fill` for each tensor in turn to write its little-endian values.
+/// Writes a safetensors file of any size atomically, calling `fill` for each tensor in turn to write its little-endian
+/// values.
 ///
-/// Only what `fill` itself holds is in memory.
+/// Only the memory of `fill` itself is used.
 ///
 /// # Errors
 /// When the file cannot be written, `fill` fails, or it writes another number of bytes than planned.

@@ -1,7 +1,7 @@
 //! Python's pickle machine, as far as descriptions of tensors need it. It calls nothing.
 //!
-//! Everything that is made lies in one list and refers to others by their place in it, so that no program can make
-//! something so deep that it could not be dropped again.
+//! All objects lie in one list and refer to others by index, so that no program can build an object too deep to be
+//! dropped.
 
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ pub enum Node {
 /// Numbers in a file of the archive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Storage {
-    /// The class, such as `FloatStorage`, or the type, such as `float32`, where the class does not tell.
+    /// The class, such as `FloatStorage`, or the type, such as `float32`, where the class has none.
     pub kind: String,
     /// The file's name.
     pub key: String,
@@ -162,7 +162,7 @@ impl<'p> Machine<'p> {
     }
 
     fn pop(&mut self) -> Outcome<Id> {
-        // What lies below a mark is not for the taking.
+        // Values below a mark cannot be popped.
         let floor = self.marks.last().copied().unwrap_or(0);
         if self.stack.len() <= floor {
             Err("nothing left on the stack".into())
