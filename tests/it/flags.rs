@@ -1,11 +1,11 @@
-//! Every flag has one meaning: docs/conventions.md lists those that several commands have, with what their values are.
+//! Every flag has one meaning: docs/reference/conventions.md lists flags of several commands with their values.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// The rows of the table of flags: the alternatives of a flag's value, none for a switch, and an empty one where it is a switch as well.
+/// The rows of the table of flags: the alternatives of a value, none for a switch, an empty one for an optional value.
 fn table() -> BTreeMap<String, BTreeSet<String>> {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("docs/conventions.md");
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("docs/reference/conventions.md");
     let page = std::fs::read_to_string(page).unwrap();
     let rows = page.lines().filter_map(|line| line.strip_prefix("| `--"));
     let row = |row: &str| {
@@ -27,16 +27,22 @@ fn a_flag_of_several_commands_has_one_meaning() {
         let own: BTreeSet<String> = flag.value.iter().flat_map(|value| value.split('|')).map(String::from).collect();
         let is_switch = known.is_empty() || known.contains("");
         if own.is_empty() && !is_switch || !own.is_subset(known) {
-            faults.push(format!("{} --{}: {own:?}, and docs/conventions.md says {known:?}", flag.command, flag.name));
+            faults.push(format!(
+                "{} --{}: {own:?}, and docs/reference/conventions.md says {known:?}",
+                flag.command, flag.name
+            ));
         }
     }
     for (name, count) in &commands {
         if *count > 1 && !table.contains_key(name) {
-            faults.push(format!("--{name}: {count} commands have it, and docs/conventions.md does not explain it"));
+            faults.push(format!(
+                "--{name}: {count} commands have it, and docs/reference/conventions.md does not explain it"
+            ));
         }
     }
     for name in table.keys().filter(|name| commands.get(*name).copied().unwrap_or(0) < 2) {
-        faults.push(format!("--{name}: docs/conventions.md explains it, and fewer than two commands have it"));
+        faults
+            .push(format!("--{name}: docs/reference/conventions.md explains it, and fewer than two commands have it"));
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }

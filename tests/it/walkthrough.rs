@@ -1,8 +1,8 @@
-//! docs/add-an-op.md is compiled and run as a doctest of this package; here, that it keeps its title's promise.
+//! The walk-through docs/contribute/add-an-op.md is a doctest of this package; here, that it keeps its promise.
 
 #[test]
 fn an_op_takes_30_lines() {
-    let page = include_str!("../../docs/add-an-op.md");
+    let page = include_str!("../../docs/contribute/add-an-op.md");
     let code = page.split("```").nth(1).expect("the first block of code");
     let (op, test) = code.split_once("// A few more lines test").expect("the op, then its test");
     let (test, _) = test.split_once("// Shapes that do not fit").expect("the test, then a mistake");

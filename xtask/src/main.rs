@@ -19,7 +19,8 @@ const USAGE: &str = "usage: cargo xtask <command>
 
   check           fmt, clippy, rustdoc, scripts and tidy: what must hold before a change lands
   test            [-p CRATE ...]: all tests, and how many could not run here, and why
-  tidy            the crates' edges and the other invariants of docs/architecture.md
+  tidy            the crates' edges and the other invariants of docs/architecture.md; with UPDATE_PAGES=1 it writes
+                  the page of promises, docs/contribute/tests.md
   parity          DIR [--json] [--strict]: every module against the files of reference numbers in DIR
   random-weights  --preset NAME FILE: a checkpoint of the published names and types, drawn at random
   stress          [-p CRATE ...]: the tests with every sweep in full; before a release

@@ -7,6 +7,7 @@ mod documents;
 mod english;
 mod floors;
 mod packages;
+mod promises;
 mod sources;
 mod spelling;
 
@@ -74,6 +75,7 @@ pub fn run() -> Result<(), String> {
         }
     }
     circles::check(&workspace, &mut faults);
+    promises::check(&workspace, &mut faults);
     documents::check(&workspace, &mut faults);
     let inside = workspace.packages.iter().flat_map(|package| package.sources.iter().chain(&package.tests));
     let all = inside.chain(&workspace.others);
@@ -134,6 +136,7 @@ fn read() -> Result<Workspace, String> {
         workspace.others.extend(sources::directly_in(&root, folder)?);
     }
     workspace.others.extend(sources::directly_in(&root, &root)?);
+    workspace.others.extend(sources::directly_in(&root, &root.join("methods"))?);
     for folder in ["docs", "shaders", "tests/fixtures", "tests/embedding"] {
         workspace.others.extend(sources::below(&root, &root.join(folder))?);
     }

@@ -140,6 +140,7 @@ mod tests {
         -f64::from(params.get(id).value()[0])
     }
 
+    /// Promise of `each_stage_trains_what_it_names`.
     #[test]
     fn published_rates_slow_down_over_a_stage() {
         let all = [

@@ -1,4 +1,4 @@
-"""Writes the pictures that docs/pictures.md measures, from photos: crops.py FOLDER PHOTO.. (Pillow 11.3 or later).
+"""Writes the pictures that docs/explain/pictures.md measures, from photos: crops.py FOLDER PHOTO.. (Pillow 11.3 or later).
 
 Of PHOTO.jpg: PHOTO.png, all of it at one megapixel (2^20), and PHOTO-512.png, the middle 512 x 512 pixels of it at a longest side of 2048.
 """

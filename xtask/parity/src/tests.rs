@@ -142,6 +142,8 @@ fn keys(comparison: &Comparison, verdict: Verdict) -> Vec<&str> {
 }
 
 /// A flipped rectifier passes for what it is and excuses nothing else.
+///
+/// Promise (kept): only rectifiers of LPIPS may flip where numbers of reference implementations are compared.
 #[test]
 fn a_flipped_rectifier_excuses_only_itself() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,12 +1,12 @@
 //! Dependencies: none that nobody uses, none on a git revision, none from outside in the lower crates, and each one explained in
-//! docs/dependencies.md.
+//! docs/contribute/dependencies.md.
 
 use super::sources::{Source, product};
 use super::{Package, Workspace, floors, required, short, text};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
-const DOCUMENT: &str = "docs/dependencies.md";
+const DOCUMENT: &str = "docs/contribute/dependencies.md";
 
 /// Outside crates that the crates below the formats may use: embedding one of them brings in nothing else.
 const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "libc", "crc32c"];

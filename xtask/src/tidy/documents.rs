@@ -4,9 +4,6 @@ use super::sources::Source;
 use super::{Workspace, required, text};
 use std::path::{Component, Path, PathBuf};
 
-/// The page of what is promised, with the tests that hold it to that.
-const PROMISES: &str = "docs/tests.md";
-
 /// The most lines of a page by the beginning of its path, where that is not 400.
 const LONGEST_PAGES: &[(&str, usize)] = &[
     ("docs/guide/", 200),
@@ -18,7 +15,6 @@ const LONGEST_PAGES: &[(&str, usize)] = &[
 
 pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     check_versions(workspace, faults);
-    check_promises(workspace, faults);
     for source in &workspace.others {
         if source.place.ends_with(".md") {
             check_links(workspace, source, faults);
@@ -79,48 +75,6 @@ fn check_versions(workspace: &Workspace, faults: &mut Vec<String>) {
     if !toolchain.contains(&format!("channel = \"{oldest}")) {
         faults.push(format!("rust-toolchain.toml: not the oldest toolchain promised, rust-version = {oldest}"));
     }
-}
-
-/// Each promise names a test, and each test that is named exists.
-fn check_promises(workspace: &Workspace, faults: &mut Vec<String>) {
-    let page = required(&workspace.root, PROMISES, faults);
-    let files = || workspace.packages.iter().flat_map(|package| package.sources.iter().chain(&package.tests));
-    for row in rows(&page) {
-        if tests(row).is_empty() {
-            faults.push(format!("{PROMISES}: no test is named: {row}"));
-        }
-        for (place, name) in tests(row) {
-            let function = format!("fn {name}(");
-            // Tests of the Python package are no sources of a crate.
-            let in_python = || std::fs::read_to_string(workspace.root.join(place)).unwrap_or_default();
-            let is_there = match place.ends_with(".py") {
-                true => in_python().contains(&format!("def {name}(")),
-                false => files().any(|file| file.place == place && file.text.contains(&function)),
-            };
-            if !is_there {
-                faults.push(format!("{PROMISES}: {place} has no test {name}"));
-            }
-        }
-    }
-}
-
-/// The rows of tables without their heads.
-fn rows(text: &str) -> impl Iterator<Item = &str> {
-    let mut lines = text.lines().peekable();
-    std::iter::from_fn(move || {
-        loop {
-            let line = lines.next()?;
-            let head = lines.peek().is_some_and(|next| next.starts_with("|---"));
-            if line.starts_with("| ") && !head {
-                return Some(line);
-            }
-        }
-    })
-}
-
-/// The tests that a row names as `path::name`, in code.
-fn tests(row: &str) -> Vec<(&str, &str)> {
-    row.split('`').skip(1).step_by(2).filter_map(|code| code.split_once("::")).collect()
 }
 
 /// Links to files of the repository lead to files, and to headings where they name one.
@@ -186,14 +140,6 @@ fn links(text: &str) -> Vec<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn tests_are_found_in_the_rows_of_tables() {
-        let text =
-            "`a.rs::b`\n\n| promise | test |\n|---|---|\n| `--flag` does | `a.rs::b`, `c/d.rs::e` |\n| none | |\n";
-        let found: Vec<_> = rows(text).map(tests).collect();
-        assert_eq!(found, [vec![("a.rs", "b"), ("c/d.rs", "e")], vec![]]);
-    }
 
     #[test]
     fn headings_have_anchors() {

@@ -3,7 +3,10 @@
 use super::sources::Source;
 
 /// Folders that the rules hold for.
-const FOLDERS: &[&str] = &["crates/engine", "crates/scene", "crates/photos", "crates/fit", "crates/nets"];
+const FOLDERS: &[&str] = &["crates/engine", "crates/scene", "crates/photos", "crates/fit", "crates/nets", "docs"];
+
+/// Pages made of the texts of the program, whose lines do not wrap.
+const GENERATED: &[&str] = &["docs/reference/flags.md", "docs/reference/python/"];
 
 /// Columns of a line of a comment or of Markdown.
 const WIDEST: usize = 120;
@@ -34,10 +37,15 @@ pub fn check<'s>(sources: impl Iterator<Item = &'s Source> + Clone, faults: &mut
     }
 }
 
-/// Lines end within the width. Tables and blocks of code cannot be wrapped, nor can a single long word.
+/// Lines end within the width. Tables, pictures and blocks of code cannot be wrapped, nor can a single long word.
 fn check_width(source: &Source, faults: &mut Vec<String>) {
+    if GENERATED.iter().any(|place| source.place.starts_with(place)) {
+        return;
+    }
+    let page = source.place.ends_with(".md");
     for line in lines(source) {
-        let wraps = !line.text.starts_with('|') && line.text.contains(' ');
+        let code = page && line.whole.starts_with("    ");
+        let wraps = !code && !line.text.starts_with('|') && !line.text.starts_with("![") && line.text.contains(' ');
         if wraps && line.whole.chars().count() > WIDEST {
             faults.push(format!("{}:{}: a comment of more than {WIDEST} columns", source.place, line.number));
         }

@@ -38,7 +38,7 @@ fn collect(root: &Path, base: &Path, folder: &Path, deep: bool, sources: &mut Ve
     for path in paths {
         if path.is_dir() && deep {
             collect(root, base, &path, deep, sources)?;
-        } else if path.extension().is_some_and(|e| ["rs", "md", "toml", "wgsl"].iter().any(|known| e == *known)) {
+        } else if path.extension().is_some_and(|e| ["rs", "md", "toml", "wgsl", "py"].iter().any(|known| e == *known)) {
             let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
             let relative = |to: &Path| path.strip_prefix(to).unwrap_or(&path).to_string_lossy().replace('\\', "/");
             sources.push(Source { place: relative(root), inside: relative(base), text });
@@ -200,6 +200,7 @@ pub fn check_comments(source: &Source, faults: &mut Vec<String>) {
 mod tests {
     use super::*;
 
+    /// Promise of `commands_to_go_on_can_be_pasted`.
     #[test]
     fn printed_commands_have_no_holes() {
         for code in [r#"format!("to go on: splatweaver fit --resume {folder}")"#, "\"`splatweaver info {}` tells\""] {

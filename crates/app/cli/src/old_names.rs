@@ -145,6 +145,8 @@ mod tests {
     }
 
     /// An old name is no flag of today's, and stands for one that the command has.
+    ///
+    /// Promise (files): an old name of a flag stands for one that the command has, and is none of today's.
     #[test]
     fn old_names_stand_for_flags_that_there_are() {
         let flags = crate::flags();

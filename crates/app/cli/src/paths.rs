@@ -112,6 +112,9 @@ mod tests {
     }
 
     /// No output of any command goes over anything that it reads, a photo in it, a device, or a link that leads nowhere.
+    ///
+    /// Promise (files): the type of an argument marks it as an output, and no output of any command goes over any of
+    /// its inputs.
     #[cfg(unix)]
     #[test]
     fn outputs_never_go_over_inputs() {
@@ -156,6 +159,8 @@ mod tests {
     }
 
     /// Every argument that is written has the type of outputs, and every command that has one is in the table above.
+    ///
+    /// Promise of `outputs_never_go_over_inputs`.
     #[test]
     fn outputs_have_their_type() {
         let program = CommandLine::command();

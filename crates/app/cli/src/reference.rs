@@ -8,7 +8,7 @@ use std::fmt::Write;
 pub fn reference() -> String {
     let mut page = String::from(
         "# Flags\n\nEvery command with what it takes; generated from the program's own definition. `splatweaver COMMAND --help` prints the same with examples. \
-         [Conventions](../conventions.md#flags) explain the flags that several commands have.\n",
+         [Conventions](conventions.md#flags) explain the flags that several commands have.\n",
     );
     for command in CommandLine::command().get_subcommands().filter(|command| !command.is_hide_set()) {
         add(command.get_name().to_string(), command, &mut page);

@@ -194,6 +194,11 @@ mod tests {
 
     /// Inputs are compared by their ordinary files, as large as they may be; pipes, and links that lead nowhere or back,
     /// have no say.
+    ///
+    /// Promise (files): inputs are compared by their ordinary files, a part at a time; pipes, broken links and
+    /// circular links do not count.
+    /// Promise (files): a unit of work is of all files that it reads: photos, `--config`, `--init`, `--weights`, a
+    /// run's checkpoint, `--cameras`.
     #[cfg(unix)]
     #[test]
     fn inputs_are_compared_by_their_files() {

@@ -65,6 +65,9 @@ mod tests {
     use super::*;
 
     /// Control characters of file names do not reach the terminal, and JSON stays the same JSON.
+    ///
+    /// Promise (files): control characters of file names do not reach the terminal; JSON stays the same JSON; an
+    /// error is one line.
     #[test]
     fn names_do_not_steer_the_terminal() {
         let (mut out, mut err) = (Vec::new(), Vec::new());

@@ -149,6 +149,8 @@ mod tests {
     }
 
     /// A name with a line break or an escape leaves an error one line of plain text, of whatever kind it is.
+    ///
+    /// Promise of `names_do_not_steer_the_terminal`.
     #[test]
     fn errors_are_one_line_of_plain_text() {
         let message = "a\n\u{1b}[2Jb.ply: expected x";

@@ -62,6 +62,8 @@ mod tests {
     }
 
     /// A job whose parts take long says which end a stop waits for.
+    ///
+    /// Promise (files): Ctrl-C reports the work that it waits for.
     #[test]
     fn a_stop_says_what_it_waits_for() {
         let interrupt = Interrupt::new();

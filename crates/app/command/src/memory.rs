@@ -13,7 +13,7 @@ pub fn check(needed: u64, advice: &str) -> Result<(), Failure> {
     }
 }
 
-/// Bytes of a pixel while a picture is drawn, and while it waits to be written: a little more than docs/benchmarks.md measured.
+/// Bytes of a pixel while a picture is drawn, and while it waits to be written: a little more than docs/results/benchmarks.md measured.
 const DRAWN: u64 = 36;
 const WAITING: u64 = 13;
 

@@ -44,6 +44,8 @@ mod tests {
     use super::*;
 
     /// promise: a number of threads that the machine cannot use is lowered, with a word; any other is taken as it is.
+    ///
+    /// Promise (fits): threads that the machine cannot use are left out with a word, and results are the same.
     #[test]
     fn threads_are_no_more_than_cores_can_use() {
         for cores in [1, 2, 64] {

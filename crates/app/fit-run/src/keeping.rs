@@ -81,6 +81,9 @@ mod tests {
     }
 
     /// promise: a run on a machine that is as fast as rehearsed takes all its steps; a slower one leaves out as many as end it in time.
+    ///
+    /// Promise (fits): a machine as fast as rehearsed takes all steps; a slower one leaves out as many as end the run
+    /// in time, but for the least.
     #[test]
     fn slower_machines_leave_out_steps() {
         let (settings, seconds) = run(1, |_| 1.0);
@@ -97,6 +100,8 @@ mod tests {
     }
 
     /// promise: however slow a machine is, the least steps are taken.
+    ///
+    /// Promise of `slower_machines_leave_out_steps`.
     #[test]
     fn least_steps_are_taken_of_any_time() {
         let (settings, _) = run(800, |_| 10.0);

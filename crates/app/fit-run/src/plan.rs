@@ -28,7 +28,7 @@ pub struct Plan {
 }
 
 /// Bytes of lists and statistics for each Gaussian, of images and their comparison for each pixel, and of the program;
-/// measured, see docs/benchmarks.md.
+/// measured, see docs/results/benchmarks.md.
 const RASTERIZER: (u64, u64, u64) = (360, 360, PROGRAM);
 const PROGRAM: u64 = 22_000_000;
 

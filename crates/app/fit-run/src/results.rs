@@ -281,6 +281,8 @@ mod tests {
     use super::shortened;
 
     /// A photo's name may be as long as file systems take; a file that has it in its name, and more, can be written.
+    ///
+    /// Promise (servers): a photo's name of any length leaves place for the files that are named after it.
     #[test]
     fn long_names_of_photos_leave_place() {
         assert_eq!(shortened("IMG_0001"), "IMG_0001");

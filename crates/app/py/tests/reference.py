@@ -12,7 +12,7 @@ FOLDER = Path(__file__).parents[4] / "docs/reference/python"
 HEAD = """# Python
 
 The package `splatweaver`, a page for each function and class; generated from docstrings by `crates/app/py/tests/reference.py`.
-[The guide](../../python.md) begins with what to type. Further flags of commands are on [the page of flags](../flags.md).
+[The guide](../../guide/python.md) begins with examples. Further flags of commands are on [the page of flags](../flags.md).
 """
 FUNCTIONS = ["rasterization", "cameras", "reconstruct", "fit", "infer", "lift", "compress", "open_run", "formats", "set_threads"]
 CLASSES = ["Scene", "Camera", "Cameras", "Run", "Meta", "Progress"]

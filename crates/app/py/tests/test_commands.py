@@ -121,6 +121,7 @@ def test_notes_are_logged(capture, tmp_path, caplog):
     assert all(not record.message.startswith("warning") for record in warned)
 
 
+# Promise (servers): photos that are not there are a failure of a file.
 def test_failures_have_their_kinds(capture, tmp_path):
     with pytest.raises(FileError, match="nowhere"):
         splatweaver.fit(tmp_path / "nowhere", tmp_path / "a")
@@ -169,6 +170,7 @@ except TimeoutError:
 """
 
 
+# Promise (servers): cameras that were stopped are not written afterwards, and a callback runs before they are.
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="skipped: no timers")
 def test_cameras_that_were_stopped_are_not_written(tmp_path):
     photos = write_photos(tmp_path / "photos")

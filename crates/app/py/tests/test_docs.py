@@ -14,7 +14,7 @@ import reference
 import splatweaver
 
 ROOT = Path(__file__).parents[4]
-PAGES = [ROOT / page for page in ("README.md", "docs/python.md", "crates/app/py/README.md")]
+PAGES = [ROOT / page for page in ("README.md", "docs/guide/python.md", "crates/app/py/README.md")]
 
 
 def test_the_pages_are_those_of_the_docstrings():

@@ -63,6 +63,7 @@ print(meta["means2d"].shape)
 """
 
 
+# Promise (servers): threads that ask one drawing wait without the interpreter.
 def test_threads_that_ask_one_drawing_do_not_wait_for_ever():
     line = [sys.executable, "-c", ASKED_AT_ONCE, os.path.dirname(os.path.abspath(__file__))]
     done = subprocess.run(line, capture_output=True, text=True, timeout=120)

@@ -166,6 +166,7 @@ def test_arrays_may_be_strided_and_lists_integer():
         ({"alpha_max": 2}, "alpha_max: expected a number above 0 and at most 1, found 2"),
     ],
 )
+# Promise of `test_rules_that_mean_nothing_are_named`.
 def test_bad_input_is_named(change, message):
     with pytest.raises(splatweaver.Error, match=message) as caught:
         rasterization(**{**scene(8), **change})

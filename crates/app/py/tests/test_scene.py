@@ -145,6 +145,8 @@ def test_bad_input_is_named(tmp_path):
         splatweaver.open_run(tmp_path)
 
 
+# Promise (servers): pictures that memory has no place for, and sizes beyond 2^20, are refused by Python's `render`,
+# `Camera` and `resized`.
 def test_pictures_without_place_are_refused():
     camera = around(1)[0]
     with pytest.raises(splatweaver.MemoryPlanError, match="memory: expected"):
@@ -164,16 +166,19 @@ def test_pictures_without_place_are_refused():
         ({"alpha_max": 7.5}, "alpha_max: expected a number above 0 and at most 1, found 7.5"),
     ],
 )
+# Promise (servers): rules of drawing that mean nothing are named.
 def test_rules_that_mean_nothing_are_named(rule, message):
     with pytest.raises(InputError, match=message):
         random_scene().render(around(1)[0], **rule)
 
 
+# Promise (servers): no step moves a scene out of all numbers.
 def test_no_step_moves_a_scene_out_of_all_numbers():
     with pytest.raises(InputError, match="translation: expected finite numbers"):
         random_scene().transform(translation=(0, np.nan, 0))
 
 
+# Promise (servers): a page replaces no file of another kind.
 def test_a_page_replaces_no_file_of_another_kind(tmp_path):
     photo = tmp_path / "photo.jpg"
     photo.write_bytes(b"pixels")

@@ -182,6 +182,8 @@ mod tests {
 
     /// promise: the last gradient counts with its weight beside Adam's mean, in every column with its own rate; at 0
     /// steps are Adam's.
+    ///
+    /// Promise of `rates_fall_at_the_end`.
     #[test]
     fn the_last_gradient_counts() {
         const COUNT: usize = 5000;

@@ -127,6 +127,9 @@ mod tests {
 
     /// promise: rates of shapes, opacities and colors stay for four fifths of a run and end at their part; means' rates
     /// have a fall of their own.
+    ///
+    /// Promise (kept): rates of a fit fall over its last fifth; the last gradient counts with its weight beside
+    /// Adam's mean, bounded.
     #[test]
     fn rates_fall_at_the_end() {
         let rates = Rates { end: 0.1, ..Rates::default() };

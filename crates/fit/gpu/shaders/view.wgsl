@@ -1,4 +1,4 @@
-// One camera, the rules of drawing, and the part of the image that is drawn. docs/rasterizer.md derives everything.
+// One camera, the rules of drawing, and the part of the image that is drawn. docs/explain/rasterizer.md derives everything.
 
 struct View {
     // [A t], row by row: a world point m is at A m + t in the camera.

@@ -8,7 +8,7 @@
 //! - [`sort_pairs`] is the sort by itself.
 //!
 //! Results are within 1e-4 of the CPU's and the same bits from run to run on one adapter: no number is added by whoever
-//! comes first. docs/gpu.md of the repository describes the passes and their costs.
+//! comes first. docs/explain/gpu.md of the repository describes the passes and their costs.
 
 mod adapter;
 mod backward;

@@ -89,7 +89,7 @@ pub(crate) struct GradientRooms {
 /// whose Gaussians are in `owners`.
 #[doc(hidden)]
 #[derive(Clone, Debug)]
-#[allow(missing_docs, reason = "named as in docs/gpu.md; for tests")]
+#[allow(missing_docs, reason = "named as in docs/explain/gpu.md; for tests")]
 pub struct Lists {
     pub splats: Vec<[f32; 16]>,
     pub keys: Vec<u32>,

@@ -146,6 +146,9 @@ mod tests {
 
     /// Photos to convert are named by their remedy first, the first of them alone, and end it when they are most of
     /// all.
+    ///
+    /// Promise (files): HEIC and AVIF are named by their remedy first, and end a run only where they are most of the
+    /// photos.
     #[test]
     fn a_remedy_comes_before_names() {
         let said = |heic: usize, damaged: usize, good: usize| {

@@ -196,6 +196,7 @@ mod tests {
         median_high(&mut each).expect("observations")
     }
 
+    /// Promise (figures): keypoints are aligned to where photos agree, in bent and lit patches.
     #[test]
     fn keypoints_move_to_where_photos_agree() {
         let (mut bundle, photos) = scene(0.4);

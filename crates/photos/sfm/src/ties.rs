@@ -95,6 +95,9 @@ mod tests {
     }
 
     /// Photos that only chance ties to the others are named.
+    ///
+    /// Promise (figures): photos that nothing ties to the others are named, and a part of a scene whose place matches
+    /// contradict.
     #[test]
     fn photos_tied_by_chance_are_named() {
         let pairs = [
@@ -115,6 +118,8 @@ mod tests {
     }
 
     /// A photo is named if the matches that contradict its place are more than half as many as the ones that hold it.
+    ///
+    /// Promise of `photos_tied_by_chance_are_named`.
     #[test]
     fn photos_whose_place_is_contradicted_are_named() {
         let pairs = [

@@ -50,6 +50,7 @@ mod tests {
         (pixels.collect(), width)
     }
 
+    /// Promise (photos): depth of a small patch that only two photos agree about is left out.
     #[test]
     fn small_patches_with_two_witnesses_are_removed() {
         let (before, width) = picture();

@@ -9,7 +9,8 @@ use weaver_scene::CameraSlices;
 /// Gradients of a camera's axes (9), shift (3), focal lengths (2), principal point (2) and center (3), in this order.
 pub const CAMERA_SUMS: usize = 19;
 
-/// One camera as projection uses it, in numbers or in lanes that all hold the same; names follow docs/rasterizer.md.
+/// One camera as projection uses it, in numbers or in lanes that all hold the same; names follow
+/// docs/explain/rasterizer.md.
 #[derive(Clone, Copy, Debug)]
 pub struct View<X> {
     /// A, the rows of the view matrix.

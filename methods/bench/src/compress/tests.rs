@@ -56,6 +56,7 @@ fn run(folder: &Path, settings: &Settings, last: usize) -> (bool, BTreeMap<Strin
     (advanced.unwrap(), files.map(read).collect())
 }
 
+/// Promise (scenes): a comparison of methods that was stopped goes on to the same bytes, and not with other scenes.
 #[test]
 fn stopped_comparisons_go_on_to_the_same_bytes() {
     let temporary = tempfile::tempdir().unwrap();
@@ -75,6 +76,7 @@ fn stopped_comparisons_go_on_to_the_same_bytes() {
     assert_eq!(part, whole);
 }
 
+/// Promise of `stopped_comparisons_go_on_to_the_same_bytes`.
 #[test]
 fn a_comparison_of_other_scenes_is_not_gone_on_with() {
     let temporary = tempfile::tempdir().unwrap();

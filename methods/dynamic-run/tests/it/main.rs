@@ -41,6 +41,8 @@ fn evaluation(run: &Run) -> Evaluation {
 }
 
 /// A stop in the middle of every stage, and another number of threads: the same bits.
+///
+/// Promise of `each_stage_trains_what_it_names`.
 #[test]
 fn a_run_that_was_stopped_goes_on_to_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
@@ -87,6 +89,9 @@ fn a_checkpoint_is_a_scene_at_any_time() {
 }
 
 /// Every stage lowers its loss, and a stage changes the numbers of its own expert only.
+///
+/// Promise (results): a mixture of moving Gaussians: each stage trains the parts that it names, at decaying rates,
+/// stops anywhere and goes on to the same bits at any number of threads; pruning keeps the most valuable Gaussians.
 #[test]
 fn each_stage_trains_what_it_names() {
     let folder = tempfile::tempdir().unwrap();
@@ -153,6 +158,7 @@ fn figures_fit_together_and_a_report_shows_them() {
     assert_eq!(told.trim_end(), serde_json::to_string_pretty(&found).unwrap());
 }
 
+/// Promise of `each_stage_trains_what_it_names`.
 #[test]
 fn pruning_keeps_what_is_worth_most() {
     let folder = tempfile::tempdir().unwrap();
@@ -180,6 +186,8 @@ fn pruning_keeps_what_is_worth_most() {
 }
 
 /// On all photos: what is held out is trained on, and the run says so.
+///
+/// Promise of `photos_that_are_not_kept_are_read_when_needed`.
 #[test]
 fn nothing_is_held_out_where_all_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
@@ -226,6 +234,7 @@ fn what_cannot_be_is_refused() {
     assert!(error.contains("run.json") && error.contains("expected those of a mixture"), "{error}");
 }
 
+/// Promise of `a_capture_that_changed_is_not_gone_on_with`.
 #[test]
 fn a_run_of_another_film_is_not_gone_on_with() {
     let folder = tempfile::tempdir().unwrap();

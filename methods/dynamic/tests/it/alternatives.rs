@@ -195,6 +195,8 @@ fn the_gradient_by_weights_is_a_sparse_product() {
 }
 
 /// Renders that were kept are gated as new ones: pictures, and gradients by all that the router has.
+///
+/// Promise of `products_are_drawings`.
 #[test]
 fn what_was_seen_is_gated_as_what_is_drawn() {
     let mut params = Params::<f64>::new();

@@ -79,6 +79,8 @@ impl Routed {
 
 const TIMES: [f64; 6] = [0.0, 0.15, 0.3, 0.55, 0.7, 0.85];
 
+/// Promise (results): experts that are right on half of the picture, of the clip, of the cameras are believed there;
+/// time and cameras need the numbers made for them; no gate passes the best convex blend.
 #[test]
 fn half_of_the_picture_needs_weights_alone() {
     let shots = shots(&[-20.0, 0.0, 20.0], &[0.25, 0.75]);
@@ -87,6 +89,7 @@ fn half_of_the_picture_needs_weights_alone() {
     assert!(share > 0.9, "{share}");
 }
 
+/// Promise of `half_of_the_picture_needs_weights_alone`.
 #[test]
 fn half_of_the_clip_needs_time() {
     let shots = Shots { training: shots(&[-20.0, 20.0], &TIMES), held_out: shots(&[0.0], &[0.1, 0.2, 0.65, 0.9]) };
@@ -98,6 +101,7 @@ fn half_of_the_clip_needs_time() {
     assert!(all > 0.9 && (alone - 0.5).abs() < 1e-9, "{all} {alone}");
 }
 
+/// Promise of `half_of_the_picture_needs_weights_alone`.
 #[test]
 fn half_of_the_cameras_needs_directions() {
     let angles = [-36.0, -24.0, -8.0, 8.0, 24.0, 36.0];
@@ -110,6 +114,8 @@ fn half_of_the_cameras_needs_directions() {
 }
 
 /// Squared errors at each pixel: the best convex blend's is the least, whatever the gate.
+///
+/// Promise of `half_of_the_picture_needs_weights_alone`.
 #[test]
 fn no_gate_passes_the_best_convex_blend() {
     let shots = shots(&[-20.0, 0.0, 20.0], &[0.25, 0.75]);

@@ -99,6 +99,9 @@ proptest! {
 }
 
 /// Gradients of every parameter of every model, by differences.
+///
+/// Promise (results): models of motion: every gradient, nothing moves at first, keys are met without corners,
+/// neighbors that move against each other need codes.
 #[test]
 fn gradients_of_all_parameters() {
     let mut params = Params::<f64>::new();
@@ -151,6 +154,7 @@ fn gradients_of_all_parameters() {
     }
 }
 
+/// Promise of `gradients_of_all_parameters`.
 #[test]
 fn nothing_moves_at_first() {
     let mut params = Params::<f64>::new();
@@ -174,6 +178,8 @@ fn nothing_moves_at_first() {
 }
 
 /// At a key is the key and the path has no corner there.
+///
+/// Promise of `gradients_of_all_parameters`.
 #[test]
 fn paths_meet_keys_without_corners() {
     let mut params = Params::<f64>::new();
@@ -270,6 +276,8 @@ fn against<M: Motion<f32>>(build: impl FnOnce(Builder<'_, f32>, &Start<'_>) -> M
 }
 
 /// A field of positions cannot tell neighbors apart, codes can.
+///
+/// Promise of `gradients_of_all_parameters`.
 #[test]
 fn neighbors_that_move_against_each_other_need_codes() {
     let config = FieldConfig { resolution: [8, 8, 4, 8], channels: 4, width: 16, ..field() };

@@ -71,6 +71,8 @@ fn halves() -> World {
     World::new(|expert, x, _| if (x < 0.0) == (expert == 0) { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] })
 }
 
+/// Promise (results): the router of a mixture: equal experts share equally, gradients, an expert that is right on one
+/// half is believed there, invisible Gaussians are worth nothing.
 #[test]
 fn equal_experts_share_equally() {
     let world = World::new(|_, x, y| [0.5 + 0.4 * x, 0.5 + 0.4 * y, 0.5]);
@@ -88,6 +90,7 @@ fn equal_experts_share_equally() {
     assert!(one.iter().zip(mixture).all(|(a, b)| (a - b).abs() < 1e-14));
 }
 
+/// Promise of `equal_experts_share_equally`.
 #[test]
 fn gradients_equal_differences() {
     let world = halves();
@@ -150,6 +153,8 @@ fn right(world: &World, truth: impl Fn(usize) -> [f64; 3], first: impl Fn(usize)
 }
 
 /// Experts that are right on half of the picture are believed there.
+///
+/// Promise of `equal_experts_share_equally`.
 #[test]
 fn experts_win_where_they_are_right() {
     let left = |i: usize| i % SIZE[1] < SIZE[1] / 2;
@@ -157,6 +162,7 @@ fn experts_win_where_they_are_right() {
     assert!(share > 0.9, "{share}");
 }
 
+/// Promise of `equal_experts_share_equally`.
 #[test]
 fn what_is_out_of_sight_is_worth_nothing() {
     let mut world = halves();

@@ -98,6 +98,9 @@ fn what_makes_no_run_is_refused() {
 }
 
 /// A fit of one file that is stopped leaves a file that is there as it is, says that it ended early, and does not blame the picture.
+///
+/// Promise (files): a stopped fit of one picture keeps the existing file, reports that it ended early, and does not
+/// blame the picture.
 #[test]
 fn a_stopped_fit_keeps_the_finished_file() {
     let folder = folder();
@@ -126,6 +129,8 @@ fn a_stopped_fit_keeps_the_finished_file() {
 }
 
 /// A .wgi file is described by its size and its Gaussians.
+///
+/// Promise of `runs_of_every_command_are_described`.
 #[test]
 fn a_file_is_described() {
     let folder = folder();

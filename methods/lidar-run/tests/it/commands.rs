@@ -121,6 +121,8 @@ fn unusable_scans_are_named_and_the_rest_saved() {
 
 /// A file without points, one that was cut and one that is no scan cost a scan each, wherever the run is stopped, and not the run. The first
 /// must be one.
+///
+/// Promise (fits): a bad file costs a scan and not the run.
 #[test]
 fn bad_files_cost_a_scan_each() {
     let folder = tempfile::tempdir().unwrap();
@@ -149,6 +151,9 @@ fn bad_files_cost_a_scan_each() {
 }
 
 /// Scans are taken in the order of the numbers in their names. A run of an earlier version keeps the order of bytes, which it began with.
+///
+/// Promise (fits): scans and photos are taken in the order of the numbers in their names; runs of earlier versions
+/// keep their order.
 #[test]
 fn scans_are_taken_in_the_order_of_their_numbers() {
     let folder = tempfile::tempdir().unwrap();
@@ -173,6 +178,8 @@ fn scans_are_taken_in_the_order_of_their_numbers() {
 }
 
 /// A run goes on with the scans that it began with, whether it has taken them already or not: the first that differs is named.
+///
+/// Promise (fits): a run of lidar goes on with the scans that it began with, and with no others.
 #[test]
 fn a_run_goes_on_with_its_own_scans_alone() {
     let folder = tempfile::tempdir().unwrap();
@@ -204,6 +211,8 @@ fn a_run_goes_on_with_its_own_scans_alone() {
 }
 
 /// Numbers of a stored run are held to the bounds of the command line by whoever reads them.
+///
+/// Promise (fits): numbers of a stored run of lidar are held to the bounds of the command line.
 #[test]
 fn numbers_of_a_stored_run_are_checked() {
     let folder = tempfile::tempdir().unwrap();
@@ -237,6 +246,7 @@ fn numbers_of_a_stored_run_are_checked() {
     crate::meshes::of_run(&out, 0.5).unwrap();
 }
 
+/// Promise of `numbers_of_a_stored_run_are_checked`.
 #[test]
 fn what_cannot_be_right_is_refused() {
     let folder = tempfile::tempdir().unwrap();

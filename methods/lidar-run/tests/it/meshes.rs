@@ -52,6 +52,8 @@ fn a_map_becomes_a_mesh_near_the_room() {
 }
 
 /// Nothing is near nothing: meshes without triangles, of corners that are nowhere, and far from the cloud have no good score.
+///
+/// Promise (fits): nothing has no good score: no mesh, no triangles, corners that are nowhere, or a surface far away.
 #[test]
 fn nothing_is_no_good_mesh() {
     let folder = tempfile::tempdir().unwrap();
@@ -96,6 +98,8 @@ fn nothing_is_no_good_mesh() {
 }
 
 /// A mesh whose points would not fit into memory is asked for its unit before any is drawn.
+///
+/// Promise (fits): a mesh in another unit is asked about before its points take the memory.
 #[test]
 fn a_mesh_in_another_unit_is_asked_about() {
     let folder = tempfile::tempdir().unwrap();
@@ -114,6 +118,9 @@ fn a_mesh_in_another_unit_is_asked_about() {
 }
 
 /// A square that a scan shows one millimeter lower, and what is far from it, which is no error of it; a mesh in another unit is refused by name.
+///
+/// Promise (results): surfaces are measured as benchmarks do: a cloud moved by a millimeter is a millimeter off, far
+/// points and points outside the box do not count, points are spread.
 #[test]
 fn meshes_are_measured_as_benchmarks_do() {
     let folder = tempfile::tempdir().unwrap();

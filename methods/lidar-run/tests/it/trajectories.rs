@@ -30,6 +30,8 @@ fn along_x(path: &std::path::Path, times: &[f64], speed: f64) -> String {
 }
 
 /// Errors in percent of a reference that stands still are none, and not zero.
+///
+/// Promise (fits): errors of trajectories that are undefined are not given, and a pose is paired once.
 #[test]
 fn what_is_undefined_is_not_given() {
     let folder = tempfile::tempdir().unwrap();
@@ -44,6 +46,8 @@ fn what_is_undefined_is_not_given() {
 }
 
 /// A pose belongs to one other at most, and times that have nothing in common make no pairs.
+///
+/// Promise of `what_is_undefined_is_not_given`.
 #[test]
 fn poses_are_paired_once() {
     let folder = tempfile::tempdir().unwrap();

@@ -57,6 +57,8 @@ fn newer_college_is_tracked() {
 }
 
 /// A scan of another place is lost by the share of it that fits, those of the next places are not.
+///
+/// Promise of `a_scan_of_which_little_fits_is_lost`.
 #[test]
 fn a_real_scan_of_another_place_is_lost() {
     let Some(folder) = data("lidar-newer01") else { return };

@@ -121,6 +121,8 @@ fn the_nearest_point_of_a_pixel_wins() {
 }
 
 /// Beams that miss the middles of pixels measure other ranges there, which normals tell.
+///
+/// Promise (results): range images of a lidar hold the ranges of the middles of pixels, wherever beams went.
 #[test]
 fn ranges_are_brought_to_the_middles_of_pixels() {
     let camera = SurfelCamera::spherical([512, 32], [-0.51, 0.51]);

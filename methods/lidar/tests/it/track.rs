@@ -38,6 +38,8 @@ fn a_path_is_found() {
 }
 
 /// The sensor moves while it turns; the longer it goes on, the more an error that fed itself would show.
+///
+/// Promise (results): a lidar's motion during a sweep is undone, and a resumed run has the same frames.
 #[test]
 fn sweeps_of_a_moving_sensor_are_undone() {
     const SCANS: usize = 24;
@@ -108,6 +110,8 @@ fn scans_that_cannot_be_used_change_nothing() {
 }
 
 /// A scan of which too little fits is lost: it keeps the pose that was expected and is no keyframe.
+///
+/// Promise (fits): a scan with few matching points is lost, and rightly tracked ones are not.
 #[test]
 fn a_scan_of_which_little_fits_is_lost() {
     let camera = SurfelCamera::spherical([256, 32], [-0.51, 0.51]);
@@ -127,6 +131,8 @@ fn a_scan_of_which_little_fits_is_lost() {
 }
 
 /// Poses that are given need no tracking, which therefore never ends.
+///
+/// Promise of `bad_files_cost_a_scan_each`.
 #[test]
 fn scans_with_poses_are_taken_to_the_last() {
     let mut odometry = odometry(Some(path(6)));
@@ -138,6 +144,8 @@ fn scans_with_poses_are_taken_to_the_last() {
 }
 
 /// A reference that stands still has no length that errors could be percents of.
+///
+/// Promise of `what_is_undefined_is_not_given`.
 #[test]
 fn errors_of_a_still_reference_have_no_percent() {
     for count in [2, 5, 20] {

@@ -86,6 +86,8 @@ proptest! {
     }
 
     /// Attention sees cameras by how they stand to one another.
+    ///
+    /// Promise (results): attention with cameras knows no world, and one camera is none.
     #[test]
     fn attention_knows_no_world(seed in 0u64..1_000_000) {
         let (views, tokens, heads, width) = (3, 2, 2, 16);
@@ -111,6 +113,8 @@ proptest! {
     }
 
     /// Equal cameras, whatever they are, and positions 0: plain attention. So it is within a single view.
+    ///
+    /// Promise of `attention_knows_no_world`.
     #[test]
     fn one_camera_is_none(seed in 0u64..1_000_000) {
         let (tokens, width) = (5, 8);

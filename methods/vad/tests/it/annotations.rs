@@ -52,6 +52,7 @@ fn frame_labels_follow_the_list() {
     }
 }
 
+/// Promise of `what_does_not_fit_is_refused_with_its_file`.
 #[test]
 fn nonsense_is_refused_with_its_line() {
     for (text, part) in [

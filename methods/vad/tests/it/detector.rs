@@ -15,6 +15,9 @@ fn public() -> Tensors {
 }
 
 /// Public weights are read without being told anything.
+///
+/// Promise (results): weights of the public UR-DMU are read as they are; files that do not fit are refused with the
+/// weight.
 #[test]
 fn public_weights_are_read_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
@@ -27,6 +30,7 @@ fn public_weights_are_read_as_they_are() {
     assert!(curves.scores().len() == 7 && curves.scores().iter().all(|s| (0.0..1.0).contains(s)));
 }
 
+/// Promise of `public_weights_are_read_as_they_are`.
 #[test]
 fn other_files_are_refused_with_the_weight() {
     let folder = tempfile::tempdir().unwrap();

@@ -57,6 +57,8 @@ fn names_tell_videos_crops_and_classes() {
     assert_eq!(classes_of("RoadAccidents021_x264").unwrap(), ["RoadAccidents"]);
 }
 
+/// Promise (results): lists, features and annotations that do not fit are refused with file, expected and found;
+/// nothing pickled is read.
 #[test]
 fn what_does_not_fit_is_refused_with_its_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -99,6 +101,8 @@ fn what_does_not_fit_is_refused_with_its_file() {
 }
 
 /// Arrays of objects are pickled; nothing of them is read.
+///
+/// Promise of `what_does_not_fit_is_refused_with_its_file`.
 #[test]
 fn pickled_and_transposed_arrays_are_refused() {
     let folder = tempfile::tempdir().unwrap();

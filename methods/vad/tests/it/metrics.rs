@@ -11,6 +11,7 @@ fn close(found: Option<f64>, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() < tolerance, "{found}, expected {expected}");
 }
 
+/// Promise of `golden_values_of_ucf_crime`.
 #[test]
 fn metrics_with_ties_equal_the_reference() {
     let file = Fixture::open("vad_splat_metrics.safetensors").with(Tolerance::DOUBLE);
@@ -68,6 +69,7 @@ fn scored(annotation: &Annotation, length: Length, score: impl Fn(&str, usize) -
     frame_metrics(&annotation.join(scores, length).unwrap())
 }
 
+/// Promise (results): frame metrics of videos equal the published evaluator's, on the published lists to the digit.
 #[test]
 fn golden_values_of_ucf_crime() {
     let Some(folder) = real_lists() else { return };

@@ -6,6 +6,8 @@ use weaver_nn::{Builder, Context};
 use weaver_vad::losses::{bag_loss, deepmil_loss, magnitude_loss, smoothness, snippet_loss, sparsity};
 use weaver_vad::{Expert, ExpertSizes, Gate, GateSizes, UrDmu, UrDmuSizes};
 
+/// Promise (results): UR-DMU, experts and gate compute the same as reference implementations, in f64, gradients
+/// included.
 #[test]
 fn urdmu_equals_the_reference() {
     let file = Fixture::open("vad_urdmu.safetensors").with(Tolerance::DOUBLE);
@@ -68,6 +70,7 @@ fn published_numbers_of_parameters() {
     assert_eq!(params.count(), 5_949_953);
 }
 
+/// Promise of `urdmu_equals_the_reference`.
 #[test]
 fn experts_and_gate_equal_the_reference() {
     let file = Fixture::open("vad_experts.safetensors").with(Tolerance::DOUBLE);

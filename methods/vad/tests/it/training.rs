@@ -38,6 +38,9 @@ fn an_encoder_learns_where_anomalies_are() {
 }
 
 /// Whole trainings repeat to the bit and are kept in files.
+///
+/// Promise (results): a detector of anomalies is the same to the bit from the same seed, and after it was written and
+/// read.
 #[test]
 fn trainings_repeat_to_the_bit() {
     let planted = Planted::new(4);
@@ -129,6 +132,8 @@ impl Observe for Stop {
 }
 
 /// Wherever training is stopped, going on from its checkpoint gives the bits of one that was not.
+///
+/// Promise (results): a training of a detector that is stopped goes on to the same bits.
 #[test]
 fn a_stopped_training_goes_on_to_the_same_bits() {
     let planted = Planted::new(6);

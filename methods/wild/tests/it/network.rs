@@ -57,6 +57,7 @@ fn surface<'t>(cx: Context<'t, '_, f32>, network: &Wild) -> Surface<'t> {
     network.surface(cx, (&encoded, 0), shown, None, depth, &cameras(cx.tape, network))
 }
 
+/// Promise of `geometry_is_the_same_under_every_look`.
 #[test]
 fn looks_change_colors_and_nothing_else() {
     for recolor in [true, false] {
@@ -85,6 +86,9 @@ fn looks_change_colors_and_nothing_else() {
 }
 
 /// As published, Gaussians lie behind the depth, by less than 1, and their scales are in bounds of what a pixel covers there.
+///
+/// Promise (results): WildSplatter as published: Gaussians behind the depth, scales in bounds, predictions laid over
+/// the data's points by scale and shift.
 #[test]
 fn published_gaussians_lie_behind_the_depth() {
     let mut published = config(true);

@@ -145,6 +145,9 @@ proptest! {
 
     /// Blocks in a row, each with two photos of the next: planted differences of their colors are found, and a photo looks the same by any of
     /// them. A block that shares no photo stays as it is.
+    ///
+    /// Promise (results): fits of blocks that correct the colors of their photos are joined to one color; where all
+    /// photos see all blocks, the cut warns that it is not worth it.
     #[test]
     fn colors_of_blocks_agree(
         photos in proptest::collection::vec(color_map(), 14),

@@ -66,6 +66,8 @@ mod tests {
         places.into_iter().map(|place| Measured { sharpness: 1.0, place }).collect()
     }
 
+    /// Promise (photos): frames of a clip are spread over the path of its camera, not over time; the sharpest near
+    /// each place is taken, whatever a view shows; standing still and trembling lead nowhere, cuts are stepped over.
     #[test]
     fn frames_are_spread_over_the_way_and_not_over_time() {
         // Slow at first, then five times as fast, then still.
@@ -88,6 +90,8 @@ mod tests {
     }
 
     /// The sharpest nearby is taken and what a view shows does not matter.
+    ///
+    /// Promise of `frames_are_spread_over_the_way_and_not_over_time`.
     #[test]
     fn the_sharpest_frame_nearby_is_taken() {
         let mut measured = frames((0..=200).map(|i| i as f32 * 0.005));
@@ -109,6 +113,8 @@ mod tests {
     }
 
     /// Standing still is one frame and jumps are stepped over.
+    ///
+    /// Promise of `frames_are_spread_over_the_way_and_not_over_time`.
     #[test]
     fn standing_still_is_one_frame() {
         let mut still = frames([0.0; 300]);

@@ -321,6 +321,7 @@ mod tests {
         Picture { width, height, pixels: pixels.into_iter().map(|x| x.clamp(0, 255) as u8).collect() }
     }
 
+    /// Promise of `frames_are_spread_over_the_way_and_not_over_time`.
     #[test]
     fn movement_is_followed_far() {
         let mut follower = Follower::default();
@@ -332,6 +333,7 @@ mod tests {
         assert!((place / true_place - 1.0).abs() < 0.05, "{place} of {true_place}");
     }
 
+    /// Promise of `frames_are_spread_over_the_way_and_not_over_time`.
     #[test]
     fn trembling_and_brightness_lead_nowhere() {
         let mut follower = Follower::default();
@@ -344,6 +346,7 @@ mod tests {
         assert!(furthest < STEP, "{furthest}");
     }
 
+    /// Promise of `frames_are_spread_over_the_way_and_not_over_time`.
     #[test]
     fn a_cut_is_a_jump_and_darkness_stands_still() {
         let mut follower = Follower::default();

@@ -172,6 +172,7 @@ fn unexpected() -> std::io::Error {
 mod tests {
     use super::*;
 
+    /// Promise of `frames_are_as_a_player_shows_them`.
     #[test]
     fn any_number_of_pictures_is_selected() {
         assert_eq!(one_of(&[3, 5, 8]), "if(lt(n,5),eq(n,3),if(lt(n,8),eq(n,5),eq(n,8)))");

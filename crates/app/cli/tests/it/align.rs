@@ -94,6 +94,7 @@ fn guesses_may_lie_beside_a_model_that_knows_better() {
     assert!(message.contains("sparse/0: photos/0.png: expected the pose in transforms.json"), "{message}");
 }
 
+/// Promise of `aligned_cameras_are_judged_by_the_datas`.
 #[test]
 fn photos_may_be_compared_by_their_structure() {
     let folder = folder();

@@ -47,6 +47,8 @@ fn street(folder: &Path) {
 
 /// Each block is fitted by the line that is printed, and the scene has of each fit what lies in its block; where all photos see all
 /// blocks, the cut says that it is not worth it.
+///
+/// Promise of `colors_of_blocks_agree`.
 #[test]
 fn blocks_are_fitted_apart_and_joined() {
     let folder = tempfile::tempdir().unwrap();

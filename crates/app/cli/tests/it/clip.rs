@@ -69,6 +69,8 @@ fn names(folder: impl AsRef<Path>) -> Vec<String> {
     names
 }
 
+/// Promise (photos): a clip becomes a capture, in every command whose cameras are estimated, beside other clips and
+/// photos; another choice of frames takes the place of the first.
 #[test]
 fn a_clip_becomes_a_capture() {
     if !has_ffmpeg("a_clip_becomes_a_capture") {
@@ -148,6 +150,8 @@ fn earlier_cameras_keep_their_frames() {
 }
 
 /// Every command whose cameras are estimated takes a clip.
+///
+/// Promise of `a_clip_becomes_a_capture`.
 #[test]
 fn every_estimating_command_takes_a_clip() {
     if !has_ffmpeg("every_estimating_command_takes_a_clip") {
@@ -175,6 +179,7 @@ fn every_estimating_command_takes_a_clip() {
     assert_eq!((names(folder.join("both/frames/1")).len(), names(folder.join("both/frames/2")).len()), (3, 3));
 }
 
+/// Promise (photos): frames are upright, with square pixels, and those that were chosen, whatever the rate.
 #[test]
 fn frames_are_as_a_player_shows_them() {
     if !has_ffmpeg("frames_are_as_a_player_shows_them") {
@@ -212,6 +217,8 @@ fn frames_are_as_a_player_shows_them() {
     }
 }
 
+/// Promise (photos): clips without a moving camera (one frame, standing still, sound alone, cut off, no clip, a list
+/// of others) are refused with the reason, and leave nothing behind.
 #[test]
 fn what_is_no_clip_of_a_moving_camera_is_refused() {
     if !has_ffmpeg("what_is_no_clip_of_a_moving_camera_is_refused") {
@@ -256,6 +263,7 @@ fn what_is_no_clip_of_a_moving_camera_is_refused() {
     assert!(text.contains("warning: cut.mkv: ffmpeg: ") && text.contains("frames of cut.mkv"), "{text}");
 }
 
+/// Promise (photos): names of clips may be anything.
 #[test]
 fn names_of_clips_may_be_anything() {
     if !has_ffmpeg("names_of_clips_may_be_anything") {
@@ -278,6 +286,8 @@ fn names_of_clips_may_be_anything() {
     }
 }
 
+/// Promise of `what_is_no_clip_of_a_moving_camera_is_refused`.
+/// Promise (photos): a missing ffmpeg gets the command that installs it, a failing one is quoted, and Ctrl-C ends it.
 #[test]
 fn what_does_not_fit_is_refused_before_any_work() {
     let temporary = tempfile::tempdir().unwrap();
@@ -333,6 +343,7 @@ fn with_script(folder: &Path) -> Command {
     command
 }
 
+/// Promise of `what_does_not_fit_is_refused_before_any_work`.
 #[test]
 fn a_decoder_that_fails_is_quoted() {
     for (script, message) in [
@@ -350,6 +361,7 @@ fn a_decoder_that_fails_is_quoted() {
     }
 }
 
+/// Promise of `what_does_not_fit_is_refused_before_any_work`.
 #[test]
 fn ctrl_c_ends_the_decoder_too() {
     // Neither reads nor writes, so that no broken pipe ends it.
@@ -382,6 +394,8 @@ fn ctrl_c_ends_the_decoder_too() {
 }
 
 /// A manifest that is called a clip names another clip, of which no frame is taken.
+///
+/// Promise (files): a manifest or playlist that is called a clip is not followed.
 #[test]
 fn a_manifest_is_not_followed() {
     if !has_ffmpeg("a_manifest_is_not_followed") {
@@ -416,6 +430,9 @@ fn a_manifest_is_not_followed() {
 }
 
 /// A network is given at most so many frames of a clip; where there is no clip, there are none to count.
+///
+/// Promise (files): `infer` takes at most so many frames of a clip.
+/// Promise of `runs_of_every_command_are_described`.
 #[test]
 fn a_network_is_given_so_many_frames() {
     let temporary = tempfile::tempdir().unwrap();

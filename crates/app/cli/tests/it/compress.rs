@@ -38,6 +38,8 @@ fn psnr([a, b]: [&Gaussians; 2], cameras: &[Camera]) -> f64 {
 }
 
 /// promise: the decibels that are said are those of pictures that had no part in the choice of steps, whose number is said; those that had are named apart.
+///
+/// Promise (fits): the decibels of `compress` come from pictures that took no part in the choice of steps.
 #[test]
 fn decibels_are_those_of_other_pictures() {
     let folder = tempfile::tempdir().unwrap();
@@ -68,6 +70,8 @@ fn decibels_are_those_of_other_pictures() {
 }
 
 /// promise: without cameras, pictures are said to be those of an orbit, which choose and judge by turns.
+///
+/// Promise of `decibels_are_those_of_other_pictures`.
 #[test]
 fn an_orbit_is_spoken_of() {
     let folder = tempfile::tempdir().unwrap();

@@ -23,6 +23,8 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
+/// Promise (kept): scenes pass from every format to every other within each format's rounding, and `convert` reports
+/// the errors.
 #[test]
 fn every_pair_of_formats() {
     let folder = folder();
@@ -51,6 +53,7 @@ fn every_pair_of_formats() {
     }
 }
 
+/// Promise (kept): flags of `convert` are applied in the promised order.
 #[test]
 fn edits_happen_in_their_order() {
     let folder = folder();
@@ -93,6 +96,7 @@ fn what_shows_stays() {
     assert!(seen.len() == 18 && seen.means.iter().all(|mean| mean[2] == 3.0));
 }
 
+/// Promise of `every_pair_of_formats`.
 #[test]
 fn harmonics_that_are_left_out_are_counted() {
     let folder = folder();
@@ -136,6 +140,8 @@ fn failures_are_one_line() {
 }
 
 /// Values that the target format cannot hold are refused, and what was there stays.
+///
+/// Promise of `what_cannot_be_read_again_replaces_nothing`.
 #[test]
 fn what_a_format_cannot_hold_is_not_written() {
     let folder = folder();
@@ -163,6 +169,8 @@ fn what_a_format_cannot_hold_is_not_written() {
 }
 
 /// Flags that leave no Gaussians are refused, and a scene that has none is written with a warning.
+///
+/// Promise (files): flags that leave no Gaussians are refused; a scene without any is written with a warning.
 #[test]
 fn an_empty_scene_is_not_written_without_a_word() {
     let folder = folder();

@@ -13,6 +13,9 @@ fn json(folder: &Path, line: &str) -> serde_json::Value {
 }
 
 /// A film is learned judged drawn pruned and distilled.
+///
+/// Promise (results): `dynamic` on the command line: trained, judged, drawn, pruned, distilled, interrupted; inputs
+/// that make no mixture are refused and leave nothing behind.
 #[test]
 fn a_film_from_training_to_distillation() {
     let folder = tempfile::tempdir().unwrap();
@@ -59,6 +62,7 @@ fn a_film_from_training_to_distillation() {
     assert!(error.contains("--keep: expected above 0, at most 1, found 0"), "{error}");
 }
 
+/// Promise of `a_film_from_training_to_distillation`.
 #[test]
 fn what_makes_no_mixture_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -80,6 +84,7 @@ fn what_makes_no_mixture_is_refused() {
     assert!(fs::read_dir(folder).unwrap().next().is_none(), "nothing is left behind");
 }
 
+/// Promise of `a_film_from_training_to_distillation`.
 #[cfg(unix)]
 #[test]
 fn a_training_that_is_interrupted_goes_on() {

@@ -33,6 +33,8 @@ fn masked(folder: &Path) {
     }
 }
 
+/// Promise (figures): figures of a fit equal the figures of `compare`, with and without masks, exposure, refined
+/// cameras.
 #[test]
 fn a_fit_says_of_held_out_photos_what_eval_says() {
     let temporary = tempfile::tempdir().unwrap();
@@ -66,6 +68,7 @@ fn a_fit_says_of_held_out_photos_what_eval_says() {
     assert!(with > without + 1.0, "{with} dB with masks, {without} without");
 }
 
+/// Promise (figures): figures at the end of a training equal the figures of `eval --run`.
 #[test]
 fn a_training_says_of_its_network_what_eval_says() {
     let temporary = tempfile::tempdir().unwrap();
@@ -76,6 +79,7 @@ fn a_training_says_of_its_network_what_eval_says() {
     assert_eq!(*said, found["mean"]);
 }
 
+/// Promise (figures): photos that a network saw are not called held out.
 #[test]
 fn photos_that_a_network_saw_are_not_called_held_out() {
     let temporary = tempfile::tempdir().unwrap();

@@ -35,6 +35,8 @@ fn evaluated(run: &Path, capture: &Path) -> (Vec<PathBuf>, Prediction, Vec<Image
     (photos, prediction, renders)
 }
 
+/// Promise (results): `infer --cameras` with a capture that has points takes its scale from the points that the
+/// photos see, and renders what `eval` renders of the same photos.
 #[test]
 fn infer_and_eval_make_the_same_of_the_same_photos() {
     let run = Run::shared();
@@ -68,6 +70,8 @@ fn infer_and_eval_make_the_same_of_the_same_photos() {
 }
 
 /// Without points cameras are as long as the predicted ones.
+///
+/// Promise (results): `infer --cameras` without points takes the scale of the predicted cameras, and prints the factor.
 #[test]
 fn without_points_predicted_cameras_set_the_scale() {
     let run = Run::shared();
@@ -98,6 +102,8 @@ fn said_factor(stderr: &str) -> f64 {
 }
 
 /// Photos of one name in two folders have cameras of their own.
+///
+/// Promise (results): photos of one name in two folders have cameras of their own; ambiguous names are listed.
 #[test]
 fn photos_of_one_name_in_two_folders() {
     let run = Run::shared();

@@ -48,6 +48,8 @@ fn other_files_are_refused() {
 }
 
 /// A run is described by its folder and by each of its files.
+///
+/// Promise (options): `info` describes run folders and each of their files, and cameras whose photos are missing.
 #[test]
 fn a_run_is_described_by_any_of_its_files() {
     let run = Run::shared().path();
@@ -79,6 +81,8 @@ fn broken_summaries_are_refused_by_name() {
 }
 
 /// Cameras are described where their photos are missing.
+///
+/// Promise of `a_run_is_described_by_any_of_its_files`.
 #[test]
 fn cameras_without_photos_are_described() {
     let folder = tempfile::tempdir().unwrap();
@@ -119,6 +123,9 @@ fn a_scene_is_written_in_every_format() {
 }
 
 /// A run of any command is described by its folder: what was asked for, how far it came, what it wrote.
+///
+/// Promise (files): `info` describes runs of every command, scans, pictures of Gaussians, clips, arrays, JSON of
+/// results and folders; its errors are true.
 #[test]
 fn runs_of_every_command_are_described() {
     let folder = tempfile::tempdir().unwrap();
@@ -146,6 +153,8 @@ fn runs_of_every_command_are_described() {
 }
 
 /// Scans, pictures of Gaussians and JSON of results are described, and errors say what was expected of a file or folder.
+///
+/// Promise of `runs_of_every_command_are_described`.
 #[test]
 fn scans_pictures_and_results_are_described() {
     let folder = tempfile::tempdir().unwrap();
@@ -170,6 +179,8 @@ fn scans_pictures_and_results_are_described() {
 }
 
 /// Names of files reach the terminal without what steers it, in results, notes and errors.
+///
+/// Promise of `names_do_not_steer_the_terminal`.
 #[test]
 fn names_of_files_do_not_steer_the_terminal() {
     let folder = tempfile::tempdir().unwrap();

@@ -127,6 +127,8 @@ fn no_scale() {
 }
 
 /// Photos in folders below the one that is given are named, with and without photos beside them.
+///
+/// Promise of `photos_in_folders_below_are_found`.
 #[test]
 fn photos_in_folders_below_are_named() {
     let temporary = tempfile::tempdir().unwrap();
@@ -157,6 +159,8 @@ fn photos_in_folders_below_are_named() {
 }
 
 /// A folder whose pictures are of other formats is said to have these, with a remedy.
+///
+/// Promise (files): a folder of pictures of other formats is said to have these.
 #[test]
 fn pictures_of_other_formats_are_named() {
     let temporary = tempfile::tempdir().unwrap();

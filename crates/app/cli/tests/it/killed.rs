@@ -67,6 +67,7 @@ fn the_same(steps: u64, end: impl Fn(&Path, u64)) {
     assert_eq!(log(folder, "parts"), log(folder, "whole"));
 }
 
+/// Promise (kept): a run that is killed at any moment, or out of disk, goes on to the same bits.
 #[test]
 fn killed_at_any_moment_it_ends_with_the_same_bits() {
     let moments = Stream::new(5, 0, "test.kill");
@@ -79,6 +80,7 @@ fn killed_at_any_moment_it_ends_with_the_same_bits() {
     });
 }
 
+/// Promise of `killed_at_any_moment_it_ends_with_the_same_bits`.
 #[test]
 fn out_of_disk_it_ends_with_the_same_bits() {
     let sizes = Stream::new(6, 0, "test.disk");

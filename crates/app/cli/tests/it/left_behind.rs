@@ -85,6 +85,7 @@ fn number(digits: &[u8]) -> u64 {
     digits.iter().rev().fold(0, |sum, byte| sum << 7 | u64::from(byte & 0x7f))
 }
 
+/// Promise (options): logs, report and samples are right.
 #[test]
 fn logs_and_report_say_what_happened() {
     let folder = tempfile::tempdir().unwrap();
@@ -128,6 +129,8 @@ fn logs_and_report_say_what_happened() {
 }
 
 /// A sample is input render depth and gaussians per pixel.
+///
+/// Promise of `logs_and_report_say_what_happened`.
 #[test]
 fn a_sample_has_four_pictures() {
     let folder = tempfile::tempdir().unwrap();

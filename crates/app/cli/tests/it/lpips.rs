@@ -35,6 +35,7 @@ fn term(step: &Record, name: &str) -> Option<f64> {
     step.value(&format!("loss/{name}"))
 }
 
+/// Promise (options): LPIPS is a loss and a figure, and equals its definition, masked or not.
 #[test]
 fn lpips_is_a_loss_and_a_figure() {
     let folder = tempfile::tempdir().unwrap();

@@ -34,6 +34,7 @@ fn masked(folder: &Path, garbage: f32) -> Vec<std::path::PathBuf> {
     photos.iter().map(write).collect()
 }
 
+/// Promise of `masked_garbage_changes_no_bit`.
 #[test]
 fn infer_and_eval_see_nothing_of_what_masks_leave_out() {
     let (run, folder) = (Run::shared(), tempfile::tempdir().unwrap());

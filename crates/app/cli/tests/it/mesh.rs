@@ -77,6 +77,7 @@ fn a_scene_becomes_a_colored_mesh() {
     assert!(json("0.2")["triangles"].as_u64().unwrap() < triangles.len() as u64 / 4);
 }
 
+/// Promise of `a_field_tells_its_size_before_it_is_made`.
 #[test]
 fn what_gives_no_mesh_is_said() {
     let folder = tempfile::tempdir().unwrap();

@@ -119,6 +119,8 @@ const OVER_PHOTOS: [&str; 17] = [
 ];
 
 /// A file for results has the ending of its kind, so that a mistyped name costs no photo.
+///
+/// Promise (files): a file for results has the ending of its kind, so that a mistyped name costs no photo.
 #[test]
 fn no_photo_is_replaced_by_another_kind() {
     let temporary = tempfile::tempdir().unwrap();
@@ -139,6 +141,8 @@ fn no_photo_is_replaced_by_another_kind() {
 }
 
 /// No command writes over what it reads or in among it.
+///
+/// Promise of `only_the_writer_replaces_files`.
 #[test]
 fn no_command_writes_over_what_it_reads() {
     let temporary = tempfile::tempdir().unwrap();
@@ -158,6 +162,8 @@ fn no_command_writes_over_what_it_reads() {
 }
 
 /// Results are made anew in their place and other files stay.
+///
+/// Promise of `only_the_writer_replaces_files`.
 #[test]
 fn results_are_replaced_and_other_files_stay() {
     let temporary = tempfile::tempdir().unwrap();
@@ -183,6 +189,7 @@ fn start(folder: &Path, line: &str) -> Child {
     command.current_dir(folder).args(line.split(' ')).stdout(quiet()).stderr(quiet()).spawn().unwrap()
 }
 
+/// Promise of `a_folder_is_written_by_one_run_at_a_time`.
 #[test]
 fn one_folder_is_written_by_one_run() {
     let temporary = tempfile::tempdir().unwrap();
@@ -219,6 +226,7 @@ fn one_folder_is_written_by_one_run() {
     child.wait().unwrap();
 }
 
+/// Promise (kept): an output that cannot be written is found before any work.
 #[test]
 fn what_cannot_be_written_is_found_before_any_work() {
     let temporary = tempfile::tempdir().unwrap();
@@ -254,6 +262,7 @@ fn what_cannot_be_written_is_found_before_any_work() {
     }
 }
 
+/// Promise (kept): pictures too large for memory are refused.
 #[test]
 fn pictures_too_large_for_memory_are_refused() {
     let temporary = tempfile::tempdir().unwrap();
@@ -277,6 +286,7 @@ fn pictures_too_large_for_memory_are_refused() {
     }
 }
 
+/// Promise (figures): a scene without Gaussians has no quality.
 #[test]
 fn an_empty_scene_has_no_quality() {
     let temporary = tempfile::tempdir().unwrap();
@@ -288,6 +298,8 @@ fn an_empty_scene_has_no_quality() {
 }
 
 /// A camera of one pixel is not taken for another format.
+///
+/// Promise (figures): a camera of one pixel is not taken for another format.
 #[test]
 fn a_camera_of_one_pixel_keeps_its_format() {
     let temporary = tempfile::tempdir().unwrap();
@@ -304,6 +316,7 @@ fn a_camera_of_one_pixel_keeps_its_format() {
     assert_eq!(weaver_io::Image::dimensions(folder.join("out/00.png")).unwrap(), (1, 1));
 }
 
+/// Promise (kept): names of any bytes, and those that begin with a hyphen, reach the fit of `reconstruct`.
 #[cfg(unix)]
 #[test]
 fn names_of_any_bytes_reach_the_fit() {

@@ -42,6 +42,8 @@ fn pasted(line: &str) -> String {
 }
 
 /// A command to go on with does so when it is pasted into a shell, whatever the folder is called.
+///
+/// Promise (files): a command to go on with does so when it is pasted; none is printed without quotes.
 #[test]
 fn commands_to_go_on_can_be_pasted() {
     let folder = tempfile::tempdir().unwrap();

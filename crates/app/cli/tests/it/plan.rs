@@ -47,6 +47,8 @@ fn the_plan_is_what_is_then_measured() {
 }
 
 /// A dry run makes no folder for temporary files that stays, where `TMPDIR` names one that is not there.
+///
+/// Promise (files): a dry run leaves no folder behind, not even one for temporary files.
 #[test]
 fn a_dry_run_leaves_no_folder_behind() {
     let folder = tempfile::tempdir().unwrap();

@@ -52,6 +52,7 @@ fn sphere(count: usize) -> Gaussians {
     }
 }
 
+/// Promise (scenes): a compressed scene is drawn to the same bits in every process.
 #[test]
 fn a_compressed_scene_is_one_in_every_process() {
     let folder = tempfile::tempdir().unwrap();

@@ -158,6 +158,8 @@ fn a_scene_from_photos_alone() {
 }
 
 /// promise: the time of a fit whose cameras are estimated includes the estimate.
+///
+/// Promise (fits): the time of a fit whose cameras are estimated includes the estimate.
 #[test]
 fn matching_is_part_of_the_time_of_a_fit() {
     let temporary = tempfile::tempdir().unwrap();
@@ -259,6 +261,9 @@ fn what_is_not_used_is_said() {
 }
 
 /// Photos that were cropped have a focal length of their own.
+///
+/// Promise (figures): photos of one lens that were cropped have a focal length of their own, which is said; ten
+/// photos without a focal length find theirs.
 #[test]
 fn cropped_photos_have_their_own_focal_length() {
     let temporary = tempfile::tempdir().unwrap();
@@ -282,6 +287,7 @@ fn cropped_photos_have_their_own_focal_length() {
     assert!(!own.contains("proportions"), "{own}");
 }
 
+/// Promise (figures): where no held-out photo has a place, no other one judges.
 #[test]
 fn photos_held_out_in_vain_are_not_replaced_by_others() {
     let temporary = tempfile::tempdir().unwrap();
@@ -303,6 +309,8 @@ fn photos_held_out_in_vain_are_not_replaced_by_others() {
 }
 
 /// A reconstruction that was killed says how it goes on.
+///
+/// Promise (kept): a killed reconstruction prints the command that goes on.
 #[cfg(unix)]
 #[test]
 fn a_killed_reconstruction_says_how_to_go_on() {

@@ -130,6 +130,8 @@ fn files_that_cannot_be_rendered_are_named() {
 }
 
 /// A scene is drawn as its summary says unless flags do.
+///
+/// Promise (options): `render` draws by the scene's summary, unless flags differ.
 #[test]
 fn flags_win_over_the_summary() {
     let folder = tempfile::tempdir().unwrap();

@@ -78,6 +78,7 @@ fn a_run_leaves_a_table_and_a_folder() {
     }
 }
 
+/// Promise (options): a seed determines the weights, at any number of threads.
 #[test]
 fn the_number_of_threads_does_not_change_the_weights() {
     let run = Run::shared();
@@ -147,6 +148,7 @@ fn photos_become_a_scene_that_renders() {
     assert!(largest <= 1.5 / 255.0, "{largest}");
 }
 
+/// Promise of `photos_of_one_name_in_two_folders`.
 #[test]
 fn given_cameras_are_matched_by_name() {
     let run = Run::shared();
@@ -166,6 +168,7 @@ fn given_cameras_are_matched_by_name() {
     assert!(!out.exists());
 }
 
+/// Promise of `contradictions_are_refused_before_the_start`.
 #[test]
 fn a_budget_needs_an_allocation_that_has_one() {
     let run = Run::shared();
@@ -189,6 +192,7 @@ fn a_budget_needs_an_allocation_that_has_one() {
     assert!(!out.exists());
 }
 
+/// Promise of `refinement_meets_photos_better`.
 #[test]
 fn flags_of_refinement_need_one() {
     let run = Run::shared();

@@ -29,6 +29,8 @@ fn checksum(run: &Path) -> String {
 }
 
 /// Photos without cameras are trained on with a teacher whose words are kept.
+///
+/// Promise (options): `--teacher` trains on photos without cameras; the teacher's answers are kept.
 #[test]
 fn a_teacher_replaces_cameras() {
     let (scene, folder) = (Scene::shared(), tempfile::tempdir().unwrap());

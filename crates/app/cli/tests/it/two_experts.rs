@@ -22,6 +22,8 @@ fn train(data: &Path, out: &Path) {
     .fine();
 }
 
+/// Promise (results): models are evaluated in one table; an impossible request to a model is refused with both
+/// numbers.
 #[test]
 fn two_models_are_told_apart_in_one_table() {
     let (one, folder) = (Run::shared(), tempfile::tempdir().unwrap());

@@ -108,6 +108,9 @@ fn quick(capture: &Path, out: &Path, more: &[&str]) -> Outcome {
 }
 
 /// A unit whose results are gone is not complete: they are made again, to the same bits. A checkpoint is no result.
+///
+/// Promise (files): a unit of work whose results are gone is made again, to the same bits; a checkpoint is no result;
+/// marks of earlier versions stay valid.
 #[test]
 fn results_that_are_gone_are_made_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -136,6 +139,9 @@ fn results_that_are_gone_are_made_again() {
 }
 
 /// A unit that is complete prints the same JSON as when it was made.
+///
+/// Promise (files): a unit that is complete prints the same JSON as when it was made, also where it was made without
+/// `--json`.
 #[test]
 fn complete_units_print_their_figures_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -162,6 +168,8 @@ fn complete_units_print_their_figures_again() {
 }
 
 /// A fit that was made for other reasons is not taken for a unit's, and stays.
+///
+/// Promise (files): a fit that was no unit of work is not taken for one, and stays.
 #[test]
 fn a_unit_takes_no_other_fit_for_its_own() {
     let folder = tempfile::tempdir().unwrap();
@@ -179,6 +187,8 @@ fn a_unit_takes_no_other_fit_for_its_own() {
 }
 
 /// Files of settings and of a start have a say in a unit's results, as the capture has.
+///
+/// Promise of `inputs_are_compared_by_their_files`.
 #[test]
 fn a_unit_is_of_all_that_it_reads() {
     let folder = tempfile::tempdir().unwrap();
@@ -194,6 +204,8 @@ fn a_unit_is_of_all_that_it_reads() {
 }
 
 /// A name with a line break makes no line of its own in a list of commands, where a line is a unit of work.
+///
+/// Promise (files): names with line breaks make no commands of their own in `plan` and `split`.
 #[cfg(unix)]
 #[test]
 fn names_with_line_breaks_make_no_commands() {
@@ -221,6 +233,8 @@ fn names_with_line_breaks_make_no_commands() {
 }
 
 /// A folder that `*` stands for and that is no capture is left out with a line.
+///
+/// Promise (files): a folder that `*` of a list stands for and that is no capture is left out with a line.
 #[cfg(unix)]
 #[test]
 fn folders_that_are_no_captures_are_left_out() {

@@ -72,6 +72,9 @@ fn videos_are_scored() {
 }
 
 /// Ctrl-C keeps what was learned, and the run goes on to the bits of one that was left alone.
+///
+/// Promise of `a_stopped_training_goes_on_to_the_same_bits`.
+/// Promise of `a_stop_says_what_it_waits_for`.
 #[cfg(unix)]
 #[test]
 fn a_training_that_is_interrupted_goes_on() {
@@ -120,6 +123,7 @@ fn interrupted(folder: &Path, line: &str, run: &str, after: usize) -> std::proce
     child.wait_with_output().unwrap()
 }
 
+/// Promise of `a_capture_that_changed_is_not_gone_on_with`.
 #[cfg(unix)]
 #[test]
 fn a_training_on_other_features_does_not_go_on() {

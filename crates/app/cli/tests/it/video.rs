@@ -108,6 +108,8 @@ fn a_rate_needs_a_video_and_a_sensible_number() {
 }
 
 /// A disk that is full while ffmpeg writes is the machine's fault, whatever ffmpeg makes of it, and an older video stays.
+///
+/// Promise of `an_encoder_does_not_hide_a_full_disk`.
 #[test]
 fn a_full_disk_is_told_from_other_failures() {
     let complaint = "cat > \"$out\"; echo 'Error writing trailer: No space left on device' >&2";

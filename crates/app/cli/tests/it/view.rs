@@ -115,6 +115,8 @@ fn a_server_shows_a_folder_until_it_is_interrupted() {
 }
 
 /// A port that another program listens at is refused in one line, by runs before there is a folder; one that is free is kept.
+///
+/// Promise of `a_taken_port_is_refused`.
 #[test]
 fn a_taken_port_is_refused_before_any_work() {
     let temporary = tempfile::tempdir().unwrap();
@@ -160,6 +162,7 @@ fn interrupt(mut child: Child) {
     assert!(child.wait().unwrap().success());
 }
 
+/// Promise of `a_click_shows_and_selects_what_is_alike`.
 #[test]
 fn lifted_features_are_served_beside_their_scene() {
     let temporary = tempfile::tempdir().unwrap();
@@ -184,6 +187,7 @@ fn lifted_features_are_served_beside_their_scene() {
     refused(folder, "view scene.ply --lifted lifted.safetensors --html a.html", 2);
 }
 
+/// Promise of `a_page_follows_a_run_and_ends_it`.
 #[test]
 fn a_live_fit_is_stopped_from_its_page_and_saves() {
     let temporary = tempfile::tempdir().unwrap();
@@ -202,6 +206,8 @@ fn a_live_fit_is_stopped_from_its_page_and_saves() {
 }
 
 /// A picture under way is drawn from its checkpoints. A fit of one file leaves nothing but the file.
+///
+/// Promise (scenes): fits of pictures are followed, and one file leaves one file.
 #[test]
 fn fits_of_pictures_are_followed() {
     let temporary = tempfile::tempdir().unwrap();

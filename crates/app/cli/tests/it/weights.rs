@@ -13,6 +13,7 @@ fn with(first: &[&dyn AsRef<OsStr>], more: &[&str]) -> Outcome {
     splatweaver(&line)
 }
 
+/// Promise (options): `eval` and `infer` take a checkpoint's file as they take a run.
 #[test]
 fn the_checkpoint_of_a_run_is_used_like_the_run() {
     let run = Run::shared();
@@ -41,6 +42,8 @@ fn the_checkpoint_of_a_run_is_used_like_the_run() {
 }
 
 /// The COLMAP model that is written says the same as transforms.json.
+///
+/// Promise (options): the COLMAP model of a result is read back.
 #[test]
 fn the_colmap_model_of_a_result_is_read_back() {
     let run = Run::shared();
@@ -61,6 +64,7 @@ fn the_colmap_model_of_a_result_is_read_back() {
     }
 }
 
+/// Promise (options): `--init` starts from other weights as far as they fit, and reports how far.
 #[test]
 fn training_starts_from_a_run_as_far_as_it_fits() {
     let run = Run::shared();
@@ -129,6 +133,7 @@ fn training_starts_from_other_weights() {
     train(&data.join("transforms.json"), "cameras").refused(1, &["transforms.json"]);
 }
 
+/// Promise (options): `--resume RUN --steps N` makes a run longer.
 #[test]
 fn a_run_is_prolonged() {
     let run = Run::shared().copy();
@@ -139,6 +144,7 @@ fn a_run_is_prolonged() {
     with(&[&"train", &"--resume", &run.path()], &["--steps", "5"]).refused(1, &["steps", "6", "found 5"]);
 }
 
+/// Promise of `untrained_experts_are_named_and_trained_ones_pass`.
 #[test]
 fn experts_that_were_not_trained_are_spoken_of() {
     let run = Run::shared();

@@ -29,6 +29,8 @@ fn in_units(data: &Path, unit: f64) {
 }
 
 /// promise: a fit ends with all its results in whatever units its capture is, the page to look at it among them.
+///
+/// Promise (fits): a fit ends with all its results in whatever units its capture is.
 #[test]
 fn a_fit_in_large_units_has_all_results() {
     let folder = tempfile::tempdir().unwrap();
@@ -43,6 +45,8 @@ fn a_fit_in_large_units_has_all_results() {
 }
 
 /// promise: a further file that cannot hold the scene takes no other result with it.
+///
+/// Promise (fits): a further file that cannot hold the scene takes no other result with it.
 #[test]
 fn a_format_that_fails_leaves_all_else() {
     let folder = tempfile::tempdir().unwrap();
@@ -58,6 +62,8 @@ fn a_format_that_fails_leaves_all_else() {
 }
 
 /// promise: a file of somebody else in the folder of what is left out of photos is met before any work, and when a fit goes on.
+///
+/// Promise (fits): a foreign file in `transients/` is found before any work, and when a fit goes on.
 #[test]
 fn foreign_transients_are_met_at_the_start() {
     let folder = tempfile::tempdir().unwrap();
@@ -87,6 +93,8 @@ fn foreign_transients_are_met_at_the_start() {
 }
 
 /// promise: photos that masks cover altogether are left out by name.
+///
+/// Promise (fits): photos that masks cover altogether are left out by name.
 #[test]
 fn photos_masked_altogether_are_named() {
     let folder = tempfile::tempdir().unwrap();
@@ -106,6 +114,8 @@ fn photos_masked_altogether_are_named() {
 }
 
 /// promise: a run whose steps turn out slower than rehearsed leaves out steps, says how many, and writes down which: these settings lead to the same bits.
+///
+/// Promise of `slower_machines_leave_out_steps`.
 #[test]
 fn slow_steps_are_left_out_to_end_in_time() {
     let folder = tempfile::tempdir().unwrap();

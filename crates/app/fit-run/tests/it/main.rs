@@ -171,6 +171,7 @@ fn a_run_of_another_capture_is_not_gone_on_with() {
     assert!(error.contains("run.json") && error.contains("capture"), "{error}");
 }
 
+/// Promise of `short_times_make_scenes_and_their_excess_is_said`.
 #[test]
 fn a_time_that_is_too_short_is_spoken_of() {
     let folder = tempfile::tempdir().unwrap();
@@ -195,6 +196,9 @@ fn a_time_that_is_too_short_is_spoken_of() {
 }
 
 /// promise: however much time there is, a run makes no more passes through its photos than it may, and can say so.
+///
+/// Promise (scenes): a reconstruction makes no more passes through its photos than pay, and its photos are as large
+/// as time allows.
 #[test]
 fn rounds_bound_the_steps_of_a_time() {
     let folder = tempfile::tempdir().unwrap();
@@ -215,6 +219,8 @@ fn rounds_bound_the_steps_of_a_time() {
 }
 
 /// promise: photos are the larger the more time there is, between two bounds; where they are no larger, by the lower one.
+///
+/// Promise of `rounds_bound_the_steps_of_a_time`.
 #[test]
 fn photos_are_as_large_as_time_allows() {
     let folder = tempfile::tempdir().unwrap();
@@ -410,6 +416,8 @@ fn a_fit_of_distorted_photos_is_a_capture() {
 }
 
 /// A fit is a capture that holds out the same photos wherever it is moved.
+///
+/// Promise of `files_may_hold_nothing_out`.
 #[test]
 fn a_fit_is_a_capture_with_the_same_split() {
     let folder = tempfile::tempdir().unwrap();

@@ -23,6 +23,7 @@ fn resumed(folder: &Path) -> Result<Run, RunError> {
     Run::resume(folder, Judge::default(), Arc::new(CpuRasterizer))
 }
 
+/// Promise (figures): a fit judges the unmasked part of held-out photos and of its own.
 #[test]
 fn what_is_masked_is_not_judged() {
     let folder = tempfile::tempdir().unwrap();
@@ -66,6 +67,7 @@ fn what_is_masked_is_not_judged() {
     assert!(test > judged(true, false) + 2.0, "the passer-by would have counted: {}", judged(true, false));
 }
 
+/// Promise (figures): a fit reports the error on held-out photos while it goes on.
 #[test]
 fn held_out_photos_are_met_while_it_fits() {
     let folder = tempfile::tempdir().unwrap();
@@ -113,6 +115,9 @@ fn a_dense_start_is_kept() {
 }
 
 /// promise: where Gaussians begin on surfaces their means move the more slowly the larger photos are; elsewhere, and where a rate was named, they do not.
+///
+/// Promise (kept): where Gaussians begin on surfaces, their means move the more slowly the larger the photos are,
+/// unless a rate is named.
 #[test]
 fn on_surfaces_means_move_by_pixels() {
     let folder = tempfile::tempdir().unwrap();
@@ -152,6 +157,8 @@ fn a_dense_start_needs_points() {
     assert!(few.coverage().is_empty());
 }
 
+/// Promise (kept): a fit writes a capture with points, and a second fit of it is as good; a capture without points is
+/// reported.
 #[test]
 fn what_a_fit_writes_is_a_capture_with_points() {
     let folder = tempfile::tempdir().unwrap();
@@ -211,6 +218,7 @@ fn exposures_are_corrected_where_photos_differ() {
     assert!(read.exposure_of("another.png").is_none());
 }
 
+/// Promise of `what_a_fit_writes_is_a_capture_with_points`.
 #[test]
 fn a_capture_without_points_is_told_at_the_start() {
     let folder = tempfile::tempdir().unwrap();
@@ -224,6 +232,7 @@ fn a_capture_without_points_is_told_at_the_start() {
     assert!(begun(&other).remarks().is_empty());
 }
 
+/// Promise (kept): a run goes on with the inputs that it began with, or names the one that changed.
 #[test]
 fn a_capture_that_changed_is_not_gone_on_with() {
     let folder = tempfile::tempdir().unwrap();
@@ -269,6 +278,7 @@ fn a_capture_that_changed_is_not_gone_on_with() {
     drop(resumed(&out).unwrap());
 }
 
+/// Promise of `a_folder_is_written_by_one_run_at_a_time`.
 #[test]
 fn a_folder_is_one_runs_alone_and_other_files_stay() {
     let folder = tempfile::tempdir().unwrap();

@@ -36,6 +36,8 @@ fn advance(mut run: Run, until: usize) {
 }
 
 /// promise: the first process writes what one process alone writes, also where another number of them goes on; the others write nothing.
+///
+/// Promise of `gradients_of_photos_are_averaged`.
 #[test]
 fn shared_runs_write_what_one_writes() {
     let folder = tempfile::tempdir().unwrap();

@@ -89,6 +89,7 @@ mod tests {
         all.flat_map(|(i, z)| moved(known.point(i, z.max(0.1))).as_vec3().to_array()).collect()
     }
 
+    /// Promise of `published_gaussians_lie_behind_the_depth`.
     #[test]
     fn a_planted_frame_is_found() {
         let (depth, cameras) = known();
@@ -98,6 +99,7 @@ mod tests {
         assert!((found.scale - 1.7).abs() < 1e-5 && (found.translation - shift).length() < 1e-5, "{found:?}");
     }
 
+    /// Promise of `published_gaussians_lie_behind_the_depth`.
     #[test]
     fn outliers_of_frames_weigh_little() {
         let (depth, cameras) = known();

@@ -47,6 +47,7 @@ pub fn same_bits<R: Recipe>(config: impl Fn() -> Config<R> + Sync, stops: [usize
     }
 }
 
+/// Promise of `the_number_of_threads_does_not_change_the_weights`.
 #[test]
 fn bits_do_not_depend_on_threads_or_interruptions() {
     // In the middle of each stage, and before the last step.

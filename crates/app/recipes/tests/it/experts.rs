@@ -37,6 +37,7 @@ fn a_checkpoint_tells_which_experts_were_trained() {
     assert_eq!(Checkpoint::read(&path).unwrap().defaults().trained_experts, [1, 2, 3]);
 }
 
+/// Promise (results): experts that never learned are named where an allocation uses them.
 #[test]
 fn untrained_experts_are_named_and_trained_ones_pass() {
     let folder = tempfile::tempdir().unwrap();

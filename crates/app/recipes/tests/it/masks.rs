@@ -59,6 +59,8 @@ fn trained(config: Config) -> String {
 }
 
 /// Garbage that is masked changes no bit of training nor of evaluation.
+///
+/// Promise (photos): masked pixels change no bit of training, inference or evaluation, and get no Gaussian.
 #[test]
 fn masked_garbage_changes_no_bit() {
     let folders = [0.37, 0.91].map(|garbage| {
@@ -90,6 +92,7 @@ fn masked_garbage_changes_no_bit() {
     assert!(first.iter().zip(&second).all(|(a, b)| a != b), "{first:?} {second:?}");
 }
 
+/// Promise of `masked_garbage_changes_no_bit`.
 #[test]
 fn no_gaussian_comes_from_a_pixel_outside() {
     let folder = tempfile::tempdir().unwrap();

@@ -10,6 +10,7 @@ use weaver_trainer::Config;
 const TIMES: u64 = 64;
 const MORE: u64 = 4 << 20;
 
+/// Promise of `readers_bear_any_file`.
 #[test]
 fn configurations_bear_any_text() {
     if std::env::var("WEAVER_READER").is_ok_and(|reader| !"toml".contains(&reader)) {

@@ -47,6 +47,7 @@ fn session(weights: &Path) -> Result<Session<TwoExpertsRecipe>, weaver_trainer::
     Session::new(config)
 }
 
+/// Promise of `drawn_weights_give_what_a_slow_twin_gives`.
 #[test]
 fn a_stage_is_trained_by_features_of_vgg19() {
     let folder = tempfile::tempdir().unwrap();
@@ -62,6 +63,7 @@ fn a_stage_is_trained_by_features_of_vgg19() {
     assert!(without.iter().all(|(_, term)| term.is_none()));
 }
 
+/// Promise of `drawn_weights_give_what_a_slow_twin_gives`.
 #[test]
 fn weights_of_another_network_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();

@@ -42,6 +42,7 @@ fn shrunk(preset: &str, settings: &[&str]) -> Config {
     config
 }
 
+/// Promise of `every_preset_trains`.
 #[test]
 fn every_preset_trains_all_its_experts() {
     for preset in SplatWeaverRecipe::PRESETS {
@@ -55,6 +56,7 @@ fn names(report: &StepReport) -> Vec<&str> {
     report.group("loss").map(|(name, _)| name).collect()
 }
 
+/// Promise (options): every preset trains, and all its experts; the dagger with a third of the Gaussians.
 #[test]
 fn every_preset_trains() {
     for preset in SplatWeaverRecipe::PRESETS {
@@ -139,6 +141,7 @@ fn targets_are_rendered_or_not() {
     assert_ne!(mse(true, 1), mse(false, 1));
 }
 
+/// Promise (options): every form of a budget trains and is kept.
 #[test]
 fn every_form_of_the_budget_trains() {
     let budgets = |form: &str| -> Vec<f32> {
@@ -159,6 +162,7 @@ fn every_form_of_the_budget_trains() {
     assert_eq!((&both[..2], &both[2..]), (&shares[..2], &limit[2..]));
 }
 
+/// Promise of `every_preset_trains`.
 #[test]
 fn the_dagger_asks_for_a_third_of_the_gaussians() {
     let router = |preset: &str| shrunk(preset, &[]).stages[0].losses.router.clone();

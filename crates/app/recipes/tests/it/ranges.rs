@@ -51,6 +51,9 @@ fn all_of(value: &str, number: &str) -> String {
 }
 
 /// Every number has a range that is named with its key.
+///
+/// Promise (results): every number of the configuration has a range, checked before anything is loaded or written;
+/// the error names key, range and value.
 #[test]
 fn every_number_has_a_named_range() {
     for preset in ["micro", "tiny-published", "tiny-endless"] {
@@ -132,6 +135,7 @@ fn ranges_end_where_they_should() {
     }
 }
 
+/// Promise (results): combinations that cannot work are refused before training begins.
 #[test]
 fn contradictions_are_refused_before_the_start() {
     for (settings, parts) in [
@@ -201,6 +205,7 @@ fn a_session_begins_with_checked_numbers_only() {
     assert!(said.contains("optimizer.clip: expected more than 0, found -1"), "{said}");
 }
 
+/// Promise (results): a preset is chosen by name or refused.
 #[test]
 fn a_preset_is_chosen_by_name_or_refused() {
     let said = message(&["preset=small"]);

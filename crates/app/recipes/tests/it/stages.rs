@@ -28,6 +28,7 @@ fn moved(before: &Params<f32>, after: &Params<f32>) -> Vec<String> {
     parts
 }
 
+/// Promise (options): frozen parts stay as they are; recomputing gives the same bits.
 #[test]
 fn frozen_parts_stay_as_they_are_in_their_stage_alone() {
     let frozen = "stages.1.frozen=[\"aggregator.patch_embed\", \"camera_head\"]";
@@ -82,6 +83,8 @@ fn what_is_frozen_must_be_there_and_leave_something() {
 }
 
 /// Recomputing takes less memory and gives the same bits.
+///
+/// Promise of `frozen_parts_stay_as_they_are_in_their_stage_alone`.
 #[test]
 fn recomputing_takes_less_memory() {
     let trained = |recompute: bool| {
@@ -99,6 +102,8 @@ fn recomputing_takes_less_memory() {
 }
 
 /// Samplers and numbers of views change what is trained.
+///
+/// Promise of `a_gap_is_bounded`.
 #[test]
 fn samplers_and_views_change_the_run() {
     let losses = |settings: &[&str]| -> Vec<f64> {

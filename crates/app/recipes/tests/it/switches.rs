@@ -108,6 +108,8 @@ fn trains(settings: &[&str]) -> (f32, f32) {
 }
 
 /// The frequency prior is what the router sees of wavelets.
+///
+/// Promise of `terms_are_there_where_they_have_a_weight`.
 #[test]
 fn the_frequency_prior_feeds_the_router() {
     let setting = |on: bool| format!("model.gaussians.frequency_prior={on}");
@@ -174,6 +176,8 @@ fn energy_is_that_of_the_wavelet() {
 }
 
 /// Offsets and scales are those of the parametrization.
+///
+/// Promise of `terms_are_there_where_they_have_a_weight`.
 #[test]
 fn offsets_and_scales_follow_the_parametrization() {
     // Strong experts, so that bounds are reached.
@@ -234,6 +238,7 @@ fn the_router_allocates_with_noise_or_without() {
     assert_ne!(trained[0], trained[1]);
 }
 
+/// Promise of `every_form_of_the_budget_trains`.
 #[test]
 fn allocations_with_a_budget_keep_it_each_in_its_way() {
     let kinds = ["dithered", "grid", "random"];
@@ -262,6 +267,7 @@ fn the_mix_draws_of_the_budgets_that_it_is_given() {
     assert!(near(0.125) > 0 && near(0.5) > 0 && near(0.125) + near(0.5) == 12, "{counts:?}");
 }
 
+/// Promise (options): a switch changes the part that it names.
 #[test]
 fn terms_are_there_where_they_have_a_weight() {
     let sampled = "stages.1.model.allocation=sampled";

@@ -40,6 +40,9 @@ fn message(settings: &[&str]) -> String {
 }
 
 /// Which expert moves in which stage, and which losses each has.
+///
+/// Promise (results): 2Xplat: each stage trains the expert that it names, pictures teach cameras, same bits at any
+/// number of threads and after an interruption.
 #[test]
 fn stages_train_what_they_name() {
     let mut session = Session::new(config(15, &[])).unwrap();
@@ -66,6 +69,8 @@ fn stages_train_what_they_name() {
 }
 
 /// Without a loss on cameras, pictures alone move the geometry expert: their gradient comes through the cameras.
+///
+/// Promise of `stages_train_what_they_name`.
 #[test]
 fn pictures_teach_cameras() {
     let only_pictures = [
@@ -93,6 +98,7 @@ fn pictures_teach_cameras() {
     assert!(moved > 20, "{moved}");
 }
 
+/// Promise of `stages_train_what_they_name`.
 #[test]
 fn bits_do_not_depend_on_threads_or_interruptions() {
     same_bits(|| config(15, &[]), [2, 7, 12]);
@@ -183,6 +189,9 @@ fn held_out_photos_are_drawn_from_either_camera() {
 }
 
 /// Given cameras are right, so that all an alignment can do to them is harm, which its figures say.
+///
+/// Promise (results): alignment reports the errors of cameras before and after; photos may be compared by their
+/// structure.
 #[test]
 fn aligned_cameras_are_judged_by_the_datas() {
     let (mut predictor, scenes) = untrained();
@@ -207,6 +216,9 @@ fn aligned_cameras_are_judged_by_the_datas() {
 
 /// Opacities that depend on the view: other bits, the same at any number of threads; each camera sees its own, as the network means them,
 /// and a scene on disk keeps all numbers.
+///
+/// Promise (results): 2Xplat's opacities may depend on the view: each camera sees its own, on the tape as in
+/// predictions; files keep all numbers; slopes by camera and means go through them.
 #[test]
 fn opacities_may_depend_on_the_view() {
     let config = || config(8, &["model.appearance.opacity_degree=2"]);

@@ -47,6 +47,8 @@ fn predictor(steps: usize) -> (WildPredictor, Scene) {
     (WildPredictor::new(network, params), scene(4, &ProceduralOptions { width, height, views: 12 }))
 }
 
+/// Promise (results): WildSplatter: each stage trains the parts that it names, same bits at any number of threads and
+/// after an interruption; looks, rectangles and masks each change a run.
 #[test]
 fn stages_train_what_they_name() {
     let mut session = Session::new(config(15, &[])).unwrap();
@@ -89,12 +91,15 @@ fn without_embedding_the_encoder_stays() {
     assert_eq!(before, encoder(&session));
 }
 
+/// Promise of `stages_train_what_they_name`.
 #[test]
 fn bits_do_not_depend_on_threads_or_interruptions() {
     same_bits(|| config(15, &[]), [2, 5, 12]);
 }
 
 /// Light and rectangles change what is learned, and so do masks; without looks, photos are as they were taken.
+///
+/// Promise of `stages_train_what_they_name`.
 #[test]
 fn looks_masks_and_occluders_each_change_the_run() {
     let all = [&["data.looks=none"][..], &[], &["data.looks.occluders=0"], &["data.looks.masks=false"]];
@@ -113,6 +118,8 @@ fn looks_masks_and_occluders_each_change_the_run() {
 
 /// Published Gaussians, and predicted cameras with Gaussians laid over the data's points: other runs, each with the same bits at any number
 /// of threads.
+///
+/// Promise of `published_gaussians_lie_behind_the_depth`.
 #[test]
 fn published_choices_each_change_the_run() {
     let predicted = "stages.2.model.cameras=predicted";
@@ -134,6 +141,8 @@ fn published_choices_each_change_the_run() {
 }
 
 /// One geometry, whatever the look: predictions under two photos, between them, and of nobody.
+///
+/// Promise (results): geometry is the same under every look, to the bit, and no gradient leads from it to a look.
 #[test]
 fn geometry_is_the_same_under_every_look() {
     let (mut predictor, scene) = predictor(20);

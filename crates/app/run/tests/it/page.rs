@@ -115,6 +115,7 @@ fn curves_without_extent_are_drawn_or_left_out() {
     assert_eq!(page.html(), Page::new("t").html());
 }
 
+/// Promise of `logs_and_report_say_what_happened`.
 #[test]
 fn a_curve_has_numbers_at_the_ends_of_its_axes() {
     let mut page = Page::new("t");

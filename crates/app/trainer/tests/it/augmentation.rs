@@ -27,6 +27,7 @@ fn varied(augmentation: &Augmentation, seed: u64) -> Example {
     found
 }
 
+/// Promise of `a_mirrored_scene_rendered_is_the_render_mirrored`.
 #[test]
 fn what_is_off_changes_no_bit() {
     let plain = example(&photographed());
@@ -37,6 +38,7 @@ fn what_is_off_changes_no_bit() {
     assert_eq!(Augmentation::default(), OFF);
 }
 
+/// Promise (options): augmentation moves cameras with their photos and points, and changes nothing where it is off.
 #[test]
 fn a_mirrored_scene_rendered_is_the_render_mirrored() {
     let (plain, found) = (example(&photographed()), varied(&Augmentation { flip: 1.0, ..OFF }, 0));
@@ -82,6 +84,7 @@ fn a_mirrored_scene_rendered_is_the_render_mirrored() {
     }
 }
 
+/// Promise of `a_mirrored_scene_rendered_is_the_render_mirrored`.
 #[test]
 fn what_a_crop_shows_lies_where_its_cameras_say() {
     let mut plain = example(&photographed());

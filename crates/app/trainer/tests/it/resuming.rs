@@ -9,6 +9,9 @@ use weaver_trainer::{Config, ConfigSource, EvalOptions, Registry, Session, Sourc
 type Pixel = Config<PixelCnnRecipe>;
 
 /// Another configuration than the checkpoints is refused with its key.
+///
+/// Promise (results): a run is resumed with the configuration that it began with, or refused with the key that
+/// differs.
 #[test]
 fn another_configuration_is_refused_by_key() {
     let folder = tempfile::tempdir().unwrap();
@@ -43,6 +46,8 @@ fn another_configuration_is_refused_by_key() {
 }
 
 /// Captures may have been moved and renamed but not changed.
+///
+/// Promise (results): captures may have been moved meanwhile, but not changed.
 #[test]
 fn captures_may_move_but_not_change() {
     let parent = tempfile::tempdir().unwrap();
@@ -109,6 +114,8 @@ fn evaluations_name_captures_that_have_changed() {
 }
 
 /// A finished run goes on under a longer cosine, and an interrupted one comes to the same bits.
+///
+/// Promise of `a_run_is_prolonged`.
 #[test]
 fn more_steps_prolong_the_last_stage_and_are_recorded() {
     let parent = tempfile::tempdir().unwrap();

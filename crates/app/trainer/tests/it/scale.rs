@@ -30,6 +30,8 @@ pub fn captured(folder: &Path, blind: usize) -> Config<PixelCnnRecipe> {
 }
 
 /// Tuples that see no points are left out and their photos named.
+///
+/// Promise (results): photos that see no points are named before training, and no tuple consists of them alone.
 #[test]
 fn tuples_without_points_are_left_out() {
     let folder = tempfile::tempdir().unwrap();
@@ -43,6 +45,8 @@ fn tuples_without_points_are_left_out() {
 }
 
 /// A capture none of whose photos sees points is refused at once.
+///
+/// Promise of `tuples_without_points_are_left_out`.
 #[test]
 fn captures_without_seen_points_are_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -139,6 +139,8 @@ mod tests {
     }
 
     /// Mutated heads are read or refused, and in parts as at once: a million under stress.
+    ///
+    /// Promise of `mutated_requests_are_answered_or_refused`.
     #[test]
     fn mutated_heads_are_read_or_refused() {
         let count = if std::env::var_os("WEAVER_STRESS").is_some() { 1_000_000 } else { 20_000 };

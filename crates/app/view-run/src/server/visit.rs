@@ -142,6 +142,8 @@ mod tests {
     }
 
     /// A byte now and then does not prolong a request for ever.
+    ///
+    /// Promise (servers): a byte now and then holds a connection no longer than a bound.
     #[test]
     fn a_slow_client_is_let_go() {
         let clients = Clients::new(SHORT);
@@ -161,6 +163,8 @@ mod tests {
     }
 
     /// A client that takes nothing of its answer is let go, and so are the bytes that waited for it.
+    ///
+    /// Promise of `a_slow_client_is_let_go`.
     #[test]
     fn a_client_that_does_not_read_is_let_go() {
         let clients = Clients::new(SHORT);
@@ -171,6 +175,8 @@ mod tests {
     }
 
     /// While enough bytes wait for their readers, others are told so, in a time that is bounded.
+    ///
+    /// Promise (servers): how far a run is, and its end, wait for no room.
     #[test]
     fn bytes_that_wait_are_bounded() {
         let clients = Clients::new(SHORT);
@@ -190,6 +196,8 @@ mod tests {
     }
 
     /// Where all seats are taken, the one that has been still for longest is given to the next.
+    ///
+    /// Promise (servers): the stillest of 64 connections gives way to the next.
     #[test]
     fn the_stillest_gives_way() {
         let clients = Clients::new(SHORT);

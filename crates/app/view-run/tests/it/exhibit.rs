@@ -23,6 +23,8 @@ fn photo(path: &Path, color: [f32; 3]) {
 }
 
 /// A pipe in the place of a photo or of the report is no photo and no report, and nobody waits for its end.
+///
+/// Promise (servers): a pipe as a photo blocks no one.
 #[cfg(unix)]
 #[test]
 fn a_pipe_as_a_photo_holds_nobody() {
@@ -43,6 +45,8 @@ fn a_pipe_as_a_photo_holds_nobody() {
 }
 
 /// Photos of one name in two folders are told apart by their folders, and where these are not there, nothing is shown.
+///
+/// Promise (servers): photos of one name are distinguished by their folders.
 #[test]
 fn photos_of_one_name_are_told_by_their_folders() {
     let folder = tempfile::tempdir().unwrap();

@@ -24,6 +24,8 @@ fn rest(stream: &mut TcpStream) -> Vec<u8> {
 }
 
 /// Bodies that are said to be large are refused before room is made for them, from whomever they come.
+///
+/// Promise (servers): a body is refused by its length before room is made for it.
 #[test]
 fn bodies_are_refused_by_their_length() {
     let exhibit = exhibit(None);
@@ -57,6 +59,8 @@ fn bodies_are_refused_by_their_length() {
 }
 
 /// A head has at most 16 kB, however it comes.
+///
+/// Promise (servers): a head of a request has at most 16 kB.
 #[test]
 fn heads_are_bounded() {
     let exhibit = exhibit(None);
@@ -78,6 +82,8 @@ fn heads_are_bounded() {
 }
 
 /// The server ends the connection: clients need not wait for a limit of their own.
+///
+/// Promise (servers): a connection ends after its answer.
 #[test]
 fn a_connection_ends_after_its_answer() {
     let exhibit = exhibit(None);
@@ -92,6 +98,8 @@ fn a_connection_ends_after_its_answer() {
 }
 
 /// A thousand silent connections, and as many that promise a body, keep no other waiting.
+///
+/// Promise (servers): a thousand silent connections block no one.
 #[test]
 fn a_crowd_of_silent_clients_holds_nobody() {
     let exhibit = exhibit(None);
@@ -121,6 +129,8 @@ fn a_crowd_of_silent_clients_holds_nobody() {
 }
 
 /// The server's end, and so the end of a fit, waits for nobody who does not read, is silent or goes on sending.
+///
+/// Promise (servers): a fit ends without its page's readers.
 #[test]
 fn the_end_does_not_wait_for_clients() {
     let exhibit = Exhibit::new("large", gaussians(300_000), Look::default());
@@ -154,6 +164,8 @@ fn the_end_does_not_wait_for_clients() {
 }
 
 /// A panic while an answer is made ends that connection alone, and the work goes on.
+///
+/// Promise (servers): a panic while an answer is made ends one connection alone.
 #[test]
 fn a_panic_ends_one_connection_alone() {
     let moving = Moving::new(|time| if time > 0.9 { panic!("of this moment") } else { gaussians(5) });
@@ -172,6 +184,8 @@ fn a_panic_ends_one_connection_alone() {
 }
 
 /// A port that another program listens at is refused in one line.
+///
+/// Promise (servers): a taken port is refused at the start, and a port is kept.
 #[test]
 fn a_taken_port_is_refused() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
@@ -196,6 +210,8 @@ fn a_taken_port_is_refused() {
 }
 
 /// A server for the network has an address for those in it.
+///
+/// Promise (servers): clients on the network get an address that they can open.
 #[test]
 fn the_network_is_told_an_address_that_it_can_open() {
     let exhibit = exhibit(None);
@@ -268,6 +284,8 @@ impl Draws {
 
 /// Whatever is sent, the answer is one of HTTP or none, nothing is written without the token, and the next one is answered: hundreds of
 /// mutated requests, a million under stress.
+///
+/// Promise (servers): mutated requests are answered or refused, a million under stress.
 #[test]
 fn mutated_requests_are_answered_or_refused() {
     let count = if std::env::var_os("WEAVER_STRESS").is_some() { 1_000_000 } else { 600 };

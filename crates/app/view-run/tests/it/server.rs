@@ -63,6 +63,7 @@ pub fn token(server: &Server<'_>) -> String {
     server.address().split_once("token=").unwrap().1.into()
 }
 
+/// Promise of `a_click_shows_and_selects_what_is_alike`.
 #[test]
 fn features_are_compared_with_those_of_one_gaussian() {
     let plain = exhibit(None);
@@ -90,6 +91,8 @@ pub fn post(server: &Server<'_>, path: &str, token: &str, body: &[u8]) -> (u16, 
 }
 
 /// As browsers ask for the photos of a page: many connections at the same time, which stay open unless the server says otherwise.
+///
+/// Promise (scenes): all photos of a page come, however many are asked for at once.
 #[test]
 fn many_who_ask_at_once_are_all_answered() {
     let exhibit = exhibit(None);
@@ -115,6 +118,8 @@ fn many_who_ask_at_once_are_all_answered() {
     });
 }
 
+/// Promise (scenes): the server answers listed addresses alone, refuses other hosts, and takes a token for requests
+/// that write.
 #[test]
 fn listed_addresses_are_answered_and_no_others() {
     let exhibit = exhibit(None);
@@ -163,6 +168,7 @@ fn a_scene_that_moves_has_a_time() {
     });
 }
 
+/// Promise of `listed_addresses_are_answered_and_no_others`.
 #[test]
 fn other_hosts_are_refused() {
     let exhibit = exhibit(None);
@@ -190,6 +196,7 @@ fn the_network_needs_the_token_for_everything() {
     });
 }
 
+/// Promise of `listed_addresses_are_answered_and_no_others`.
 #[test]
 fn saving_takes_the_token_and_replaces_nothing() {
     let folder = tempfile::tempdir().unwrap();

@@ -11,6 +11,7 @@ use weaver_run::Folder;
 use weaver_scene::Gaussians;
 use weaver_view_run::{Exhibit, Features, Followed, Moving, Server, Showing};
 
+/// Promise of `deletions_are_not_saved_and_come_back`.
 #[test]
 fn what_is_deleted_and_saved_is_read_back() {
     let Some(browser) = Browser::start("what_is_deleted_and_saved") else { return };
@@ -64,6 +65,8 @@ fn photos_of_a_camera_file_stand_beside_renders() {
 }
 
 /// Gaussians of a run that diverged, with numbers that are none or too large, are served and leave a page that one can use.
+///
+/// Promise of `an_address_without_a_view_changes_nothing`.
 #[test]
 fn numbers_that_are_none_leave_a_page() {
     let Some(browser) = Browser::start("numbers_that_are_none") else { return };
@@ -91,6 +94,8 @@ fn numbers_that_are_none_leave_a_page() {
 }
 
 /// An address whose numbers are no view, or that holds markup, leaves the page where it was.
+///
+/// Promise (servers): an address without a view changes nothing; numbers that are none leave a page.
 #[test]
 fn an_address_without_a_view_changes_nothing() {
     let Some(browser) = Browser::start("an_address_without_a_view") else { return };
@@ -123,6 +128,7 @@ fn an_address_without_a_view_changes_nothing() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
+/// Promise (scenes): a page opened late shows the whole run, and its button ends it as Ctrl-C does.
 #[test]
 fn a_page_follows_a_run_and_ends_it() {
     let Some(browser) = Browser::start("a_page_follows_a_run") else { return };
@@ -187,6 +193,7 @@ fn a_scene_that_moves_is_shown_at_any_time() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
+/// Promise (scenes): a large scene is seen before all of it is there, and then whole.
 #[test]
 fn a_large_scene_is_shown_before_all_is_there() {
     let Some(browser) = Browser::start("a_large_scene_is_shown") else { return };
@@ -243,6 +250,8 @@ fn a_run_is_followed_at_any_time_of_its_film() {
 }
 
 /// A click shows what is like the Gaussian there, and selects it.
+///
+/// Promise (scenes): a click shows and selects the Gaussians whose features are like the clicked one's.
 #[test]
 fn a_click_shows_and_selects_what_is_alike() {
     let Some(browser) = Browser::start("a_click_shows_and_selects") else { return };

@@ -44,8 +44,8 @@ impl<T: Real> Op<T> for BinaryCrossEntropy {
 
 /// The mean binary cross entropy of probabilities p against targets y: `-mean of y ln p + (1 - y) ln(1 - p)`.
 ///
-/// p and y have one shape, with values in [0, 1]; the result is a scalar, 0 if they are empty. Differentiable in p; y is constant. Logarithms
-/// are at least -100 and p (1 - p) in the gradient at least 1e-12, as in PyTorch.
+/// p and y have one shape, with values in [0, 1]; the result is a scalar, 0 if they are empty. Differentiable in p; y
+/// is constant. Logarithms are at least -100 and p (1 - p) in the gradient at least 1e-12, as in PyTorch.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops};

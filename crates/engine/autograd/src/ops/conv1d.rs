@@ -63,8 +63,9 @@ impl<T: Real> Op<T> for GatherTaps {
 
 /// Convolution of width 3 along time, padded with zeros: `y_t = b + sum over p of w_p x_(t + (p - 1) dilation)`.
 ///
-/// x `[B, T, in]`, w `[out, in, 3]` as PyTorch's Conv1d has it, b `[out]`; the result is `[B, T, out]`. Differentiable in all three. One
-/// product with all taps, whose results are then shifted: good where there are far more channels than outputs.
+/// x `[B, T, in]`, w `[out, in, 3]` as PyTorch's Conv1d has it, b `[out]`; the result is `[B, T, out]`. Differentiable
+/// in all three. One product with all taps, whose results are then shifted: good where there are far more channels than
+/// outputs.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops};

@@ -40,6 +40,7 @@ fn passes(offset: f64, factor: f64, claimed: f64) -> bool {
     catch_unwind(AssertUnwindSafe(check)).is_ok()
 }
 
+/// Promise (kept): a wrong gradient is found whatever its scale.
 #[test]
 fn a_wrong_gradient_is_found_at_every_scale() {
     for factor in [1e-7, 1.0, 1e7] {

@@ -46,6 +46,7 @@ fn the_same_bytes_at_any_number_of_threads() {
     assert_eq!(encode(1), encode(3));
 }
 
+/// Promise (scenes): a method that trains has the same bytes wherever its training was stopped.
 #[test]
 fn stopped_trainings_go_on_to_the_same_bytes() {
     let gaussians = scene(60, 6);

@@ -54,6 +54,7 @@ fn by_definition(level: &HashLevel, position: [f64; 3], table: &[f64], width: us
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 8, ..ProptestConfig::default() })]
 
+    /// Promise (scenes): the hash grid, rates and signs of HAC-lite have their gradients and values.
     #[test]
     fn hash_grids_are_what_their_definition_says(count in 0_usize..5, many in 0_usize..4, width in 1_usize..4, seed: u64) {
         let (levels, positions) = (levels(seed, many), positions(seed, count));
@@ -79,6 +80,7 @@ proptest! {
         prop_assert_eq!(plain, found);
     }
 
+    /// Promise of `hash_grids_are_what_their_definition_says`.
     #[test]
     fn gaussian_bits_have_their_gradients(rows in 0_usize..6, columns in 1_usize..5, seed: u64) {
         let shape = [rows, columns];
@@ -97,6 +99,7 @@ proptest! {
         prop_assert_eq!(bits(&vars), (0..rows * columns).map(rate).collect::<Vec<_>>());
     }
 
+    /// Promise of `hash_grids_are_what_their_definition_says`.
     #[test]
     fn signs_pass_gradients_within_one(rows in 0_usize..6, columns in 1_usize..5, seed: u64) {
         let input = Input::normal(seed, [rows, columns]);

@@ -40,6 +40,8 @@ fn balls_are_as_far_apart_as_their_radii_differ() {
 }
 
 /// A surface without any points is as far off as can be, a twentieth of the cameras' distance.
+///
+/// Promise of `nothing_is_no_good_mesh`.
 #[test]
 fn a_surface_that_is_not_there_is_far_off() {
     let gaussians = ball(1.0);

@@ -99,6 +99,8 @@ impl Rounding for Worth {
     }
 }
 
+/// Promise (kept): a Gaussian's removal cost is the change of the pictures; a fit for a compressed file removes
+/// invisible Gaussians, also stopped and gone on with.
 #[test]
 fn removal_costs_are_changes_of_pictures() {
     let (scene, photos) = (cloud(12, 3), photos(3, &cloud(12, 5)));
@@ -138,6 +140,7 @@ fn with_invisible(worth: f64, stop: Option<usize>) -> Gaussians {
     fit.gaussians()
 }
 
+/// Promise of `removal_costs_are_changes_of_pictures`.
 #[test]
 fn what_no_picture_shows_is_removed() {
     assert_eq!(with_invisible(0.0, None).len(), 40);

@@ -32,6 +32,8 @@ fn by<R: Send>(count: usize, run: impl Fn(Arc<dyn Ranks>) -> R + Sync) -> Vec<R>
 }
 
 /// promise: 1, 2, 3 and 4 processes come to the same bits, also where another number had begun.
+///
+/// Promise of `gradients_of_photos_are_averaged`.
 #[test]
 fn any_number_of_processes_comes_to_the_same_bits() {
     for strategy in [StrategyKind::Split, StrategyKind::Mcmc, StrategyKind::Keep] {
@@ -61,6 +63,9 @@ fn any_number_of_processes_comes_to_the_same_bits() {
 }
 
 /// promise: a step goes down the mean of the gradients of its photos, and reports their mean loss.
+///
+/// Promise (kept): a fit's steps of several photos go down their mean gradient, and come to the same bits by any
+/// number of processes, also where another number had begun; processes that hold other fits are refused by name.
 #[test]
 fn gradients_of_photos_are_averaged() {
     let all = photos(2, &cloud(60, 1));
@@ -82,6 +87,8 @@ fn gradients_of_photos_are_averaged() {
 }
 
 /// promise: processes that hold other fits are refused, all of them with the process and the part that differs.
+///
+/// Promise of `gradients_of_photos_are_averaged`.
 #[test]
 fn processes_hold_the_same_fit() {
     let said = |change: &(dyn Fn(&mut Fit) + Sync)| {

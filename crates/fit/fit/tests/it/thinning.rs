@@ -29,6 +29,9 @@ impl Strategy for Counting {
 }
 
 /// promise: a run that leaves out steps takes as many as were kept, ends with its last number and has all its rounds.
+///
+/// Promise (fits): a run that leaves out steps has all its rounds, and its settings lead to the same bits after any
+/// stop.
 #[test]
 fn thinned_runs_have_all_their_rounds() {
     for kept in [[None, None], [Some(30), None], [Some(30), Some(10)], [Some(1), None], [Some(7), Some(30)]] {
@@ -56,6 +59,8 @@ fn thinned_runs_have_all_their_rounds() {
 
 /// promise: settings that name the steps that are left out lead to the same bits, after an interruption at any step as
 /// well.
+///
+/// Promise of `thinned_runs_have_all_their_rounds`.
 #[test]
 fn thinned_runs_go_on_to_the_same_bits() {
     for strategy in [StrategyKind::Split, StrategyKind::Mcmc] {
@@ -84,6 +89,8 @@ fn thinned_runs_go_on_to_the_same_bits() {
 }
 
 /// promise: steps that cannot be left out are refused, with the key.
+///
+/// Promise (fits): steps that cannot be left out are refused with the key.
 #[test]
 fn impossible_thinnings_are_refused() {
     let of = |thinned: &[[usize; 2]]| {

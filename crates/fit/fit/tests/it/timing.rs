@@ -30,6 +30,9 @@ impl Strategy for Slow {
 }
 
 /// promise: periodic work counts once for a run of any length, and no part of it as the steps'.
+///
+/// Promise (scenes): the time of density control and searches is counted apart from the time of steps, and a long run
+/// has more of it.
 #[test]
 fn rounds_are_no_part_of_steps() {
     let settings = plain(StrategyKind::Keep, 1000, 20);

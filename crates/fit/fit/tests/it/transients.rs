@@ -66,6 +66,9 @@ fn error_behind(fit: &mut Fit) -> f64 {
 
 /// promise: a thing before one photo is left out of it, its background comes from the other photos, and those lose
 /// nothing. A fit that was interrupted after the thing was found goes on to the same bits.
+///
+/// Promise (kept): an object before one photo is left out of it, and nothing of a clean capture; a stopped fit goes
+/// on with the objects it had found.
 #[test]
 fn a_thing_before_one_photo_is_left_out() {
     let mut fit = self::fit(true, true);
@@ -98,6 +101,8 @@ fn a_thing_before_one_photo_is_left_out() {
 }
 
 /// promise: where every photo shows the scene, nothing is left out.
+///
+/// Promise of `a_thing_before_one_photo_is_left_out`.
 #[test]
 fn nothing_is_left_out_of_a_clean_capture() {
     let fit = finished(false, true);

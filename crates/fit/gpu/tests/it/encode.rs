@@ -75,6 +75,9 @@ fn scenes() -> [Scene<f32>; 3] {
 }
 
 /// With just enough room and with far more, after each other and after other drawings.
+///
+/// Promise (results): a drawing recorded into an embedder's commands has the bits of any other; an overflow is
+/// reported.
 #[test]
 fn a_recorded_drawing_has_the_bits_of_any_other() {
     let Some(rasterizer) = rasterizer() else { return };
@@ -91,6 +94,8 @@ fn a_recorded_drawing_has_the_bits_of_any_other() {
 }
 
 /// Too little room leaves out the farthest entries, says so, and spoils nothing.
+///
+/// Promise of `a_recorded_drawing_has_the_bits_of_any_other`.
 #[test]
 fn an_overflow_is_told() {
     let Some(rasterizer) = rasterizer() else { return };

@@ -159,6 +159,8 @@ fn a_device_of_ones_own_draws_the_same() {
 }
 
 /// A device that is gone, and one whose memory does not suffice, are errors that name the adapter.
+///
+/// Promise (results): a lost device and memory that no buffer may have are errors.
 #[test]
 fn a_lost_device_is_an_error() {
     let Some(lost) = with_limits(wgpu::Limits::default()) else { return println!("skipped: no adapter") };
@@ -179,6 +181,7 @@ fn a_lost_device_is_an_error() {
     }
 }
 
+/// Promise of `a_lost_device_is_an_error`.
 #[test]
 fn memory_that_no_buffer_may_have_is_an_error() {
     let limits =

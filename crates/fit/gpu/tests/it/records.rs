@@ -31,7 +31,7 @@ fn rotation(q: &[f64]) -> [[f64; 3]; 3] {
     ]
 }
 
-/// By the formulas of docs/rasterizer.md, through the covariance matrix.
+/// By the formulas of docs/explain/rasterizer.md, through the covariance matrix.
 fn splat(scene: &Scene<f64>, n: usize) -> Splat {
     let View { axes, shift, focal, principal, low, high, .. } = View::of(&scene.cameras(), 0);
     let mean = [0, 1, 2].map(|i| scene.means[3 * n + i]);

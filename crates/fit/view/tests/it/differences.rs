@@ -68,6 +68,9 @@ fn look(antialiased: bool, alpha_max: f64, background: [f32; 3]) -> Look {
 }
 
 /// Pictures of generated scenes equal the rasterizer's.
+///
+/// Promise (scenes): pictures of the page equal the rasterizer's within 6 of 255 and 52 dB, of every degree,
+/// antialiased, at both limits of alpha and from within.
 #[test]
 fn pictures_of_generated_scenes_agree() {
     let Some(browser) = Browser::start("pictures_of_generated_scenes") else { return };
@@ -90,6 +93,8 @@ fn pictures_of_generated_scenes_agree() {
 }
 
 /// Pictures of real scenes equal the rasterizer's.
+///
+/// Promise of `pictures_of_generated_scenes_agree`.
 #[test]
 fn pictures_of_real_scenes_agree() {
     let Some(folder) = shared("pictures_of_real_scenes", "splat-files") else { return };
@@ -113,6 +118,7 @@ fn pictures_of_real_scenes_agree() {
     }
 }
 
+/// Promise (scenes): a rounded page shows the scene of its SPZ file, and nothing is rounded that would be torn apart.
 #[test]
 fn a_rounded_scene_is_what_its_file_is() {
     let Some(browser) = Browser::start("a_rounded_scene") else { return };

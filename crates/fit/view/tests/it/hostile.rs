@@ -18,6 +18,8 @@ fn shots(names: &[&str]) -> Vec<Shot> {
     names.iter().enumerate().map(shot).collect()
 }
 
+/// Promise (scenes): names are shown as text; a truncated file is reported; a browser without WebGL 2 shows a
+/// picture.
 #[test]
 fn names_of_any_kind_are_shown_as_text() {
     let Some(browser) = Browser::start("names_of_any_kind") else { return };
@@ -31,6 +33,7 @@ fn names_of_any_kind_are_shown_as_text() {
     assert_eq!(browser.number("document.querySelectorAll('script').length"), 3.0);
 }
 
+/// Promise of `names_of_any_kind_are_shown_as_text`.
 #[test]
 fn a_page_that_was_cut_off_says_so() {
     let Some(browser) = Browser::start("a_page_that_was_cut_off") else { return };
@@ -53,6 +56,8 @@ fn a_page_that_was_cut_off_says_so() {
 }
 
 /// A browser without WebGL shows a picture and a sentence.
+///
+/// Promise of `names_of_any_kind_are_shown_as_text`.
 #[test]
 fn a_browser_without_webgl_shows_a_picture() {
     let flags = ["--disable-gpu", "--disable-software-rasterizer", "--disable-3d-apis"];
@@ -87,6 +92,7 @@ fn a_scene_of_nothing_has_a_page() {
     assert!(html(&subject, &[], HtmlOptions::default()).is_err());
 }
 
+/// Promise of `a_rounded_scene_is_what_its_file_is`.
 #[test]
 fn what_rounding_would_tear_apart_is_kept_as_it_is() {
     let near = cloud(300, 1, 1);
@@ -108,6 +114,9 @@ fn what_rounding_would_tear_apart_is_kept_as_it_is() {
 
 /// promise: a scene in units so small that the rounding format has no place for its positions has a page, which keeps
 /// it as it is.
+///
+/// Promise (fits): a scene in units so small that the rounding format has no place for its positions has a page,
+/// which keeps it as it is.
 #[test]
 fn scenes_of_any_unit_have_a_page() {
     let near = cloud(300, 1, 1);

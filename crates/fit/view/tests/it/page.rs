@@ -108,6 +108,8 @@ fn cameras_show_their_photos_beside_the_render() {
 }
 
 /// The bar is as long as its text says, at any distance of the center.
+///
+/// Promise (scenes): the scale bar is as long as its label, and there is none where the unit is unknown.
 #[test]
 fn a_bar_shows_the_scale_where_it_is_known() {
     let Some(browser) = Browser::start("a_bar_shows_the_scale") else { return };
@@ -187,6 +189,7 @@ fn every_mode_draws_something_else() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
+/// Promise (scenes): deleted Gaussians are not in the file; undone deletions are there to the bit.
 #[test]
 fn deletions_are_not_saved_and_come_back() {
     let Some(browser) = Browser::start("what_is_deleted") else { return };

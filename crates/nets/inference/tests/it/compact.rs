@@ -31,6 +31,8 @@ fn damaged_weights_are_refused_by_name() {
 }
 
 /// A network with a weight that is not finite would draw nothing, and its figures would pass for the network's own.
+///
+/// Promise (servers): weights of a run that are not finite are refused by name.
 #[test]
 fn weights_that_are_not_finite_are_refused() {
     let mut tensors = Checkpoint::from_bytes(WEIGHTS, Path::new("built in")).unwrap().tensors().clone();

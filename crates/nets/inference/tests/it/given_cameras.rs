@@ -45,6 +45,7 @@ fn predict(predictor: &mut dyn Predictor, planes: &[f32], source: CameraSource<'
     )
 }
 
+/// Promise of `infer_and_eval_make_the_same_of_the_same_photos`.
 #[test]
 fn units_of_cameras_and_points_do_not_matter() {
     let of = |unit: f64| {

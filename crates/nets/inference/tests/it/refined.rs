@@ -10,6 +10,9 @@ use weaver_losses::metrics;
 use weaver_procedural::{ProceduralOptions, scene};
 
 /// Photos are met better with no more gaussians moved or in place.
+///
+/// Promise (results): refinement meets the photos better with no more Gaussians than were predicted, and with these
+/// alone where that is asked for; its flags need one.
 #[test]
 fn refinement_meets_photos_better() {
     let mut plain = SplatWeaverPredictor::built_in().unwrap();

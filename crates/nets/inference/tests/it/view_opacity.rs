@@ -99,6 +99,7 @@ fn pose(angle: f64) -> Pose {
 }
 
 proptest! {
+    /// Promise of `opacities_may_depend_on_the_view`.
     #[test]
     fn slopes_by_camera_and_means_go_through_opacities(n in 1..6_usize, seed in any::<u64>(), angle in -1.0..1.0_f64) {
         let case = Case::new(n, seed);

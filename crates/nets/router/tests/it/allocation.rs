@@ -234,6 +234,7 @@ fn training_draws_budget_energy_and_pattern() {
     assert!(even > 40 && uneven > 80, "{even} even, {uneven} uneven");
 }
 
+/// Promise of `every_preset_trains`.
 #[test]
 fn some_steps_of_training_give_every_pixel_as_many() {
     let (logits, energy) = (vec![0.0; 4 * 12], vec![1.0; 12]);

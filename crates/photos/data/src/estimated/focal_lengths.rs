@@ -103,6 +103,7 @@ mod tests {
         assert!(remark.unwrap().ends_with(": 2.jpg (5000 mm)"));
     }
 
+    /// Promise of `an_absurd_focal_length_is_named`.
     #[test]
     fn two_that_disagree_are_both_not_used() {
         let (left, remark) = kept(&[Some(28.0), None, Some(85.0)]);

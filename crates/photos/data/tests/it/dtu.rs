@@ -78,6 +78,8 @@ fn refused(written: fn(&Path), change: impl FnOnce(&Path)) -> String {
     opened(folder.path(), false).unwrap_err().to_string()
 }
 
+/// Promise (results): captures in the layouts of MVSNet and of IDR are read with their cameras and masks; faults are
+/// named with file, key, expected and found.
 #[test]
 fn layouts_of_dtu_are_captures() {
     for (written, masks) in [(mvsnet as fn(&Path), false), (idr, true)] {
@@ -97,6 +99,7 @@ fn layouts_of_dtu_are_captures() {
     }
 }
 
+/// Promise of `layouts_of_dtu_are_captures`.
 #[test]
 fn layouts_of_dtu_say_what_is_wrong() {
     let cam = |folder: &Path| folder.join("cams/00000001_cam.txt");

@@ -44,6 +44,8 @@ fn test_names(folder: &Path) -> Option<Vec<String>> {
 }
 
 /// Nothing is held out where no photo that was to be could be placed.
+///
+/// Promise of `files_may_hold_nothing_out`.
 #[test]
 fn unplaced_held_out_photos_leave_none() {
     let temporary = tempfile::tempdir().unwrap();
@@ -93,6 +95,9 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 
 /// promise: cameras that cannot be written leave those before them as they are, to the byte: no reader takes a mixture
 /// of both for one result.
+///
+/// Promise (fits): cameras that cannot be written leave those before them to the byte; no reader takes a mixture of
+/// both.
 #[test]
 fn results_replace_those_before_whole_or_not() {
     let temporary = tempfile::tempdir().unwrap();
@@ -122,6 +127,8 @@ fn results_replace_those_before_whole_or_not() {
 }
 
 /// promise: a foreign file where upright copies would go is met before photos are matched.
+///
+/// Promise (fits): a foreign file in the place of an upright copy is found before photos are matched.
 #[test]
 fn foreign_upright_photos_are_met_at_the_start() {
     let temporary = tempfile::tempdir().unwrap();
@@ -136,6 +143,9 @@ fn foreign_upright_photos_are_met_at_the_start() {
 }
 
 /// An absurd focal length changes no camera and is named.
+///
+/// Promise (photos): absurd focal lengths in EXIF are named and change no camera; of two that disagree neither is
+/// used.
 #[test]
 fn an_absurd_focal_length_is_named() {
     let temporary = tempfile::tempdir().unwrap();
@@ -255,6 +265,8 @@ fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options
 }
 
 /// Mirrored photos and those upside down are matched and written upright.
+///
+/// Promise of `a_size_may_not_tell_which_way_is_up`.
 #[test]
 fn turned_photos_are_written_upright() {
     let orientations = [FlipHorizontal, Rotate180, FlipVertical, NoTransforms];
@@ -262,12 +274,15 @@ fn turned_photos_are_written_upright() {
 }
 
 /// Square photos on their side are matched and written upright.
+///
+/// Promise of `a_size_may_not_tell_which_way_is_up`.
 #[test]
 fn square_photos_are_written_upright() {
     let orientations = [Rotate90, NoTransforms, Rotate270, FlipHorizontal];
     stored_like_upright([80, 80], orientations, &told());
 }
 
+/// Promise of `photos_know_if_they_are_transparent`.
 #[test]
 fn transparent_parts_of_matched_photos_are_spoken_of() {
     let temporary = tempfile::tempdir().unwrap();
@@ -282,6 +297,7 @@ fn transparent_parts_of_matched_photos_are_spoken_of() {
     assert!(remarks.len() == 1 && remarks[0].ends_with(expected), "{remarks:?}");
 }
 
+/// Promise of `a_relative_path_leads_from_a_folder_to_a_file`.
 #[test]
 fn a_capture_and_its_photos_can_be_moved_together() {
     let temporary = tempfile::tempdir().unwrap();
@@ -335,6 +351,8 @@ fn a_capture_and_its_photos_can_be_moved_together() {
 }
 
 /// Photos that cannot be matched for their files are named at once and left out.
+///
+/// Promise of `a_few_unreadable_photos_are_left_out`.
 #[test]
 fn unusable_photos_are_named_and_left_out() {
     let temporary = tempfile::tempdir().unwrap();
@@ -371,6 +389,8 @@ fn unusable_photos_are_named_and_left_out() {
 }
 
 /// A photo whose name is not UTF-8 is left out and named.
+///
+/// Promise of `a_few_unreadable_photos_are_left_out`.
 #[cfg(unix)]
 #[test]
 fn names_that_are_not_utf8_are_left_out() {

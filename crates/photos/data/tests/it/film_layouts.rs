@@ -64,6 +64,8 @@ fn dnerf(folder: &Path) {
     }
 }
 
+/// Promise (results): films of three layouts are read with their cameras and times; unusable ones are refused with
+/// file, expected and found.
 #[test]
 fn a_dnerf_film_is_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -94,6 +96,9 @@ fn a_dnerf_film_is_read() {
 
 /// Photos that memory has no room for are read from their files: the same pixels, and an error that names a file that
 /// went away.
+///
+/// Promise (results): a film that memory has no room for is read when needed; all photos are trained on where that is
+/// asked for.
 #[test]
 fn photos_that_are_not_kept_are_read_when_needed() {
     let folder = tempfile::tempdir().unwrap();
@@ -124,6 +129,7 @@ fn transparent_pixels_of_dnerf_are_white() {
     assert_eq!(film.shots[0].pixels.bytes().unwrap()[8 * 3 - 3..8 * 3], [10, 20, 30]);
 }
 
+/// Promise of `a_dnerf_film_is_read`.
 #[test]
 fn dnerf_films_that_cannot_be_used_are_refused() {
     let edited = |from: &'static str, to: &'static str| {
@@ -195,6 +201,7 @@ fn poses_bounds(folder: &Path, cameras: usize) {
     write_npy(folder.join("poses_bounds.npy"), &[cameras, 17], &rows).unwrap();
 }
 
+/// Promise of `a_dnerf_film_is_read`.
 #[test]
 fn a_neural_3d_video_is_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -230,6 +237,7 @@ fn a_neural_3d_video_is_read() {
     assert_eq!(open(folder.path(), Some(16)).unwrap().size, [12, 16]);
 }
 
+/// Promise of `a_dnerf_film_is_read`.
 #[test]
 fn neural_3d_videos_that_cannot_be_used_are_refused() {
     let video = refused(n3v, |folder| {
@@ -290,6 +298,7 @@ fn hypernerf(folder: &Path) {
     }
 }
 
+/// Promise of `a_dnerf_film_is_read`.
 #[test]
 fn a_hypernerf_film_is_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -332,6 +341,7 @@ fn validation_photos_hold_out_their_cameras() {
     assert_eq!(held_out(&film), [(false, false), (false, false), (true, false), (false, false)]);
 }
 
+/// Promise of `a_dnerf_film_is_read`.
 #[test]
 fn hypernerf_films_that_cannot_be_used_are_refused() {
     for (file, from, to, said) in [

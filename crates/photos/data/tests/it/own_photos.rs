@@ -74,6 +74,9 @@ fn distorted_capture(folder: &Path) -> Vec<Frame> {
 }
 
 /// Distorted photos are loaded like photos of a lens without distortion.
+///
+/// Promise (photos): distorted photos are loaded as a lens without distortion would have taken them, their masks with
+/// them.
 #[test]
 fn distorted_photos_are_undistorted() {
     let folder = tempfile::tempdir().unwrap();
@@ -123,6 +126,7 @@ fn distorted_photos_are_undistorted() {
     }
 }
 
+/// Promise of `distorted_photos_are_undistorted`.
 #[test]
 fn undoing_a_distortion_costs_no_detail() {
     // Waves of three pixels once the photo is shrunk to a quarter.
@@ -145,6 +149,8 @@ fn undoing_a_distortion_costs_no_detail() {
 }
 
 /// A distortion that leaves nothing is refused by name.
+///
+/// Promise (photos): a distortion that would leave nothing is refused by name.
 #[test]
 fn a_distortion_that_leaves_nothing_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -162,6 +168,7 @@ fn a_distortion_that_leaves_nothing_is_refused() {
     }
 }
 
+/// Promise of `distorted_photos_are_undistorted`.
 #[test]
 fn masks_are_undistorted_with_their_photos() {
     let folder = tempfile::tempdir().unwrap();
@@ -202,6 +209,7 @@ fn turn(path: &Path, orientation: Orientation) {
     exif::store(path, orientation, Some(30));
 }
 
+/// Promise of `photos_are_read_upright`.
 #[test]
 fn photos_turned_by_exif_are_loaded_like_upright_ones() {
     let (clean, turned) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
@@ -272,6 +280,7 @@ fn turned_photos_have_the_same_cameras() {
     }
 }
 
+/// Promise of `photos_are_read_upright`.
 #[test]
 fn cameras_of_photos_as_they_are_stored_keep_these() {
     let folder = tempfile::tempdir().unwrap();
@@ -336,6 +345,8 @@ fn a_masked_capture_is_the_clean_one_with_masks() {
 }
 
 /// Masks of photos of one name in two folders are kept apart.
+///
+/// Promise of `masks_are_found_by_name_or_frame`.
 #[test]
 fn masks_of_photos_of_one_name() {
     let folder = tempfile::tempdir().unwrap();
@@ -364,6 +375,7 @@ fn masks_of_photos_of_one_name() {
     }
 }
 
+/// Promise (photos): point clouds beside a transforms.json or in a model's folder are points.
 #[test]
 fn point_clouds_beside_transforms_are_points() {
     let truth = scene(5, &ProceduralOptions { width: 40, height: 30, views: 6 });
@@ -402,6 +414,7 @@ fn point_clouds_beside_transforms_are_points() {
     }
 }
 
+/// Promise (photos): photos that a model has no place for are named.
 #[test]
 fn photos_that_a_model_lacks_are_named() {
     let folder = tempfile::tempdir().unwrap();

@@ -59,6 +59,8 @@ fn photos_keep_their_size_or_shrink_to_a_longest_side() {
 }
 
 /// Masks are found by name or by the frame and their lack is named.
+///
+/// Promise (photos): masks are found by name, by the frame or in the photo's alpha.
 #[test]
 fn masks_are_found_by_name_or_frame() {
     let folder = tempfile::tempdir().unwrap();
@@ -97,6 +99,8 @@ fn masks_are_found_by_name_or_frame() {
 }
 
 /// A capture that lists no photos for testing holds none out.
+///
+/// Promise of `files_may_hold_nothing_out`.
 #[test]
 fn captures_without_a_list_hold_none_out() {
     let folder = tempfile::tempdir().unwrap();
@@ -123,6 +127,8 @@ fn with_alpha(path: &Path, corner: u8) {
 }
 
 /// Transparent parts are spoken of where masks are not read.
+///
+/// Promise of `photos_know_if_they_are_transparent`.
 #[test]
 fn transparent_parts_are_remarked_on() {
     let folder = tempfile::tempdir().unwrap();

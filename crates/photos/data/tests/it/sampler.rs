@@ -156,6 +156,7 @@ fn ordered_samplers_take_distinct_views_as_they_say() {
     }
 }
 
+/// Promise of `a_gap_is_bounded`.
 #[test]
 fn uniform_is_even() {
     assert_eq!(uniform(100, 16)[..4], [0, 6, 13, 19]);
@@ -177,6 +178,7 @@ fn gaps_reach_both_bounds() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
+    /// Promise (options): samplers draw views by their definitions.
     #[test]
     fn a_gap_is_bounded(frames in 1_usize..400, views in 1_usize..25, seed in any::<u64>()) {
         let chosen = bounded_gap(frames, views, Stream::new(seed, 0, "test.gap"));

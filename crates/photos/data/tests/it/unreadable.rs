@@ -44,6 +44,9 @@ fn loaded(folder: &Path) -> Result<(Vec<usize>, Vec<String>), String> {
 }
 
 /// A few unreadable photos are named at once and left out.
+///
+/// Promise (photos): unreadable photos are named at once and left out, up to a quarter of all; a wrong entry of a
+/// capture stays an error.
 #[test]
 fn a_few_unreadable_photos_are_left_out() {
     for colmap in [false, true] {
@@ -73,6 +76,8 @@ fn a_few_unreadable_photos_are_left_out() {
 }
 
 /// One unreadable photo in four is left out and two are an error.
+///
+/// Promise of `a_few_unreadable_photos_are_left_out`.
 #[test]
 fn one_unreadable_photo_in_four_is_left_out() {
     let folder = tempfile::tempdir().unwrap();
@@ -105,6 +110,7 @@ fn unreadable_photos_leave_the_split() {
     assert_eq!(held_out, ["images/0.png", "images/8.png"]);
 }
 
+/// Promise of `a_few_unreadable_photos_are_left_out`.
 #[test]
 fn wrong_entries_of_one_photo_are_an_error() {
     let folder = tempfile::tempdir().unwrap();

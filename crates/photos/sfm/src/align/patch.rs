@@ -184,6 +184,7 @@ mod tests {
         Gray { values: (0..width * height).map(byte).collect(), size: [height, width] }
     }
 
+    /// Promise of `keypoints_move_to_where_photos_agree`.
     #[test]
     fn what_was_moved_bent_and_lit_another_way_is_found() {
         let first = photo(|p| p, |v| v);

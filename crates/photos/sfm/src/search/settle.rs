@@ -161,6 +161,7 @@ mod tests {
         other
     }
 
+    /// Promise of `only_other_explanations_are_settled`.
     #[test]
     fn a_photo_that_is_turned_is_turned_back() {
         with_search(|mut search| {
@@ -180,6 +181,7 @@ mod tests {
         });
     }
 
+    /// Promise (figures): explanations are compared once each has come to its end.
     #[test]
     fn only_other_explanations_are_settled() {
         with_search(|mut search| {

@@ -50,6 +50,7 @@ fn freed(planted: [f64; 2], cameras: usize, find: Find) -> ([bool; 2], [f64; 2])
     ([free_k1, free_k2], [k1, k2])
 }
 
+/// Promise (figures): k1 and k2 are freed where photos determine them, and on request.
 #[test]
 fn both_coefficients_are_told_by_many_photos() {
     let planted = [-0.12, 0.08];
@@ -61,6 +62,7 @@ fn both_coefficients_are_told_by_many_photos() {
     assert_eq!(freed(planted, SEVERAL - 1, Find::Told).0, [false, false]);
 }
 
+/// Promise of `both_coefficients_are_told_by_many_photos`.
 #[test]
 fn absent_distortion_is_not_freed() {
     let (free, found) = freed([-0.12, 0.0], MANY, Find::Told);
@@ -119,6 +121,8 @@ fn before_relief(poses: &[Pose], relief: f64, [noise, smooth]: [f64; 2], seed: u
 
 /// Where a wall is met going towards it, along it and around it, the focal length is within three of its deviations,
 /// which are small only where the wall is seen from different sides.
+///
+/// Promise (fits): deviations of focal lengths hold before walls.
 #[test]
 fn deviations_of_focal_lengths_hold_on_walls() {
     let (mut all, mut within) = (0, 0);

@@ -186,6 +186,7 @@ fn quick() -> EstimateOptions {
     EstimateOptions { keypoints: 300, ..EstimateOptions::default() }
 }
 
+/// Promise of `cropped_photos_have_their_own_focal_length`.
 #[test]
 fn a_focal_length_that_nobody_knows_of_ten_photos() {
     let scene = built_in(2, 20);
@@ -197,6 +198,7 @@ fn a_focal_length_that_nobody_knows_of_ten_photos() {
     assert!(!found.focal_guessed && found.focal_factor == 1.0, "nothing was told");
 }
 
+/// Promise of `cropped_photos_have_their_own_focal_length`.
 #[test]
 fn crops_have_focal_lengths_of_their_own() {
     let scene = built_in(2, 26);
@@ -230,6 +232,7 @@ fn an_unknown_lens_is_found() {
     assert_eq!(found.focal_factor, 1.0);
 }
 
+/// Promise (figures): a located photo changes nothing of the others.
 #[test]
 fn what_is_located_finds_no_points() {
     let scene = built_in(2, 26);

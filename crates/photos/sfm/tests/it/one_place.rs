@@ -58,6 +58,7 @@ fn found(count: usize, degrees: f64, noise: f64, aside: f64) -> Estimate {
     estimate(&views(count, degrees, noise, aside), &EstimateOptions { keypoints: 1000, ..EstimateOptions::default() })
 }
 
+/// Promise (fits): photos taken by turning on the spot get no cameras, with the reason.
 #[test]
 fn turning_on_the_spot_is_refused() {
     for (count, degrees, noise) in [(6, 3.0, 0.0), (9, 5.0, 2.0)] {
@@ -67,6 +68,7 @@ fn turning_on_the_spot_is_refused() {
     }
 }
 
+/// Promise (fits): a camera that moves aside by a hundredth of the distance is placed, and good.
 #[test]
 fn a_hundredth_of_the_distance_aside_is_good() {
     for (count, degrees, noise) in [(6, 3.0, 0.0), (9, 5.0, 2.0)] {
@@ -78,6 +80,8 @@ fn a_hundredth_of_the_distance_aside_is_good() {
 }
 
 /// Photos that join a scene by a turn alone stay in it.
+///
+/// Promise (fits): photos that only turn within a scene keep their place.
 #[test]
 fn a_scene_keeps_photos_that_only_turn() {
     let mut photos = views(7, 3.0, 1.0, 0.01);

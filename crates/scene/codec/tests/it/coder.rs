@@ -183,6 +183,7 @@ proptest! {
     }
 }
 
+/// Promise (scenes): numbers coded by a predicted normal distribution come back, at the bits of their rate.
 #[test]
 fn numbers_come_back_at_their_gaussian_rate() {
     let random = Stream::new(3, 0, "codec.gaussian");

@@ -63,6 +63,7 @@ fn errors_are_within_half_a_step() {
     }
 }
 
+/// Promise of `colors_that_hardly_vary_cost_little`.
 #[test]
 fn errors_of_colors_are_those_of_their_steps() {
     let before = cloud(3000, 2);
@@ -96,6 +97,8 @@ fn errors_of_colors_are_those_of_their_steps() {
     }
 }
 
+/// Promise (scenes): nearly constant colors of a compressed scene cost next to nothing; errors of other colors are
+/// bounded by each Gaussian's visible weight.
 #[test]
 fn colors_that_hardly_vary_cost_little() {
     // Of many Gaussians of one color and any visibility, one coefficient is not 0.

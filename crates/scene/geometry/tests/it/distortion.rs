@@ -5,6 +5,8 @@ use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Distortion, Intrinsics, Pose, Undistortion};
 
 /// Points and where `cv2.projectPoints` and `cv2.fisheye.projectPoints` of OpenCV 5.0 put them.
+///
+/// Promise (photos): the distortion models of OpenCV equal OpenCV's.
 #[test]
 fn points_are_seen_where_opencv_sees_them() {
     let near = [[0.3, -0.2], [-0.55, 0.4], [0.05, 0.6]];

@@ -98,6 +98,8 @@ mod tests {
     }
 
     /// The error of a full disk keeps its kind, even if an encoder wraps it.
+    ///
+    /// Promise (files): a full disk is distinguished from a fault of the input, whatever an encoder makes of it.
     #[test]
     fn an_encoder_does_not_hide_a_full_disk() {
         let hidden = crate::pictures::image::encode_png(&mut Full, 2, 2, &[0; 12]).unwrap_err();

@@ -234,6 +234,8 @@ mod tests {
     use std::io::Write;
 
     /// Files with a hidden name replace others, and are removed when they are dropped or the process ends.
+    ///
+    /// Promise of `an_unfinished_file_has_no_name`.
     #[test]
     fn named_files_take_their_place_or_are_removed() {
         let folder = tempfile::tempdir().unwrap();

@@ -51,6 +51,7 @@ fn replaces_the_old_file() {
     }
 }
 
+/// Promise (scenes): a file is written into a folder that is not there yet.
 #[test]
 fn a_missing_folder_is_created() {
     let folder = tempfile::tempdir().unwrap();
@@ -74,6 +75,8 @@ fn has_the_permissions_of_any_new_file() {
 }
 
 /// After any end of a process, nothing of an unfinished file stays: it has no name.
+///
+/// Promise (files): whatever ends a process, nothing of an unfinished file stays.
 #[cfg(target_os = "linux")]
 #[test]
 fn an_unfinished_file_has_no_name() {
@@ -94,6 +97,8 @@ fn an_unfinished_file_has_no_name() {
 }
 
 /// A link is followed and stays a link.
+///
+/// Promise of `outputs_are_regular_files_or_absent`.
 #[cfg(unix)]
 #[test]
 fn a_link_is_written_through() {

@@ -25,6 +25,7 @@ fn bytes(path: &Path) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
+/// Promise of `files_in_blocks_have_the_bytes_of_whole_ones`.
 #[test]
 fn any_part_of_a_file_is_that_of_the_whole() {
     let folder = tempfile::tempdir().unwrap();
@@ -40,6 +41,8 @@ fn any_part_of_a_file_is_that_of_the_whole() {
     }
 }
 
+/// Promise (kept): a scene that passes through in blocks has the bytes of the whole one, within the memory of a
+/// block; faults are named by their place in the file.
 #[test]
 fn files_in_blocks_have_the_bytes_of_whole_ones() {
     let folder = tempfile::tempdir().unwrap();
@@ -59,6 +62,8 @@ fn files_in_blocks_have_the_bytes_of_whole_ones() {
 }
 
 /// Whole, this scene takes 24 MB in each of three forms: as bytes, as a table, as Gaussians.
+///
+/// Promise of `files_in_blocks_have_the_bytes_of_whole_ones`.
 #[test]
 fn memory_is_that_of_blocks() {
     let folder = tempfile::tempdir().unwrap();
@@ -88,6 +93,7 @@ fn changes_and_chains_are_those_of_the_whole() {
     assert!(*changed.all().unwrap() == whole.with_degree(1));
 }
 
+/// Promise of `files_in_blocks_have_the_bytes_of_whole_ones`.
 #[test]
 fn faults_are_named_by_their_place_in_the_file() {
     let folder = tempfile::tempdir().unwrap();

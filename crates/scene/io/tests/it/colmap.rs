@@ -79,6 +79,7 @@ fn camera_models() {
     }
 }
 
+/// Promise (photos): distortion is read from COLMAP's models and from transforms.json, for all photos or for one.
 #[test]
 fn distorted_cameras() {
     let radial = |k, p| Some(Distortion::Radial { k, p });
@@ -124,6 +125,7 @@ fn distorted_cameras() {
     }
 }
 
+/// Promise (photos): photos of one lens share a camera of COLMAP.
 #[test]
 fn frames_of_one_lens_share_a_camera() {
     let intrinsics = Intrinsics { fx: 90.0, fy: 90.0, cx: 32.0, cy: 24.0 };
@@ -157,6 +159,7 @@ fn frames_of_one_lens_share_a_camera() {
     }
 }
 
+/// Promise of `point_clouds_beside_transforms_are_points`.
 #[test]
 fn a_point_cloud_takes_the_place_of_missing_points() {
     let folder = tempfile::tempdir().unwrap();

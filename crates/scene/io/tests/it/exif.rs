@@ -20,6 +20,7 @@ pub fn photo(tag: u16, focal: u16) -> Vec<u8> {
     [&[0xff, 0xd8, 0xff, 0xe1][..], &length.to_be_bytes(), b"Exif\0\0", &tiff, &[0xff, 0xd9]].concat()
 }
 
+/// Promise (photos): the focal length in a file's EXIF is used where none is given.
 #[test]
 fn the_focal_length_is_what_the_file_tells() {
     let folder = tempfile::tempdir().unwrap();

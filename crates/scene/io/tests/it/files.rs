@@ -52,6 +52,7 @@ fn text_must_be_utf8() {
     assert!(message.contains("text: byte 2: expected UTF-8 text"), "{message}");
 }
 
+/// Promise of `a_byte_order_mark_is_no_part_of_json`.
 #[test]
 fn a_byte_order_mark_is_no_part_of_a_text() {
     let folder = tempfile::tempdir().unwrap();
@@ -67,6 +68,9 @@ fn a_byte_order_mark_is_no_part_of_a_text() {
 }
 
 /// Text that Windows programs write in UTF-16 is called so.
+///
+/// Promise (servers): text in UTF-16 is named; lines may end in a carriage return alone; a file without cameras is
+/// none of cameras.
 #[test]
 fn text_in_utf16_is_named() {
     let folder = tempfile::tempdir().unwrap();
@@ -81,6 +85,8 @@ fn text_in_utf16_is_named() {
 }
 
 /// A pipe in place of a file of weights is refused, where to open it would wait for ever.
+///
+/// Promise (servers): a pipe in place of weights is not waited for.
 #[cfg(unix)]
 #[test]
 fn a_pipe_is_not_mapped() {
@@ -92,6 +98,8 @@ fn a_pipe_is_not_mapped() {
 }
 
 /// Lines that end in a carriage return alone are lines, so that a comment at the start does not hide all that follows.
+///
+/// Promise of `text_in_utf16_is_named`.
 #[test]
 fn lines_may_end_in_a_carriage_return() {
     let folder = tempfile::tempdir().unwrap();
@@ -106,6 +114,8 @@ fn lines_may_end_in_a_carriage_return() {
     assert!(message.contains("lines: expected a camera on each after the first, found none"), "{message}");
 }
 
+/// Promise (photos): estimated cameras, and a fit's cameras, can be moved together with their photos, and the COLMAP
+/// model alone is a capture.
 #[test]
 fn a_relative_path_leads_from_a_folder_to_a_file() {
     let root = tempfile::tempdir().unwrap();
@@ -125,6 +135,8 @@ fn a_relative_path_leads_from_a_folder_to_a_file() {
 }
 
 /// A relative path follows links but keeps the name of the file.
+///
+/// Promise of `a_relative_path_leads_from_a_folder_to_a_file`.
 #[cfg(unix)]
 #[test]
 fn relative_paths_keep_the_name_of_the_file() {
@@ -147,6 +159,8 @@ fn relative_paths_keep_the_name_of_the_file() {
 proptest! {
     /// The order of names is one: no two are equal, and three never contradict each other. It is the order of bytes
     /// where numbers are equally long.
+    ///
+    /// Promise of `scans_are_taken_in_the_order_of_their_numbers`.
     #[test]
     fn natural_order_is_an_order(names in proptest::collection::hash_set("[0-2a.]{0,6}", 3), numbers: [[u8; 2]; 2]) {
         let order = |a: &str, b: &str| natural_order(a.as_ref(), b.as_ref());
@@ -162,6 +176,8 @@ proptest! {
 }
 
 /// The checksum of a file that is read a part at a time equals the checksum of its bytes, at any length.
+///
+/// Promise of `inputs_are_compared_by_their_files`.
 #[test]
 fn files_have_the_checksum_of_their_bytes() {
     let folder = tempfile::tempdir().unwrap();

@@ -210,6 +210,8 @@ fn files_of_other_tools_survive_writing() {
 }
 
 /// A scene that a format cannot hold is refused by name, and the file that was there stays.
+///
+/// Promise (files): a scene that its format cannot hold replaces nothing, in every format.
 #[test]
 fn what_cannot_be_read_again_replaces_nothing() {
     let one = |mean: f32, log_scale: f32| Gaussians {
@@ -256,6 +258,8 @@ fn what_cannot_be_read_again_replaces_nothing() {
 }
 
 /// Rotations keep their direction, however long their quaternions are.
+///
+/// Promise (files): rotations keep their direction, however long their quaternions are.
 #[test]
 fn quaternions_of_any_length_are_rotations() {
     for length in [1e-30f32, 1e-22, 1.0, 1e22, 1e38] {

@@ -27,6 +27,7 @@ proptest! {
     }
 }
 
+/// Promise of `fixtures_of_splat_transform`.
 #[test]
 fn a_scene_of_splat_transform() {
     let Some(folder) = shared::samples() else { return };

@@ -195,6 +195,7 @@ fn real_photographs() {
     assert!((0.1..0.9).contains(&mean) && (mean - small_mean).abs() < 0.2, "{mean} {small_mean}");
 }
 
+/// Promise (photos): a photo that was cut short, or promises more than its file can hold, is refused.
 #[test]
 fn a_jpeg_that_was_cut_short_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -213,6 +214,8 @@ fn a_jpeg_that_was_cut_short_is_refused() {
 }
 
 /// A header that promises more than the file can hold is refused.
+///
+/// Promise of `a_jpeg_that_was_cut_short_is_refused`.
 #[test]
 fn headers_that_promise_too_much_are_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -63,6 +63,8 @@ fn describes_real_files() {
 
 /// Folders are described by their content, so are scans and arrays, and a folder of nothing is no missing file of
 /// COLMAP's.
+///
+/// Promise of `runs_of_every_command_are_described`.
 #[test]
 fn folders_scans_and_arrays_are_described() {
     let folder = tempfile::tempdir().unwrap();

@@ -5,6 +5,7 @@ use half::f16;
 use weaver_io::{SceneFormat, read_gaussians, read_gaussians_from};
 use weaver_scene::Gaussians;
 
+/// Promise of `fixtures_of_splat_transform`.
 #[test]
 fn the_fixture_of_splat_transform() {
     let found = read_gaussians(fixtures::splats("minimal.ksplat")).unwrap();

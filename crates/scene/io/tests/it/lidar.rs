@@ -138,6 +138,8 @@ proptest! {
 }
 
 /// Poses of a file without times have none: neither KITTI's, nor those that have names in their place.
+///
+/// Promise of `what_is_undefined_is_not_given`.
 #[test]
 fn a_trajectory_without_times_has_none() {
     let times = |text: &str| {

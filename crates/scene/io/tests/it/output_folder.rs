@@ -17,6 +17,9 @@ fn claim(folder: &Path, command: &str) -> OutputFolder {
 }
 
 /// Files are replaced only by the command that wrote them.
+///
+/// Promise (kept): no command replaces its inputs, or files that the same command did not write before; it refuses
+/// before any work.
 #[test]
 fn only_the_writer_replaces_files() {
     let parent = tempfile::tempdir().unwrap();
@@ -37,6 +40,7 @@ fn only_the_writer_replaces_files() {
     assert_eq!(fs::read_to_string(folder.join("sparse/0/points3D.bin")).unwrap(), "somebody's");
 }
 
+/// Promise of `only_the_writer_replaces_files`.
 #[test]
 fn nothing_is_written_where_something_is_read() {
     let parent = tempfile::tempdir().unwrap();
@@ -69,6 +73,7 @@ fn nothing_is_written_where_something_is_read() {
     check_output_file(photos.join("new.txt"), NOTHING).unwrap();
 }
 
+/// Promise of `only_the_writer_replaces_files`.
 #[test]
 fn results_stay_apart_from_photos() {
     let parent = tempfile::tempdir().unwrap();
@@ -87,6 +92,7 @@ fn results_stay_apart_from_photos() {
     refused(OutputFolder::claim(&folder, "render", NOTHING), &["0001.png"]);
 }
 
+/// Promise (kept): a folder is one run's at a time, whichever way it was begun.
 #[test]
 fn a_folder_is_written_by_one_run_at_a_time() {
     let parent = tempfile::tempdir().unwrap();
@@ -100,6 +106,9 @@ fn a_folder_is_written_by_one_run_at_a_time() {
 }
 
 /// A folder that nothing was written into leaves no trace.
+///
+/// Promise (kept): a folder that nothing was written into is gone again; a record that a kill cut short goes on; so
+/// do runs from before there was one.
 #[test]
 fn unused_folders_leave_no_trace() {
     let parent = tempfile::tempdir().unwrap();
@@ -113,6 +122,7 @@ fn unused_folders_leave_no_trace() {
     refused(OutputFolder::claim(parent.path().join("file/out"), "fit", NOTHING), &["file"]);
 }
 
+/// Promise of `unused_folders_leave_no_trace`.
 #[test]
 fn a_record_that_a_kill_cut_short_goes_on() {
     let parent = tempfile::tempdir().unwrap();
@@ -133,6 +143,7 @@ fn a_record_that_a_kill_cut_short_goes_on() {
     assert_eq!(fs::read_to_string(&record).unwrap(), "when,what\n");
 }
 
+/// Promise of `unused_folders_leave_no_trace`.
 #[test]
 fn runs_from_before_there_was_a_record_go_on() {
     let parent = tempfile::tempdir().unwrap();
@@ -144,6 +155,7 @@ fn runs_from_before_there_was_a_record_go_on() {
     refused(out.file("notes.txt"), &["notes.txt"]);
 }
 
+/// Promise of `a_clip_becomes_a_capture`.
 #[test]
 fn only_what_the_command_wrote_is_removed() {
     let parent = tempfile::tempdir().unwrap();
@@ -172,6 +184,8 @@ fn only_what_the_command_wrote_is_removed() {
 }
 
 /// A record that came along with a folder leads to no file outside of it.
+///
+/// Promise (files): a folder of results from elsewhere names and links to no file outside of it.
 #[test]
 fn a_record_leads_to_no_file_outside() {
     let parent = tempfile::tempdir().unwrap();
@@ -188,6 +202,8 @@ fn a_record_leads_to_no_file_outside() {
 }
 
 /// Links in a folder of results lead to nothing that is replaced or removed.
+///
+/// Promise of `a_record_leads_to_no_file_outside`.
 #[cfg(unix)]
 #[test]
 fn links_lead_to_no_file_outside() {
@@ -219,6 +235,9 @@ fn links_lead_to_no_file_outside() {
 }
 
 /// An output is a regular file, or one that is not there yet.
+///
+/// Promise (files): outputs are regular files or absent: devices, pipes and links that lead nowhere stay; other links
+/// are followed.
 #[cfg(unix)]
 #[test]
 fn outputs_are_regular_files_or_absent() {
@@ -239,6 +258,8 @@ fn outputs_are_regular_files_or_absent() {
 }
 
 /// A folder for results may lie in a run that is read, and in no capture.
+///
+/// Promise of `outputs_never_go_over_inputs`.
 #[test]
 fn results_may_lie_in_a_run_that_is_read() {
     let parent = tempfile::tempdir().unwrap();

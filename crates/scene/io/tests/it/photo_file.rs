@@ -41,6 +41,9 @@ const TURNS: [Orientation; 8] = [
 ];
 
 /// Photos are read upright unless a camera says otherwise.
+///
+/// Promise (photos): photos are read upright, whichever way they are stored; with cameras only if these are for the
+/// upright photo.
 #[test]
 fn photos_are_read_upright() {
     let folder = tempfile::tempdir().unwrap();
@@ -82,6 +85,7 @@ fn square_photos_with_cameras_stay_as_stored() {
     assert_eq!(photo.for_camera(16, 16).read().unwrap().pixels, image.as_bytes());
 }
 
+/// Promise (photos): JPEG (progressive, CMYK), PNG, TIFF and WebP of 8 and 16 bits are read, with or without alpha.
 #[test]
 fn every_kind_of_photo_is_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -106,6 +110,7 @@ fn every_kind_of_photo_is_read() {
     }
 }
 
+/// Promise of `every_kind_of_photo_is_read`.
 #[test]
 fn alpha_is_composited_or_read_by_itself() {
     let folder = tempfile::tempdir().unwrap();
@@ -118,6 +123,7 @@ fn alpha_is_composited_or_read_by_itself() {
     assert_eq!(alpha.pixels, [255, 255, 255, 0, 0, 0, 51, 51, 51]);
 }
 
+/// Promise (photos): HEIC and AVIF get an error with the command that converts them.
 #[test]
 fn what_cannot_be_read_says_why_and_how_to_convert_it() {
     let folder = tempfile::tempdir().unwrap();
@@ -182,6 +188,8 @@ fn masks_cover_photos_as_they_are_seen() {
 }
 
 /// Hidden files are no photos and links that lead nowhere are listed.
+///
+/// Promise of `a_few_unreadable_photos_are_left_out`.
 #[test]
 fn hidden_files_and_broken_links() {
     let folder = tempfile::tempdir().unwrap();
@@ -197,6 +205,9 @@ fn hidden_files_and_broken_links() {
 }
 
 /// A photo says whether its orientation follows from its size.
+///
+/// Promise (photos): photos that are mirrored, upside down, or square and on their side are matched and written
+/// upright.
 #[test]
 fn a_size_may_not_tell_which_way_is_up() {
     let folder = tempfile::tempdir().unwrap();
@@ -214,6 +225,8 @@ fn a_size_may_not_tell_which_way_is_up() {
 }
 
 /// A photo that was read says whether it is transparent.
+///
+/// Promise (photos): photos with transparent parts are named where masks are not read, but for synthetic scenes.
 #[test]
 fn photos_know_if_they_are_transparent() {
     let folder = tempfile::tempdir().unwrap();
@@ -231,6 +244,8 @@ fn photos_know_if_they_are_transparent() {
 }
 
 /// Folders of a camera's card are found below a folder, and masks, hidden folders and links are not.
+///
+/// Promise (files): photos in folders below the one that is given are named.
 #[test]
 fn photos_in_folders_below_are_found() {
     let folder = tempfile::tempdir().unwrap();
@@ -253,6 +268,8 @@ fn photos_in_folders_below_are_found() {
 }
 
 /// Photos whose names are numbers are listed in the order of the numbers.
+///
+/// Promise of `scans_are_taken_in_the_order_of_their_numbers`.
 #[test]
 fn photos_are_listed_by_their_numbers() {
     let folder = tempfile::tempdir().unwrap();

@@ -239,6 +239,8 @@ proptest! {
 }
 
 /// The error of an empty file or a text named .ply differs from a damaged PLY's.
+///
+/// Promise (files): an empty file or text with the name of a PLY is called so.
 #[test]
 fn a_file_that_is_no_ply_is_called_so() {
     let folder = tempfile::tempdir().unwrap();

@@ -12,6 +12,8 @@ fn words(shell: &str, command: &ShellCommand) -> Option<Vec<u8>> {
 }
 
 /// A shell takes every word for the word that it was, on one line.
+///
+/// Promise (files): a printed command is read by a shell as it was meant, whatever its words hold, on one line.
 #[test]
 fn a_shell_reads_the_words_that_were_meant() {
     let mut all: Vec<OsString> = [
@@ -42,6 +44,8 @@ fn a_shell_reads_the_words_that_were_meant() {
 }
 
 /// A word that a plain `sh` may not read is recognized.
+///
+/// Promise of `a_shell_reads_the_words_that_were_meant`.
 #[test]
 fn words_with_line_breaks_are_for_some_shells_only() {
     let of = |word: &str| ShellCommand::new("ls").word(word).word("b");
@@ -49,6 +53,8 @@ fn words_with_line_breaks_are_for_some_shells_only() {
 }
 
 /// A path that begins with a dash is no flag.
+///
+/// Promise of `a_shell_reads_the_words_that_were_meant`.
 #[test]
 fn paths_are_no_flags() {
     assert_eq!(ShellCommand::new("ls").path("-l").path("a-l").to_string(), "ls ./-l a-l");

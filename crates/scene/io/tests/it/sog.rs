@@ -105,6 +105,8 @@ fn matched(from: &Gaussians, to: &Gaussians) -> Gaussians {
 }
 
 /// Two scenes that splat-transform has written, beside the PLY that it read.
+///
+/// Promise of `fixtures_of_splat_transform`.
 #[test]
 fn scenes_of_splat_transform() {
     let Some(folder) = shared::samples() else { return };
@@ -223,6 +225,8 @@ fn a_folder_names_no_files_beyond_it() {
 }
 
 /// A scene in a folder replaces no file of others, and a scene that was there as a whole.
+///
+/// Promise (files): a scene in several files is replaced as a whole, and replaces no file of others.
 #[test]
 fn a_scene_in_a_folder_replaces_its_own_files_alone() {
     let folder = tempfile::tempdir().unwrap();

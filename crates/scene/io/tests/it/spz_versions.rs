@@ -131,6 +131,8 @@ fn version_one_has_half_floats() {
 }
 
 /// Values that splat-transform reads from its fixtures.
+///
+/// Promise (kept): scenes that other tools have written are read as those tools read them.
 #[test]
 fn fixtures_of_splat_transform() {
     for name in ["minimal-v2.spz", "minimal-v3.spz", "minimal-v4.spz"] {

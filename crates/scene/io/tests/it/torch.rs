@@ -86,6 +86,8 @@ fn numbers_are_passed_on_as_they_are_read() {
 }
 
 /// A tensor that repeats its numbers is written as it is, unless a small file would fill a disk.
+///
+/// Promise (servers): a small PyTorch file does not ask for any number of numbers.
 #[test]
 fn repeated_numbers_are_bounded() {
     let folder = tempfile::tempdir().unwrap();

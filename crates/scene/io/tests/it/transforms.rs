@@ -42,6 +42,9 @@ fn round_trip() {
 }
 
 /// A file may say that nothing is held out or not say it.
+///
+/// Promise (photos): a capture may hold nothing out; so do estimated cameras where no held-out photo has a place, and
+/// a fit of everything.
 #[test]
 fn files_may_hold_nothing_out() {
     let folder = tempfile::tempdir().unwrap();
@@ -52,6 +55,7 @@ fn files_may_hold_nothing_out() {
     }
 }
 
+/// Promise (photos): a byte order mark is no part of JSON or text.
 #[test]
 fn a_byte_order_mark_is_no_part_of_json() {
     let folder = tempfile::tempdir().unwrap();
@@ -124,6 +128,7 @@ fn changed(change: impl FnOnce(&mut serde_json::Value)) -> Transforms {
     Transforms::read(&path).unwrap()
 }
 
+/// Promise of `distorted_cameras`.
 #[test]
 fn lenses_are_read_at_the_top_and_in_frames() {
     let lenses = |scene: Transforms| scene.frames.iter().map(|frame| frame.distortion).collect::<Vec<_>>();
@@ -282,6 +287,8 @@ fn a_time_a_number_and_unknown_keys_survive() {
 }
 
 /// A photo that is named twice with two cameras is refused with both entries, and one that is repeated counts once.
+///
+/// Promise (files): a photo that a transforms.json names twice has one camera.
 #[test]
 fn a_photo_has_one_camera() {
     let of = |change: fn(&mut Vec<Frame>)| {
@@ -304,6 +311,8 @@ fn a_photo_has_one_camera() {
 }
 
 /// NaN and infinities, which Python writes, are called by their name and key.
+///
+/// Promise (files): NaN and infinities in JSON are named with their key.
 #[test]
 fn numbers_that_json_lacks_are_named() {
     let folder = tempfile::tempdir().unwrap();

@@ -4,6 +4,8 @@ use std::fs;
 use weaver_io::{OutputFolder, write_text, written};
 
 /// A record is read while another command has the folder; a cut line and names that lead elsewhere are left out.
+///
+/// Promise (files): the record of a folder is read without a claim; names that lead out of it are left out.
 #[test]
 fn a_record_is_read_without_a_claim() {
     let folder = tempfile::tempdir().unwrap();

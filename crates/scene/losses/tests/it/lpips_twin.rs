@@ -139,6 +139,7 @@ pub fn assert_near(found: f64, expected: f64) {
     assert!(expected > 1e-3 && (found - expected).abs() < 1e-9 * expected, "{found} and {expected}");
 }
 
+/// Promise of `lpips_is_a_loss_and_a_figure`.
 #[test]
 fn drawn_weights_give_what_a_slow_twin_gives() {
     let tensors = drawn();
@@ -157,6 +158,7 @@ fn drawn_weights_give_what_a_slow_twin_gives() {
     }
 }
 
+/// Promise of `lpips_is_a_loss_and_a_figure`.
 #[test]
 fn of_what_is_masked_nothing_counts() {
     let tensors = drawn();

@@ -84,6 +84,7 @@ fn a_mask_that_is_true_everywhere_changes_no_bit() {
     assert_eq!(plain, masked);
 }
 
+/// Promise (results): masked pixels have no influence on a loss and no gradient.
 #[test]
 fn what_lies_outside_has_no_influence_and_no_gradient() {
     let (h, w) = (16, 15);

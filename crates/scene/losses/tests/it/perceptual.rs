@@ -67,6 +67,8 @@ fn slow(tensors: &Tensors, a: &[f64], b: &[f64], [height, width]: [usize; 2]) ->
     sum / 255.0
 }
 
+/// Promise (results): 2Xplat's perceptual loss is its definition, trains through the trainer, and refuses other
+/// weights by name.
 #[test]
 fn drawn_weights_give_what_a_slow_twin_gives() {
     let tensors = drawn();

@@ -95,6 +95,8 @@ fn what_makes_no_sense_is_refused() {
 
 /// Nothing is near nothing: without points there are no errors, and without a point that is near no accuracy and no
 /// Chamfer distance. Nor is a mesh without triangles judged as a surface, or one whose corners are nowhere.
+///
+/// Promise of `nothing_is_no_good_mesh`.
 #[test]
 fn what_is_not_there_has_no_good_score() {
     let plane = |z: f32| (0..100).map(|i| [i as f32 % 10.0, (i / 10) as f32, z]).collect::<Vec<_>>();
@@ -115,6 +117,8 @@ fn what_is_not_there_has_no_good_score() {
 
 /// The bytes of a field are reported, view by view, before they are taken, the observer may end it, and cells too small
 /// to be numbered are refused at the first view. The field is the same.
+///
+/// Promise (fits): a mesh's memory is asked for before it is taken, and its making is seen.
 #[test]
 fn a_field_tells_its_size_before_it_is_made() {
     let camera = SurfelCamera::spherical([64, 32], [-1.57, 1.57]);
@@ -174,6 +178,8 @@ proptest! {
 
     /// No two points that stay are nearer than the spacing, each that goes has one that near, and the same seed keeps
     /// the same.
+    ///
+    /// Promise of `meshes_are_measured_as_benchmarks_do`.
     #[test]
     fn points_are_spread(points in proptest::collection::vec([-3.0_f32..3.0, -3.0..3.0, -3.0..3.0], 1..300), spacing in 0.2_f64..2.0) {
         let kept = spread(&points, spacing, 3);
@@ -186,6 +192,8 @@ proptest! {
     }
 
     /// A cloud that moved by a millimeter is a millimeter off, both ways, wherever it lies.
+    ///
+    /// Promise of `meshes_are_measured_as_benchmarks_do`.
     #[test]
     fn a_moved_cloud_is_as_far_off(shift in -40.0_f32..40.0) {
         let plane = |z: f32| (0..400).map(|i| [(i % 20) as f32 + shift, (i / 20) as f32, z]).collect::<Vec<_>>();

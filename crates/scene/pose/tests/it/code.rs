@@ -94,6 +94,9 @@ proptest! {
 }
 
 /// VGGT's decoding, which has no margin, and SplatWeaver's, against the formula; the margin is all that differs.
+///
+/// Promise (results): focal lengths are decoded with the margin on the tangent that the weights were trained with, or
+/// without one.
 #[test]
 fn both_margins_on_the_tangent() {
     let tape = Tape::<f64>::new();

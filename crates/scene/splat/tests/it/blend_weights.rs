@@ -18,6 +18,9 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 8, failure_persistence: None, ..Default::default() })]
 
     /// Pictures and gradients of features equal the rasterizer's, in groups or not.
+    ///
+    /// Promise (results): weights of a drawing, kept: products are drawings, also gradients and on any number of
+    /// threads; a router trained by them is the one that draws.
     #[test]
     fn products_are_drawings(
         seed: u64, n in 0_usize..300, channels in 1_usize..7, groups in prop::option::of(1_usize..4),
@@ -52,6 +55,8 @@ proptest! {
 }
 
 /// Parts and their order are the sizes', not the threads'.
+///
+/// Promise of `products_are_drawings`.
 #[test]
 fn the_same_bits_on_any_number_of_threads() {
     let scene = Scene::random(3, 60, 2, (64, 48), None).to_f32();

@@ -60,6 +60,9 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 8, failure_persistence: None, ..Default::default() })]
 
     /// One pass over all groups gives the bits of a pass over each: pictures, gradients of Gaussians, hits.
+    ///
+    /// Promise (results): Gaussians in groups: one pass has the bits of a pass for each, pictures, gradients and
+    /// hits; groups that do not fit are refused.
     #[test]
     fn one_pass_is_a_pass_for_each(
         seed: u64,
@@ -123,6 +126,7 @@ proptest! {
         }
     }
 
+    /// Promise of `one_pass_is_a_pass_for_each`.
     #[test]
     fn groups_pass_gradcheck(seed: u64, n in 1_usize..5, views in 1_usize..3, count in 1_usize..4) {
         let scene = Scene::smooth(seed, n, views, (4, 3), None).in_groups(count);
@@ -138,6 +142,7 @@ proptest! {
     }
 }
 
+/// Promise of `one_pass_is_a_pass_for_each`.
 #[test]
 fn groups_that_do_not_fit_are_refused() {
     let scene = Scene::random(1, 3, 1, (4, 4), None);

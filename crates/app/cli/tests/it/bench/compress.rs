@@ -6,6 +6,7 @@ use serde_json::Value;
 use std::ffi::OsStr;
 use weaver_io::write_gaussians;
 
+/// Promise (scenes): files that other programs wrote of a scene are judged like the methods.
 #[test]
 fn files_of_others_are_rows_beside_the_methods() {
     let folder = tempfile::tempdir().unwrap();

@@ -4,6 +4,9 @@ use super::{captured, fit, json, small};
 use crate::in_process::splatweaver;
 
 /// promise: a time that is too short makes a scene of the least steps all the same, says what they take, and how much more it was than was asked for.
+///
+/// Promise (fits): a time that is too short makes a scene of 200 steps; the time that these take is printed, and the
+/// excess at the end.
 #[test]
 fn short_times_make_scenes_and_their_excess_is_said() {
     let folder = tempfile::tempdir().unwrap();
@@ -20,6 +23,8 @@ fn short_times_make_scenes_and_their_excess_is_said() {
 }
 
 /// promise: a scene without Gaussians to begin with is named before any work.
+///
+/// Promise (fits): an empty scene to begin with is named before any work.
 #[test]
 fn an_empty_scene_to_begin_with_is_named() {
     let folder = tempfile::tempdir().unwrap();
@@ -35,6 +40,8 @@ fn an_empty_scene_to_begin_with_is_named() {
 }
 
 /// promise: a job script of a larger machine runs here with as many threads as help, and says so; results are the same.
+///
+/// Promise of `threads_are_no_more_than_cores_can_use`.
 #[test]
 fn threads_beyond_the_cores_are_left_out_with_a_word() {
     let folder = tempfile::tempdir().unwrap();

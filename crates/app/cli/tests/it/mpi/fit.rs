@@ -13,6 +13,9 @@ fn scene(folder: &Path, out: &str) -> Vec<u8> {
 }
 
 /// promise: 1, 2 and 4 processes come to the same scene, also where a fit goes on with another number of them, and as a unit of work.
+///
+/// Promise (kept): under `mpirun`, a fit of 1, 2 and 4 processes is the same scene, a killed process ends all and
+/// another number goes on; too many processes, other photos and a full disk end all with the reason.
 #[test]
 fn fits_of_processes_are_the_same_bits() {
     if !is_there() {
@@ -46,6 +49,8 @@ fn fits_of_processes_are_the_same_bits() {
 }
 
 /// promise: too many processes, one that reads another photo and a full disk end all processes of a fit and say why.
+///
+/// Promise of `fits_of_processes_are_the_same_bits`.
 #[test]
 fn a_failure_of_one_process_ends_a_fit() {
     if !is_there() {

@@ -6,6 +6,8 @@ fn message(setting: &str) -> String {
 }
 
 /// Numbers out of their range are refused with key range and value.
+///
+/// Promise of `every_number_has_a_named_range`.
 #[test]
 fn numbers_out_of_range_are_refused() {
     for (setting, message_) in [

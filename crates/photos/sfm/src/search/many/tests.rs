@@ -82,6 +82,7 @@ fn apart(found: &Grown, truth: &[Pose]) -> [f64; 2] {
     moved.fold([0.0, 0.0], |[turn, far], (a, b)| [turn.max(a.angle_to(b)), far.max(a.center().distance(b.center()))])
 }
 
+/// Promise (figures): hundreds of photos come to the cameras that a few do, at any number of threads.
 #[test]
 fn many_photos_have_the_cameras_that_they_have_as_few() {
     let features = features();
@@ -98,6 +99,7 @@ fn many_photos_have_the_cameras_that_they_have_as_few() {
     assert!(turn < 0.001 && far < 0.004, "{turn} radians and {far} apart");
 }
 
+/// Promise of `many_photos_have_the_cameras_that_they_have_as_few`.
 #[test]
 fn the_same_bits_at_any_number_of_threads() {
     let features = features();
