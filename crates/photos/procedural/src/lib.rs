@@ -1,8 +1,8 @@
 //! Scenes generated from a seed: ray-cast planes, boxes and balls with exact cameras, depth and surface points.
 //!
-//! [`scene`] is plain and always the same; [`varied_scene`] is for training on scenes without end; a [`Walk`] has hundreds of
-//! photos of any size; [`film`] has solids that move. [`appearance`] gives photos drawn light and passers-by; [`lidar`]
-//! has sweeps of a spinning sensor through worlds of boxes.
+//! [`scene`] is plain and always the same; [`varied_scene`] is for training on scenes without end; a [`Walk`] has
+//! hundreds of photos of any size; [`film`] has solids that move. [`appearance`] gives photos drawn light and
+//! passers-by; [`lidar`] has sweeps of a spinning sensor through worlds of boxes.
 //!
 //! The ray caster shares no code with the Gaussian rasterizer, so these scenes are an independent test of it. A scene
 //! is a pure function of its seed and options, at any number of threads.
