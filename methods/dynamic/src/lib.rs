@@ -6,12 +6,16 @@
 //! [`MlpRouter`], [`VolumeRouter`] and [`uniform`] are what it is compared with, [`hard_oracle`] and [`convex_oracle`] what no router passes.
 
 mod alternatives;
+#[cfg(feature = "command")]
+pub mod command;
 mod expert;
 mod motion;
 mod oracle;
 mod plane_sample;
 mod pruning;
 mod router;
+#[cfg(feature = "command")]
+pub mod run;
 mod seen;
 
 pub use alternatives::{Blended, MlpRouter, VolumeRouter, uniform};

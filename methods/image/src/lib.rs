@@ -14,6 +14,8 @@ mod blocks;
 mod bounds;
 mod canvas;
 mod colors;
+#[cfg(feature = "command")]
+pub mod command;
 mod error;
 mod file;
 mod fit;

@@ -11,6 +11,8 @@
 //!
 //! After Splat-LOAM (arXiv 2503.17491). Poses of this crate go from the sensor to the world; frames have x forward, y left, z up.
 
+#[cfg(feature = "command")]
+pub mod command;
 mod drawn_normals;
 mod eigen;
 mod error;

@@ -12,6 +12,8 @@
 
 mod aggregate;
 mod cluster;
+#[cfg(feature = "command")]
+pub mod command;
 mod dense;
 mod error;
 mod guidance;

@@ -9,6 +9,8 @@ mod annotation;
 mod binary_cross_entropy;
 mod chart;
 mod checkpoint;
+#[cfg(feature = "command")]
+pub mod command;
 mod conv1d;
 mod decay_attention;
 mod detector;

@@ -4,6 +4,8 @@ mod alternatives;
 mod halves;
 mod recovery;
 mod router;
+#[cfg(feature = "command")]
+mod runs;
 mod wall;
 
 use proptest::prelude::*;
