@@ -8,6 +8,7 @@ mod floors;
 mod packages;
 mod sources;
 mod spelling;
+mod wall;
 
 use serde_json::Value;
 use sources::Source;
@@ -59,6 +60,7 @@ pub fn run() -> Result<(), String> {
     let workspace = read()?;
     let mut faults = Vec::new();
     floors::check(&workspace, &mut faults);
+    wall::check(&workspace, &mut faults);
     dependencies::check(&workspace, &mut faults);
     for package in &workspace.packages {
         packages::check(package, &mut faults);

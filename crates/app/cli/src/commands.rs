@@ -23,7 +23,7 @@ mod view;
 
 use crate::flags::{CompleteFlag, IfComplete};
 use crate::methods::Method;
-use crate::table::{call, table};
+use crate::table::table;
 use clap::Subcommand;
 use std::path::PathBuf;
 use weaver_command::{Console, Failure, Interrupt, Output};

@@ -1,6 +1,6 @@
 //! The published methods: the one place where the product knows them. Each is behind a Cargo feature of its name.
 
-use crate::table::{call, table};
+use crate::table::table;
 use clap::Subcommand;
 #[cfg(not(all(feature = "dynamic", feature = "image", feature = "lidar")))]
 use std::path::Path;

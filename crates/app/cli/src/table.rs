@@ -22,9 +22,11 @@ macro_rules! table {
             pub const GROUPS: &[(&str, usize)] = &[$(($title, 0 $(+ table!(@one $($when)?))+)),+];
 
             /// Does what the command says.
+            // A program without methods has a table without rows.
+            #[allow(unused_variables)]
             pub fn run(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
                 match *self {
-                    $($($(#[cfg($when)])? Self::$name(ref arguments) => call($run, arguments, console, interrupt),)+)+
+                    $($($(#[cfg($when)])? Self::$name(ref arguments) => $crate::table::call($run, arguments, console, interrupt),)+)+
                     $(Self::$others(ref others) => others.run(console, interrupt),)?
                 }
             }
