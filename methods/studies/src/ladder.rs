@@ -1,10 +1,14 @@
-//! What each part of the method is worth on planted anomalies: all rows from the same encoder, videos and number of steps.
+//! The worth of each part of the method on planted anomalies: all rows from the same encoder, videos and number of steps.
 //!
-//! `cargo run --release -p weaver-vad --example ladder -- [urdmu|convolutions] [SEEDS] [RATE] [short]` prints AUC and AUC over abnormal videos of
-//! every row, means over the seeds with standard errors, and paired differences with intervals of 95 %. SEEDS is a number of them or a range such
-//! as 2..4; `short` plants only short events. One thread.
+//! `ladder [urdmu|convolutions] [SEEDS] [RATE] [short]`: AUC and AUC over abnormal videos of every row, means over the seeds with standard
+//! errors, and paired differences with intervals of 95 %. SEEDS is a number of them or a range such as 2..4; `short` plants only short events.
+//! One thread.
 
-use std::collections::BTreeMap;
+use crate::Outcome;
+use crate::arguments::Arguments;
+use crate::table::{Rows, Table, mean};
+use std::ops::Range;
+use weaver_command::in_pool;
 use weaver_vad::metrics::{FrameMetrics, SNIPPET, ScoredVideo, frame_metrics};
 use weaver_vad::{
     ConvolutionSizes, Curves, DeepMilSizes, Detector, EncoderKind, Experts, Labels, Planted, PlantedVideo, Result,
@@ -13,38 +17,29 @@ use weaver_vad::{
 
 const FEATURES: usize = 32;
 
-/// AUC and AUC over abnormal videos, by row and seed.
-type Table = BTreeMap<(usize, String), Vec<[f64; 2]>>;
-
-fn main() -> Result<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    // Whoever works in the pool need not wait for it.
-    match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
-        Ok(pool) => pool.install(|| run(&arguments)),
-        Err(_) => run(&arguments),
-    }
+pub fn run(mut arguments: Arguments) -> Outcome {
+    let encoder = arguments.optional("urdmu or convolutions")?.unwrap_or_else(|| "urdmu".to_string());
+    let seeds = arguments.optional("seeds")?.unwrap_or_else(|| "6".to_string());
+    let (first, end) = seeds.split_once("..").unwrap_or(("0", &seeds));
+    let seeds = first.parse()?..end.parse()?;
+    let published = Schedule::planted(Labels::None, Experts::None, 0).encoder.rate;
+    let rate = arguments.optional("a rate")?.unwrap_or(published);
+    let short = arguments.rest::<String>("short")?.iter().any(|word| word == "short");
+    let rows = in_pool(Some(1), || Ok(climbed(&encoder, seeds, rate, short)?));
+    summary(&rows.map_err(|failure| failure.line().unwrap_or_default())?);
+    Ok(())
 }
 
-fn run(arguments: &[String]) -> Result<()> {
-    let encoder = arguments.first().map_or("urdmu", String::as_str);
-    let seeds = arguments.get(1).map_or("6", String::as_str);
-    let (first, end) = seeds.split_once("..").unwrap_or(("0", seeds));
-    let rate = arguments
-        .get(2)
-        .and_then(|text| text.parse().ok())
-        .unwrap_or(Schedule::planted(Labels::None, Experts::None, 0).encoder.rate);
-    let short = arguments.iter().any(|argument| argument == "short");
-    let mut table = Table::new();
-    for seed in first.parse().unwrap_or(0)..end.parse().unwrap_or(6) {
+/// AUC and AUC over abnormal videos of all rows and seeds.
+fn climbed(encoder: &str, seeds: Range<u64>, rate: f64, short: bool) -> Result<Rows> {
+    let mut rows = Rows::default();
+    for seed in seeds {
         let half_lengths = if short { [2.0; 4] } else { Planted::new(seed).half_lengths };
         let mut ladder = Ladder::new(Planted { half_lengths, ..Planted::new(seed) }, encoder, rate);
         ladder.run(short)?;
-        for (rank, (name, metrics)) in ladder.rows.into_iter().enumerate() {
-            table.entry((rank, name)).or_default().push(metrics);
-        }
+        ladder.rows.iter().for_each(|(name, figures)| rows.add(name, figures));
     }
-    summary(&table);
-    Ok(())
+    Ok(rows)
 }
 
 struct Ladder {
@@ -174,7 +169,6 @@ impl Ladder {
                 |video: &PlantedVideo| Ok(detector.curves_without(&video.features, Some(e))?.scores().to_vec());
             lost.push(whole - judged(&videos, masked)?.auc_abnormal.unwrap_or(f64::NAN));
         }
-        let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
         self.note("an expert on its own class", [f64::NAN, mean(&own)]);
         self.note("an expert on other classes", [f64::NAN, mean(&other)]);
         self.note("what the gate loses without an expert", [f64::NAN, mean(&lost)]);
@@ -233,7 +227,6 @@ impl Ladder {
     }
 
     fn note(&mut self, name: &str, [auc, abnormal]: [f64; 2]) {
-        println!("seed {}  {name:<52} {auc:.4}  {abnormal:.4}", self.planted.seed);
         self.rows.push((name.to_string(), [auc, abnormal]));
     }
 
@@ -249,25 +242,21 @@ fn judged(videos: &[&PlantedVideo], scores: impl Fn(&PlantedVideo) -> Result<Vec
     Ok(frame_metrics(&scored.collect::<Result<Vec<_>>>()?))
 }
 
-fn summary(table: &Table) {
-    let of = |name: &str| {
-        let row = table.iter().find(|((_, other), _)| other == name);
-        row.map(|(_, values)| values.iter().map(|v| v[1]).collect::<Vec<f64>>())
+fn summary(rows: &Rows) {
+    let cell = |seeds: &[f64]| {
+        let (mean, error) = mean_and_error(seeds);
+        format!("{mean:.3} +- {error:.3}")
     };
-    println!("\n{:<46} {:>6} {:>15}", "row", "AUC", "AUC_A");
-    for ((_, name), values) in table {
-        let column = |i: usize| values.iter().map(|v| v[i]).collect::<Vec<f64>>();
-        let ((auc, _), (abnormal, error)) = (mean_and_error(&column(0)), mean_and_error(&column(1)));
-        println!("{name:<46} {auc:>6.3} {abnormal:>7.3} +- {error:.3}");
-    }
-    // Nobody knows more than the matched filter.
-    if let Some(filter) = of("matched filter").map(|values| mean_and_error(&values).0) {
-        for ((_, name), values) in table.iter().filter(|((_, name), _)| !name.contains("half the peak")) {
-            let abnormal = mean_and_error(&values.iter().map(|v| v[1]).collect::<Vec<f64>>()).0;
-            assert!(abnormal <= filter + 0.01, "{name} is above the matched filter: {abnormal}");
+    rows.print("Planted anomalies", &["AUC", "AUC_A"], cell);
+    let abnormal = |name: &str| rows.figure(name, 1);
+    // No score knows more than the matched filter.
+    if let Some(filter) = abnormal("matched filter").map(|seeds| mean(&seeds)) {
+        for name in rows.names().filter(|name| !name.contains("half the peak")) {
+            let found = abnormal(name).map_or(f64::NAN, |seeds| mean(&seeds));
+            assert!(found.is_nan() || found <= filter + 0.01, "{name} is above the matched filter: {found}");
         }
     }
-    println!("\npaired differences of AUC_A, 95 % intervals");
+    let table = Table::new("Paired differences of AUC_A", &["mean", "95 % interval"]);
     for (name, against) in [
         ("+ T", "the same steps"),
         ("+ S", "the same steps"),
@@ -284,11 +273,12 @@ fn summary(table: &Table) {
         ("class heads + T, class experts + gate", "plain"),
         ("class heads + T, class experts + gate", "class heads + T, class, no labels, experts + gate"),
     ] {
-        let (Some(a), Some(b)) = (of(name), of(against)) else { continue };
+        let (Some(a), Some(b)) = (abnormal(name), abnormal(against)) else { continue };
         let difference: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
         let (mean, error) = mean_and_error(&difference);
         let reach = error * student(difference.len());
-        println!("{name} - {against}: {mean:+.4} [{:+.4}, {:+.4}]", mean - reach, mean + reach);
+        let interval = format!("[{:+.4}, {:+.4}]", mean - reach, mean + reach);
+        table.row(&format!("{name} - {against}"), &[format!("{mean:+.4}"), interval]);
     }
 }
 
@@ -301,7 +291,7 @@ fn highest(curves: &[Vec<f32>]) -> Vec<f32> {
 /// The mean and its standard error.
 fn mean_and_error(x: &[f64]) -> (f64, f64) {
     let n = x.len() as f64;
-    let mean = x.iter().sum::<f64>() / n;
+    let mean = mean(x);
     (mean, (x.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0) / n).sqrt())
 }
 

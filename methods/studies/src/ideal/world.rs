@@ -1,13 +1,13 @@
 //! A wall and four groups of Gaussians that move, seven cameras, and four experts that each know one way to move.
 
-use crate::family::Family;
+use super::family::Family;
+use super::frames::{FRAMES, seen, time};
 use weaver_autograd::Tape;
 use weaver_dynamic::Shot;
 use weaver_kernels::random::Stream;
 use weaver_pose::CameraVars;
 use weaver_splat::{GaussianVars, RasterSettings, WorkspacePool};
 
-pub const FRAMES: usize = 24;
 pub const CAMERAS: usize = 7;
 pub const HELD_OUT: usize = CAMERAS / 2;
 pub const EXPERTS: [&str; 4] = ["Poly", "Keys", "Code", "Field"];
@@ -44,15 +44,6 @@ pub struct World {
     opacities: Vec<f64>,
     colors: Vec<f64>,
     workspaces: WorkspacePool<f32>,
-}
-
-pub fn time(frame: usize) -> f64 {
-    frame as f64 / FRAMES as f64
-}
-
-/// True if routers and experts are trained on it.
-pub fn seen(frame: usize) -> bool {
-    frame.is_multiple_of(2)
 }
 
 impl World {

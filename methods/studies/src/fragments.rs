@@ -1,9 +1,12 @@
-//! Figures on five scans: `cargo run --release -p weaver-lidar --example fragments FOLDER [VARIANT ...]`.
+//! Lidar odometry on five published scans: `fragments FOLDER [VARIANT..]`.
 //!
 //! The folder has `planes_NNNNNN.bin` and `edges_NNNNNN.bin`, or `NNNNNN.bin`, of x y z in 32 bits, and `graph.txt` of
-//! `name x y z qx qy qz qw`. Prints odometry, or registration pair by pair where the clouds are no scans, and what held-out scans see.
+//! `name x y z qx qy qz qw`. Tables of odometry and of held-out scans, or of registration pair by pair where the clouds are no scans.
 
-use std::path::Path;
+use crate::Outcome;
+use crate::arguments::Arguments;
+use crate::table::{Table, note};
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Pose, so3};
@@ -12,7 +15,11 @@ use weaver_lidar::{
     SurfelCamera, TrackSettings, held_out, register, trajectory_errors,
 };
 
-type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+/// Scans with the poses of the reference.
+struct Fragment {
+    scans: Vec<Scan>,
+    poses: Vec<Pose>,
+}
 
 fn points(path: &Path) -> Outcome<Vec<[f32; 3]>> {
     let bytes = std::fs::read(path)?;
@@ -20,7 +27,7 @@ fn points(path: &Path) -> Outcome<Vec<[f32; 3]>> {
     Ok(bytes.chunks_exact(12).map(|p| [number(p), number(&p[4..]), number(&p[8..])]).collect())
 }
 
-fn load(folder: &Path) -> Outcome<(Vec<Scan>, Vec<Pose>)> {
+fn load(folder: &Path) -> Outcome<Fragment> {
     let text = std::fs::read_to_string(folder.join("graph.txt"))?;
     let line = |line: &str| -> Option<Pose> {
         let x: Vec<f64> = line.split_whitespace().skip(1).map_while(|x| x.parse().ok()).collect();
@@ -39,7 +46,7 @@ fn load(folder: &Path) -> Outcome<(Vec<Scan>, Vec<Pose>)> {
         }
         Ok(Scan::new(all))
     };
-    Ok((names.iter().map(scan).collect::<Outcome<_>>()?, poses))
+    Ok(Fragment { scans: names.iter().map(scan).collect::<Outcome<_>>()?, poses })
 }
 
 fn camera(scan: &Scan) -> SurfelCamera {
@@ -48,7 +55,9 @@ fn camera(scan: &Scan) -> SurfelCamera {
     SurfelCamera::spherical([1024, 128], [low - margin, high + margin])
 }
 
-fn odometry(scans: &[Scan], truth: &[Pose], map: MapSettings, track: TrackSettings, name: &str) -> Outcome<()> {
+/// A row of odometry.
+fn odometry(fragment: &Fragment, map: MapSettings, track: TrackSettings, table: &Table, name: &str) -> Outcome {
+    let Fragment { scans, poses: truth } = fragment;
     let begun = Instant::now();
     let mut odometry = Odometry::new(&camera(&scans[0]), [1.0, 60.0], map, track, None)?;
     let mut lost = 0;
@@ -56,21 +65,23 @@ fn odometry(scans: &[Scan], truth: &[Pose], map: MapSettings, track: TrackSettin
         lost += usize::from(odometry.add(scan, name)?.lost.is_some());
     }
     let e = trajectory_errors(odometry.poses(), truth);
-    println!(
-        "odometry, {name}: RPE {:.2} cm {:.2} % {:.3} deg, ATE {:.2} cm, lost {lost}, {} keyframes, {} surfels, {:.1} s",
-        100.0 * e.rpe,
-        e.rpe_percent.unwrap_or(f64::NAN),
-        e.rpe_degrees,
-        100.0 * e.ate,
-        odometry.mapper().state().count,
-        odometry.mapper().surfels().len(),
-        begun.elapsed().as_secs_f64()
-    );
+    let cells = [
+        format!("{:.2}", 100.0 * e.rpe),
+        format!("{:.2}", e.rpe_percent.unwrap_or(f64::NAN)),
+        format!("{:.3}", e.rpe_degrees),
+        format!("{:.2}", 100.0 * e.ate),
+        lost.to_string(),
+        odometry.mapper().state().count.to_string(),
+        odometry.mapper().surfels().len().to_string(),
+        format!("{:.1}", begun.elapsed().as_secs_f64()),
+    ];
+    table.row(name, &cells);
     Ok(())
 }
 
 /// For each scan, the share of its rays within 0.2 m of the map of the others, drawn; of their points, as a range image; surfels; seconds.
-fn held(scans: &[Scan], poses: &[Pose], map: &MapSettings, name: &str) -> Outcome<()> {
+fn held(fragment: &Fragment, map: &MapSettings, table: &Table, name: &str) -> Outcome {
+    let Fragment { scans, poses } = fragment;
     let camera = camera(&scans[0]);
     let begun = Instant::now();
     let mut shares = Vec::new();
@@ -101,17 +112,14 @@ fn held(scans: &[Scan], poses: &[Pose], map: &MapSettings, name: &str) -> Outcom
         }
     }
     let text = |k: usize| shares.iter().map(|s| format!("{:.1}", 100.0 * s[k])).collect::<Vec<_>>().join(" ");
-    println!(
-        "held out, {name}: drawn {} (scan 2: {surfels} surfels, median {:.1} cm), points {}; {:.1} s",
-        text(0),
-        100.0 * median,
-        text(1),
-        begun.elapsed().as_secs_f64()
-    );
+    let seconds = format!("{:.1}", begun.elapsed().as_secs_f64());
+    table.row(name, &[text(0), surfels.to_string(), format!("{:.1}", 100.0 * median), text(1), seconds]);
     Ok(())
 }
 
-fn pairs(scans: &[Scan], poses: &[Pose]) {
+/// Errors of registration pair by pair, from poses that are off.
+fn pairs(Fragment { scans, poses }: &Fragment) {
+    let table = Table::new("Pairs", &["error of each, cm"]);
     let vectors = |s: &Scan| s.points.iter().map(|p| DVec3::from_array(p.map(f64::from))).collect::<Vec<_>>();
     for (meters, degrees) in [(0.5, 2.0), (1.0, 5.0), (2.0, 10.0)] {
         for (steps, widened) in [(10, 1.0), (30, 1.0), (30, 3.0), (30, 5.0), (30, 10.0)] {
@@ -131,17 +139,19 @@ fn pairs(scans: &[Scan], poses: &[Pose]) {
                 }
             });
             let errors: Vec<String> = errors.collect();
-            println!("pairs from {meters} m, {degrees} deg, {steps} steps, gate x{widened}: {} cm", errors.join(" "));
+            let name = format!("from {meters} m, {degrees} deg, {steps} steps, gate x{widened}");
+            table.row(&name, &[errors.join(" ")]);
         }
     }
 }
 
-fn main() -> Outcome<()> {
-    let folder = std::env::args().nth(1).ok_or("expected a folder")?;
-    let (scans, poses) = load(Path::new(&folder))?;
-    if let Err(reason) = scans[0].check_single("the first cloud") {
-        println!("{reason}");
-        pairs(&scans, &poses);
+pub fn run(mut arguments: Arguments) -> Outcome {
+    let folder: PathBuf = arguments.required("a folder")?;
+    let named: Vec<String> = arguments.rest("variants")?;
+    let fragment = load(&folder)?;
+    if let Err(reason) = fragment.scans[0].check_single("the first cloud") {
+        note(&reason.to_string());
+        pairs(&fragment);
         return Ok(());
     }
     let base = MapSettings::default();
@@ -166,19 +176,22 @@ fn main() -> Outcome<()> {
         ("scale-mean, no-normals", mean(no_normals)),
         ("scale-mean, no-opacity", mean(no_opacity)),
     ];
-    let named: Vec<String> = std::env::args().skip(2).collect();
     variants.retain(|(name, _)| named.is_empty() || named.iter().any(|other| other == name));
+    let columns = ["RPE, cm", "RPE, %", "RPE, deg", "ATE, cm", "lost", "keyframes", "surfels", "s"];
+    let table = Table::new("Odometry", &columns);
     for (name, map) in &variants {
         for seed in 0..3 {
             let map = MapSettings { seed, ..map.clone() };
-            odometry(&scans, &poses, map, TrackSettings::default(), &format!("{name}, seed {seed}"))?;
+            odometry(&fragment, map, TrackSettings::default(), &table, &format!("{name}, seed {seed}"))?;
         }
     }
     let map = MapSettings { density: 1.0, iterations: 60, ..base };
     let without = TrackSettings { range_steps: 0, ..TrackSettings::default() };
-    odometry(&scans, &poses, map, without, "all, 60 steps, without ranges")?;
+    odometry(&fragment, map, without, &table, "all, 60 steps, without ranges")?;
+    let columns = ["rays drawn, %", "surfels of scan 2", "its median, cm", "rays of points, %", "s"];
+    let table = Table::new("Held out: rays within 0.2 m", &columns);
     for (name, map) in &variants {
-        held(&scans, &poses, map, name)?;
+        held(&fragment, map, &table, name)?;
     }
     Ok(())
 }

@@ -1,10 +1,13 @@
 //! The routers that the mixture's is compared with, trained as it is: as many steps, the same loss.
 
-use crate::{Outcome, ROUTER};
+use super::ROUTER;
+use crate::Outcome;
+use crate::alternatives::{MlpRouter, VolumeRouter};
+use crate::table::Table;
 use weaver_autograd::{Params, Tape, Var};
 use weaver_data::film::Shot;
+use weaver_dynamic::photometric;
 use weaver_dynamic::run::Run;
-use weaver_dynamic::{MlpRouter, VolumeRouter, photometric};
 use weaver_kernels::random::Stream;
 use weaver_losses::metrics::psnr;
 use weaver_nn::{AdamW, Builder, Context, Group};
@@ -48,7 +51,7 @@ impl Router {
     }
 }
 
-pub fn compared(run: &Run) -> Outcome<()> {
+pub fn compared(run: &Run, table: &Table) -> Outcome {
     let film = run.film();
     let (training, size) = (film.training(), film.size);
     for (name, rate) in ["pixel router", "volume router"].into_iter().zip(RATES) {
@@ -83,7 +86,8 @@ pub fn compared(run: &Run) -> Outcome<()> {
             let all: Vec<f64> = all.collect::<Result<_, _>>()?;
             Ok(all.iter().sum::<f64>() / all.len() as f64)
         };
-        println!("| {name} | {:.2} | {:.2} | {:.2} |", mean(true, false)?, mean(false, true)?, mean(false, false)?);
+        let figures = [mean(true, false)?, mean(false, true)?, mean(false, false)?];
+        table.row(name, &figures.map(|psnr| format!("{psnr:.2}")));
     }
     Ok(())
 }

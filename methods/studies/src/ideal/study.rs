@@ -1,10 +1,11 @@
 //! Training of the router and of what it is compared with, and what the held-out camera says of them.
 
-use crate::world::{CAMERAS, EXPERTS, FRAMES, HELD_OUT, PIXELS, SIZE, World, seen};
+use super::frames::{FRAMES, seen};
+use super::world::{CAMERAS, EXPERTS, HELD_OUT, PIXELS, SIZE, World};
+use crate::alternatives::{MlpRouter, VolumeRouter};
+use crate::oracle::blend;
 use weaver_autograd::{Params, Tape, Var};
-use weaver_dynamic::{
-    Gated, MlpRouter, PixelRouter, RouterConfig, Score, Shot, VolumeRouter, blend, hard_oracle, photometric, scores,
-};
+use weaver_dynamic::{Gated, PixelRouter, RouterConfig, Score, Shot, hard_oracle, photometric, scores};
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Builder, Context, Group, RAdam};
 use weaver_splat::{GaussianVars, Rasterize};

@@ -1,6 +1,6 @@
 //! Families of paths that are linear in their numbers, and least squares on them.
 
-use crate::world::{FRAMES, seen, time};
+use super::frames::{FRAMES, seen, time};
 
 /// Frames between two keys, and cycles in a clip.
 const INTERVAL: usize = 12;

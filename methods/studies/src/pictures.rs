@@ -1,10 +1,12 @@
-//! What fits of pictures reach: `RAYON_NUM_THREADS=1 cargo run --release -p weaver-image --example claims -- TABLE PHOTO..`.
+//! Quality of fitted pictures: `RAYON_NUM_THREADS=1 weaver-studies pictures TABLE PHOTO..`.
 //!
-//! Tables, each over the middle 512 x 512 pixels of the photos and three seeds: `fits` (ours, published and controls), `starts` (what
-//! each part of a start adds, by the published descent), `files` (decibels and bytes of files), `variants` (what each part of ours adds), `colors` (closed colors alone),
-//! `planted` (Gaussians that are found again; needs no photo). Seconds are those of the processor.
+//! Tables, each over the middle 512 x 512 pixels of the photos and three seeds: `fits` (ours, published and controls), `starts` (the worth of each
+//! part of a start, by the published descent), `files` (decibels and bytes of files), `variants` (the worth of each part of ours), `colors` (closed
+//! colors alone), `planted` (Gaussians that are found again; needs no photo). Seconds are those of the processor.
 
-use std::error::Error;
+use crate::Outcome;
+use crate::arguments::Arguments;
+use crate::table::{Table, mean};
 use std::ops::ControlFlow;
 use weaver_image::{
     CUT, Canvas, FitSettings, Gaussians, Picture, Start, Window, decode, encode, fit, metrics, refine, solve_colors,
@@ -15,42 +17,52 @@ use weaver_kernels::random::Stream;
 
 const SIDE: usize = 512;
 const SEEDS: u64 = 3;
+const TABLES: &str = "fits, starts, files, variants, colors or planted";
 
-type Result<T> = std::result::Result<T, Box<dyn Error>>;
-
-/// Decibels and processor seconds of each seed for each photo.
-fn measure(name: &str, pictures: &[Picture], settings: &dyn Fn(usize) -> FitSettings) -> Result<()> {
-    let (mut means, mut spread, mut seconds) = (Vec::new(), 0.0_f64, 0.0);
-    let mut similar = 0.0;
-    for picture in pictures {
-        let mut found = Vec::new();
-        for seed in 0..SEEDS {
-            let mut settings = settings(picture.gaussians_for(50.0));
-            settings.seed = seed;
-            let before = processor_seconds()?;
-            let fitted = fit(picture, &settings, &mut |_| ControlFlow::Continue(()))?;
-            seconds += processor_seconds()? - before;
-            let drawn = fitted.draw(picture.width(), picture.height())?;
-            found.push(metrics::psnr(&drawn, picture.colors()));
-            similar += metrics::ms_ssim(&drawn, picture.colors(), [picture.height(), picture.width()]).unwrap_or(0.0);
-        }
-        spread = spread.max(range(&found));
-        means.push(mean(&found));
-    }
-    let runs = (pictures.len() as u64 * SEEDS) as f64;
-    let each: Vec<String> = means.iter().map(|x| format!("{x:.2}")).collect();
-    println!(
-        "{name:42} {:6.2}  ({}; seeds within {spread:.2})  MS-SSIM {:.3}  {:.2} s",
-        means.iter().sum::<f64>() / means.len() as f64,
-        each.join(" "),
-        similar / runs,
-        seconds / runs
-    );
-    Ok(())
+/// Fits of all photos, a row for each kind.
+struct Fits<'a> {
+    pictures: &'a [Picture],
+    table: Table,
 }
 
-fn mean(x: &[f64]) -> f64 {
-    x.iter().sum::<f64>() / x.len() as f64
+impl<'a> Fits<'a> {
+    fn new(title: &str, pictures: &'a [Picture]) -> Self {
+        let columns = ["dB", "each", "seeds within", "MS-SSIM", "s"];
+        Self { pictures, table: Table::new(title, &columns) }
+    }
+
+    /// Decibels, similarity and processor seconds of fits with settings for a number of Gaussians.
+    fn row(&self, name: &str, settings: &dyn Fn(usize) -> FitSettings) -> Outcome {
+        let mut means = Vec::new();
+        let (mut spread, mut seconds, mut similar) = (0.0_f64, 0.0, 0.0);
+        for picture in self.pictures {
+            let mut found = Vec::new();
+            for seed in 0..SEEDS {
+                let mut settings = settings(picture.gaussians_for(50.0));
+                settings.seed = seed;
+                let before = processor_seconds()?;
+                let fitted = fit(picture, &settings, &mut |_| ControlFlow::Continue(()))?;
+                seconds += processor_seconds()? - before;
+                let drawn = fitted.draw(picture.width(), picture.height())?;
+                found.push(metrics::psnr(&drawn, picture.colors()));
+                similar +=
+                    metrics::ms_ssim(&drawn, picture.colors(), [picture.height(), picture.width()]).unwrap_or(0.0);
+            }
+            spread = spread.max(range(&found));
+            means.push(mean(&found));
+        }
+        let runs = (self.pictures.len() as u64 * SEEDS) as f64;
+        let each: Vec<String> = means.iter().map(|x| format!("{x:.2}")).collect();
+        let cells = [
+            format!("{:.2}", mean(&means)),
+            each.join(" "),
+            format!("{spread:.2}"),
+            format!("{:.3}", similar / runs),
+            format!("{:.2}", seconds / runs),
+        ];
+        self.table.row(name, &cells);
+        Ok(())
+    }
 }
 
 /// Difference of the largest and the smallest.
@@ -60,29 +72,31 @@ fn range(x: &[f64]) -> f64 {
 }
 
 /// User and system time of this process.
-fn processor_seconds() -> Result<f64> {
+fn processor_seconds() -> Outcome<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat")?;
     let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or("").split_whitespace().collect();
     let ticks = |i: usize| fields.get(i).ok_or("a line of /proc/self/stat").map(|x| x.parse::<f64>());
     Ok((ticks(11)?? + ticks(12)??) / 100.0)
 }
 
-fn fits(pictures: &[Picture]) -> Result<()> {
+fn fits(pictures: &[Picture]) -> Outcome {
+    let rows = Fits::new("Fits", pictures);
     for steps in [300, 1000, 3000] {
-        measure(&format!("ours, {steps} steps"), pictures, &|n| FitSettings::new(n, steps))?;
+        rows.row(&format!("ours, {steps} steps"), &|n| FitSettings::new(n, steps))?;
     }
-    measure("control: random start at our rates, 300", pictures, &|n| {
+    rows.row("control: random start at our rates, 300", &|n| {
         let mut settings = FitSettings::new(n, 300);
         (settings.start, settings.color_steps, settings.growth) = (Start::Random, 0, false);
         settings
     })?;
     for steps in [300, 1000, 3000] {
-        measure(&format!("published, {steps} steps"), pictures, &|n| FitSettings::published(n, steps))?;
+        rows.row(&format!("published, {steps} steps"), &|n| FitSettings::published(n, steps))?;
     }
     Ok(())
 }
 
-fn starts(pictures: &[Picture]) -> Result<()> {
+fn starts(pictures: &[Picture]) -> Outcome {
+    let rows = Fits::new("Starts", pictures);
     let kinds = [
         ("random", Start::Random, 0),
         ("and published positions", Start::Positions, 0),
@@ -93,7 +107,7 @@ fn starts(pictures: &[Picture]) -> Result<()> {
         ("quadtree, closed colors", Start::Quadtree, 10),
     ];
     for (name, kind, color_steps) in kinds {
-        measure(&format!("{name}, 300 published steps"), pictures, &|n| {
+        rows.row(&format!("{name}, 300 published steps"), &|n| {
             let mut settings = FitSettings::published(n, 300);
             (settings.start, settings.color_steps) = (kind, color_steps);
             settings
@@ -102,7 +116,8 @@ fn starts(pictures: &[Picture]) -> Result<()> {
     Ok(())
 }
 
-fn variants(pictures: &[Picture]) -> Result<()> {
+fn variants(pictures: &[Picture]) -> Outcome {
+    let rows = Fits::new("Variants", pictures);
     let kinds = [
         ("squared error, our rates, published start", Start::Published, 0, false, false),
         ("and closed colors", Start::Published, 10, false, false),
@@ -113,7 +128,7 @@ fn variants(pictures: &[Picture]) -> Result<()> {
     ];
     for (name, kind, color_steps, growth, coarse) in kinds {
         for steps in [300, 1000] {
-            measure(&format!("{name}, {steps}"), pictures, &|n| {
+            rows.row(&format!("{name}, {steps}"), &|n| {
                 let mut settings = FitSettings::new(n, steps);
                 settings.start = kind;
                 settings.color_steps = color_steps;
@@ -127,7 +142,7 @@ fn variants(pictures: &[Picture]) -> Result<()> {
 }
 
 /// Decibels of the best baseline JPEG, by weaver-io's encoder, of at most so many bytes.
-fn jpeg(picture: &Picture, most: usize) -> Result<String> {
+fn jpeg(picture: &Picture, most: usize) -> Outcome<String> {
     let image = Image { width: picture.width(), height: picture.height(), pixels: picture.colors().to_vec() };
     let bitmap = Bitmap { width: image.width, height: image.height, pixels: image.to_bytes() };
     let mut best = None;
@@ -143,13 +158,14 @@ fn jpeg(picture: &Picture, most: usize) -> Result<String> {
     Ok(format!(" (JPEG {:.2})", metrics::psnr(&back.pixels, picture.colors())))
 }
 
-fn files(pictures: &[Picture]) -> Result<()> {
+fn files(pictures: &[Picture]) -> Outcome {
+    let table = Table::new("Files", &["each", "seeds within", "mean dB", "s"]);
     for ratio in [200.0, 100.0, 50.0, 25.0] {
         for steps in [300, 1000] {
             for (name, coded, straight_through) in
                 [("staged", true, false), ("plain", false, false), ("straight through", true, true)]
             {
-                let mut line = format!("ratio {ratio:3}, {steps:4} steps, {name:16}");
+                let mut each = Vec::new();
                 let (mut sum, mut spread, before) = (0.0, 0.0_f64, processor_seconds()?);
                 for picture in pictures {
                     let mut settings = FitSettings::new(picture.gaussians_for(ratio), steps);
@@ -166,19 +182,20 @@ fn files(pictures: &[Picture]) -> Result<()> {
                     let (bytes, decibels) = (bytes / SEEDS as usize, mean(&found));
                     (sum, spread) = (sum + decibels, spread.max(range(&found)));
                     let jpeg = if coded && !straight_through { jpeg(picture, bytes)? } else { String::new() };
-                    line += &format!("   {bytes:6} B {decibels:.2} dB{jpeg}");
+                    each.push(format!("{bytes} B {decibels:.2} dB{jpeg}"));
                 }
                 let runs = pictures.len() as f64 * SEEDS as f64;
                 let seconds = (processor_seconds()? - before) / runs;
-                line += &format!("   seeds within {spread:.2}");
-                println!("{line}   mean {:.2} dB, {seconds:.2} s", sum / pictures.len() as f64);
+                let mean = sum / pictures.len() as f64;
+                let cells = [each.join(", "), format!("{spread:.2}"), format!("{mean:.2}"), format!("{seconds:.2}")];
+                table.row(&format!("ratio {ratio}, {steps} steps, {name}"), &cells);
             }
         }
     }
     Ok(())
 }
 
-fn decibels(gaussians: &Gaussians<f32>, picture: &Picture) -> Result<f64> {
+fn decibels(gaussians: &Gaussians<f32>, picture: &Picture) -> Outcome<f64> {
     let mut canvas = Canvas::new();
     canvas.place(gaussians, Window::whole(picture.width(), picture.height()), CUT)?;
     let mut image = vec![0.0; picture.colors().len()];
@@ -186,21 +203,24 @@ fn decibels(gaussians: &Gaussians<f32>, picture: &Picture) -> Result<f64> {
     Ok(metrics::psnr(&image, picture.colors()))
 }
 
-fn colors(pictures: &[Picture]) -> Result<()> {
+fn colors(pictures: &[Picture]) -> Outcome {
+    let table = Table::new("Colors", &["before, dB", "closed colors, dB"]);
     for picture in pictures {
         let count = picture.gaussians_for(50.0);
         for kind in [Start::Published, Start::Quadtree] {
             let mut gaussians = start(picture, count, kind, 0);
             let before = decibels(&gaussians, picture)?;
             solve_colors(picture, &mut gaussians, CUT, 10)?;
-            println!("{kind:?}: {before:.2} dB, closed colors {:.2} dB", decibels(&gaussians, picture)?);
+            let after = decibels(&gaussians, picture)?;
+            table.row(&format!("{kind:?}"), &[before, after].map(|x| format!("{x:.2}")));
         }
     }
     Ok(())
 }
 
-fn planted() -> Result<()> {
+fn planted() -> Outcome {
     const SIDE: usize = 256;
+    let table = Table::new("Planted, dB", &["N = 50", "N = 100", "from near the truth"]);
     for seed in 0..SEEDS {
         let stream = Stream::new(seed, 0, "image.planted");
         let mut truth = Gaussians::default();
@@ -217,7 +237,7 @@ fn planted() -> Result<()> {
         image.iter_mut().for_each(|x| *x = (*x / largest).max(0.0));
         truth.colors.iter_mut().for_each(|c| *c /= largest);
         let picture = Picture::new(SIDE, SIDE, image)?;
-        let run = |count| -> Result<f64> {
+        let run = |count| -> Outcome<f64> {
             let fitted = fit(&picture, &FitSettings::new(count, 3000), &mut |_| ControlFlow::Continue(()))?;
             decibels(&fitted.gaussians, &picture)
         };
@@ -227,34 +247,28 @@ fn planted() -> Result<()> {
         settings.growth = false;
         let near = refine(&picture, &settings, near, &mut |_| ControlFlow::Continue(()))?;
         let near = decibels(&near.gaussians, &picture)?;
-        println!(
-            "seed {seed}: N = 50 {:.2} dB, N = 100 {:.2} dB, from near the truth {near:.2} dB",
-            run(50)?,
-            run(100)?
-        );
+        table.row(&format!("seed {seed}"), &[run(50)?, run(100)?, near].map(|x| format!("{x:.2}")));
     }
     Ok(())
 }
 
-fn main() -> Result<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let Some((table, photos)) = arguments.split_first() else {
-        return Err("expected fits, starts, files, variants, colors or planted, and photos".into());
-    };
-    let read = |path: &String| -> Result<Picture> {
+pub fn run(mut arguments: Arguments) -> Outcome {
+    let table: String = arguments.required(TABLES)?;
+    let photos: Vec<String> = arguments.rest("photos")?;
+    let read = |path: &String| -> Outcome<Picture> {
         let photo = Image::read(path, Background::Black)?;
         let [width, height] = [photo.width, photo.height].map(|side| side.min(SIDE));
         let photo = photo.crop((photo.width - width) / 2, (photo.height - height) / 2, width, height);
         Ok(Picture::new(width, height, photo.pixels)?)
     };
-    let pictures = photos.iter().map(read).collect::<Result<Vec<_>>>()?;
-    match table.as_str() {
+    let pictures = photos.iter().map(read).collect::<Outcome<Vec<_>>>()?;
+    match &*table {
         "fits" => fits(&pictures),
         "starts" => starts(&pictures),
         "variants" => variants(&pictures),
         "files" => files(&pictures),
         "colors" => colors(&pictures),
         "planted" => planted(),
-        other => Err(format!("expected fits, starts, files, variants, colors or planted, found {other}").into()),
+        other => Err(format!("expected {TABLES}, found {other}").into()),
     }
 }

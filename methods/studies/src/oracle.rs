@@ -1,4 +1,4 @@
-//! The best that gates could do, with the photo at hand: bounds that no router passes.
+//! The best convex blend at each pixel, with the photo at hand: a bound that no router passes.
 
 use weaver_kernels::Real;
 
@@ -7,24 +7,6 @@ const MOST: usize = 4;
 /// A face whose points lie, as a share of their squared distances, this near to a smaller one adds nothing to it.
 const FLAT: f64 = 1e-12;
 
-/// The expert with the least squared error at each pixel, the first of equal ones: `[P]`, from pictures `[K, P, 3]` and the photo `[P, 3]`.
-///
-/// ```
-/// let images = [0.0, 0.0, 0.0, 0.4, 0.5, 0.6];
-/// assert_eq!(weaver_dynamic::hard_oracle(&images, &[0.5; 3]), [1]);
-/// ```
-///
-/// # Panics
-/// Unless the pictures are some times as long as the photo.
-pub fn hard_oracle<T: Real>(images: &[T], photo: &[T]) -> Vec<usize> {
-    let differences = Differences::new(images, photo);
-    let best = |pixel: usize| {
-        let errors: Vec<f64> = (0..differences.experts).map(|k| squared(differences.at(k, pixel))).collect();
-        (0..errors.len()).fold(0, |best, k| if errors[k] < errors[best] { k } else { best })
-    };
-    (0..photo.len() / 3).map(best).collect()
-}
-
 /// The convex blend with the least squared error at each pixel: shares `[K, P]`, at least 0, that sum to 1 over the experts, from pictures
 /// `[K, P, 3]` and the photo `[P, 3]`.
 ///
@@ -32,7 +14,7 @@ pub fn hard_oracle<T: Real>(images: &[T], photo: &[T]) -> Vec<usize> {
 ///
 /// ```
 /// let images = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
-/// let shares = weaver_dynamic::convex_oracle(&images, &[0.25; 3]);
+/// let shares = weaver_studies::oracle::convex_oracle(&images, &[0.25; 3]);
 /// assert_eq!(shares, [0.75, 0.25]);
 /// ```
 ///

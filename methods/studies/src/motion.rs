@@ -1,26 +1,22 @@
-//! What a mixture of trained experts is worth on generated films, with its controls: `motion_study FOLDER SEED...`. What is done already is not done again.
+//! The worth of a mixture of trained experts on generated films, with its controls: `motion FOLDER SEED..`. Trainings that are there are read.
 
-#[path = "motion_study/routers.rs"]
 mod routers;
 
+use crate::Outcome;
+use crate::arguments::Arguments;
+use crate::table::{Table, note};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use weaver_dynamic::run::{Evaluation, ExpertKind, FilmSource, KeepBy, Preset, Run, RunSettings, Scores, Stage};
-
-type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 const EXPERT: usize = 3000;
 const ROUTER: usize = 2000;
 const PRUNED: usize = 500;
 const DISTILLED: usize = 1500;
 
-fn main() -> Outcome<()> {
-    let mut arguments = std::env::args().skip(1);
-    let folder = PathBuf::from(arguments.next().ok_or("expected a folder")?);
-    for seed in arguments {
-        of_seed(&folder.join(&seed), seed.parse()?)?;
-    }
-    Ok(())
+pub fn run(mut arguments: Arguments) -> Outcome {
+    let folder: PathBuf = arguments.required("a folder")?;
+    arguments.rest("seeds")?.into_iter().try_for_each(|seed: u64| of_seed(&folder.join(seed.to_string()), seed))
 }
 
 /// Trains, unless that was done.
@@ -39,13 +35,13 @@ fn evaluated(run: &Run) -> Outcome<Evaluation> {
 }
 
 /// A row of PSNRs: held-out cameras, held-out times, photos that were trained on.
-fn row(name: &str, evaluation: &Evaluation, of: impl Fn(&Scores) -> f64) {
+fn row(table: &Table, name: &str, evaluation: &Evaluation, of: impl Fn(&Scores) -> f64) {
     let groups = [&evaluation.held_out_cameras, &evaluation.held_out_times, &evaluation.trained];
     let cells: Vec<String> = groups.into_iter().flatten().map(|scores| format!("{:.2}", of(scores))).collect();
-    println!("| {name} | {} |", cells.join(" | "));
+    table.row(name, &cells);
 }
 
-fn of_seed(folder: &Path, seed: u64) -> Outcome<()> {
+fn of_seed(folder: &Path, seed: u64) -> Outcome {
     let experts = ExpertKind::ALL.to_vec();
     let alone = |count: usize| (0..count).map(|index| Stage::Expert { index, steps: EXPERT });
     let settings = RunSettings {
@@ -61,18 +57,19 @@ fn of_seed(folder: &Path, seed: u64) -> Outcome<()> {
         save_every: 30.0,
         derived_from: None,
     };
-    println!("\nSeed {seed}, PSNR in dB\n\n| | held-out cameras | held-out times | trained on |\n|---|---|---|---|");
+    let columns = ["held-out cameras", "held-out times", "trained on"];
+    let table = Table::new(&format!("Seed {seed}, PSNR in dB"), &columns);
     let run = trained(&folder.join("mixture"), settings.clone(), None)?;
     let found = evaluated(&run)?;
     run.report(&found)?;
     for (k, name) in found.experts.iter().enumerate() {
-        row(name, &found, |scores| scores.experts[k].psnr);
+        row(&table, name, &found, |scores| scores.experts[k].psnr);
     }
-    row("uniform mean", &found, |scores| scores.uniform.psnr);
-    row("mixture", &found, |scores| scores.mixture.psnr);
-    row("oracle", &found, |scores| scores.oracle.psnr);
-    row("gate is right, %", &found, |scores| 100.0 * scores.right);
-    routers::compared(&run)?;
+    row(&table, "uniform mean", &found, |scores| scores.uniform.psnr);
+    row(&table, "mixture", &found, |scores| scores.mixture.psnr);
+    row(&table, "oracle", &found, |scores| scores.oracle.psnr);
+    row(&table, "gate is right, %", &found, |scores| 100.0 * scores.right);
+    routers::compared(&run, &table)?;
 
     let times = |k: usize| found.held_out_times.as_ref().map_or(0.0, |scores| scores.experts[k].psnr);
     let best = (0..4).fold(0, |best, k| if times(k) > times(best) { k } else { best });
@@ -81,10 +78,10 @@ fn of_seed(folder: &Path, seed: u64) -> Outcome<()> {
     let control =
         RunSettings { experts: vec![kind; 2], stages: vec![Stage::Expert { index: 0, steps }], ..settings.clone() };
     let longer = evaluated(&trained(&folder.join("longer"), control, None)?)?;
-    row(&format!("{kind}, four times the steps"), &longer, |scores| scores.experts[0].psnr);
+    row(&table, &format!("{kind}, four times the steps"), &longer, |scores| scores.experts[0].psnr);
     let control = RunSettings { experts: vec![kind; 4], ..settings.clone() };
     let same = evaluated(&trained(&folder.join("same"), control, None)?)?;
-    row(&format!("mixture of four {kind}"), &same, |scores| scores.mixture.psnr);
+    row(&table, &format!("mixture of four {kind}"), &same, |scores| scores.mixture.psnr);
 
     for by in [KeepBy::Contribution, KeepBy::Sensitivity, KeepBy::Chance] {
         for keep in [1.0, 0.5, 0.45, 0.25] {
@@ -99,7 +96,7 @@ fn of_seed(folder: &Path, seed: u64) -> Outcome<()> {
                 Run::create(&place, after.clone(), Some(run.pruned(keep, by, |_, _| {})?))?;
             }
             let pruned = evaluated(&trained(&place, after, None)?)?;
-            row(&format!("{name}, {PRUNED} steps later"), &pruned, |scores| scores.mixture.psnr);
+            row(&table, &format!("{name}, {PRUNED} steps later"), &pruned, |scores| scores.mixture.psnr);
         }
     }
     for index in 0..4 {
@@ -118,13 +115,15 @@ fn of_seed(folder: &Path, seed: u64) -> Outcome<()> {
                 after,
                 Some(&run),
             )?)?;
-            row(&format!("{label}, {name}, {DISTILLED} steps later"), &later, |scores| scores.experts[index].psnr);
+            row(&table, &format!("{label}, {name}, {DISTILLED} steps later"), &later, |scores| {
+                scores.experts[index].psnr
+            });
         }
     }
     for motion in &found.motions {
         let experts: Vec<String> =
             motion.psnr.0.iter().zip(&motion.shares).map(|(psnr, share)| format!("{psnr:.2} ({share:.2})")).collect();
-        println!("{}: {}; mixture {:.2}", motion.motion, experts.join(", "), motion.psnr.1);
+        note(&format!("{}: {}; mixture {:.2}", motion.motion, experts.join(", "), motion.psnr.1));
     }
     Ok(())
 }

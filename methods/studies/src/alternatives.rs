@@ -1,24 +1,11 @@
-//! What the router is compared with: the experts' mean, a perceptron on pixels, and one number for each Gaussian of the merged scene.
+//! Routers that the mixture's is compared with: a perceptron on pixels, and one number for each Gaussian of the merged scene.
 
-use crate::Shot;
 use weaver_autograd::ops;
 use weaver_autograd::{ParamId, Real, Var};
+use weaver_dynamic::Shot;
 use weaver_nn::{Builder, Context, Init, Linear, WeightInit};
 use weaver_pose::Rays;
 use weaver_splat::{GaussianVars, Rasterize};
-
-/// The mean of the experts' pictures `[K, P, 3]`: `[P, 3]`. Differentiable in them.
-///
-/// ```
-/// use weaver_autograd::Tape;
-/// let tape = Tape::<f64>::new();
-/// let images = tape.constant(&[0.0, 0.5, 1.0, 1.0, 0.5, 0.0], [2, 1, 3]);
-/// assert_eq!(weaver_dynamic::uniform(images).to_vec(), [0.5; 3]);
-/// ```
-#[track_caller]
-pub fn uniform<T: Real>(images: Var<'_, T>) -> Var<'_, T> {
-    images.sum_axis(0) * (1.0 / images.shape()[0] as f64)
-}
 
 /// The pixel router of MoE-GS's comparison: G = softmax of a perceptron on (u, t, ray, I_1 .. I_K) at each pixel, where u is the pixel's center
 /// in [-1, 1]^2, t the time, the ray a unit vector, and I_k the color of expert k. Relu between three layers. It sees pictures and not what they
@@ -43,8 +30,8 @@ impl MlpRouter {
     ///
     /// ```
     /// use weaver_autograd::Params;
-    /// use weaver_dynamic::MlpRouter;
     /// use weaver_nn::Builder;
+    /// use weaver_studies::alternatives::MlpRouter;
     /// let mut params = Params::<f32>::new();
     /// MlpRouter::new(Builder::new(&mut params, 0), 2, 64);
     /// assert_eq!(params.count(), 12 * 64 + 64 + 64 * 64 + 64 + 64 * 2 + 2);
@@ -98,8 +85,8 @@ impl VolumeRouter {
     ///
     /// ```
     /// use weaver_autograd::Params;
-    /// use weaver_dynamic::VolumeRouter;
     /// use weaver_nn::Builder;
+    /// use weaver_studies::alternatives::VolumeRouter;
     /// let mut params = Params::<f32>::new();
     /// VolumeRouter::new(Builder::new(&mut params, 0).scope("volume"), 5);
     /// assert_eq!(params.find("volume.logit").map(|id| params.get(id).value()), Some(&[0.0; 5][..]));
