@@ -2,7 +2,8 @@
 
 use weaver_kernels::Real;
 
-/// The expert with the least squared error at each pixel, the first of equal ones: `[P]`, from pictures `[K, P, 3]` and the photo `[P, 3]`.
+/// The expert with the least squared error at each pixel, the first of equal ones: `[P]`, from pictures `[K, P, 3]` and
+/// the photo `[P, 3]`.
 ///
 /// ```
 /// let images = [0.0, 0.0, 0.0, 0.4, 0.5, 0.6];

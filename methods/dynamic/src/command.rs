@@ -1,4 +1,5 @@
-//! `splatweaver dynamic`: trainings of a mixture, its figures and pictures, smaller mixtures and single experts out of it.
+//! `splatweaver dynamic`: trainings of a mixture, its figures and pictures, smaller mixtures and single experts out of
+//! it.
 
 mod distil;
 mod eval;
@@ -18,7 +19,8 @@ use train::DynamicTrain;
 pub use video::{StartVideo, Video};
 use weaver_command::{Console, Failure, Interrupt, in_pool};
 
-/// Scenes that move: several models of moving Gaussians, and a router that says which to believe, pixel by pixel (MoE-GS).
+/// Scenes that move: several models of moving Gaussians, and a router that says which to believe, pixel by pixel
+/// (MoE-GS).
 ///
 /// Films are folders as D-NeRF, Neural 3D Video or HyperNeRF have them. Without any, a film is generated.
 #[derive(Args, Debug)]
@@ -46,7 +48,8 @@ enum DynamicCommand {
 
 /// Runs one of the commands. A video is written by the program around them.
 ///
-/// Fails where files cannot be read or do not belong together, where training diverges, and where results cannot be written.
+/// Fails where files cannot be read or do not belong together, where training diverges, and where results cannot be
+/// written.
 pub fn run(
     arguments: &Dynamic,
     start_video: StartVideo<'_>,

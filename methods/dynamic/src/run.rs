@@ -9,8 +9,8 @@
 //! | `metrics.jsonl` | losses |
 //! | `summary.json`, `report.html` | how photos are met, strips over time, gates, curves |
 //!
-//! [`Run`] is such a training, [`RunSettings`] what is asked of it: stages one after the other, each of an expert, of the router, or of an expert
-//! that is distilled. [`Run::pruned`] makes the numbers of a smaller run.
+//! [`Run`] is such a training, [`RunSettings`] what is asked of it: stages one after the other, each of an expert, of
+//! the router, or of an expert that is distilled. [`Run::pruned`] makes the numbers of a smaller run.
 //!
 //! ```rust
 //! use std::sync::atomic::AtomicBool;

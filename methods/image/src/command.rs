@@ -1,7 +1,7 @@
 //! `splatweaver image`: pictures on disk as sums of 2-D Gaussians.
 //!
-//! Fits, drawing and format are the library's; here are the files, the [`Run`](weaver_run::Run) of several pictures, and the comparison with
-//! other codecs.
+//! Fits, drawing and format are the library's; here are the files, the [`Run`](weaver_run::Run) of several pictures,
+//! and the comparison with other codecs.
 //!
 //! ```no_run
 //! use clap::Parser;

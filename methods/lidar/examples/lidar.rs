@@ -1,4 +1,5 @@
-//! The commands of this crate as a small program: `cargo run --release -p weaver-lidar --features command --example lidar -- lidar SCANS -o RUN`.
+//! The commands of this crate as a small program:
+//! `cargo run --release -p weaver-lidar --features command --example lidar -- lidar SCANS -o RUN`.
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;

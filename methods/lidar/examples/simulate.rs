@@ -1,7 +1,9 @@
-//! Scans of a simulated world: `cargo run --release -p weaver-lidar --features command --example simulate -- FOLDER room|street COUNT [SEED] [moving]`.
+//! Scans of a simulated world:
+//! `cargo run --release -p weaver-lidar --features command --example simulate -- FOLDER room|street COUNT [SEED] [moving]`.
 //!
-//! Writes `FOLDER/scans/NNNN.bin` (or .ply with times, while the sensor moves) and `FOLDER/poses.txt` of a loop through the room, or of a
-//! drive along the street, half a meter from scan to scan, `truth.ply`, the points of its surfaces that the sensor can see, and `mesh.ply`.
+//! Writes `FOLDER/scans/NNNN.bin` (or .ply with times, while the sensor moves) and `FOLDER/poses.txt` of a loop through
+//! the room, or of a drive along the street, half a meter from scan to scan, `truth.ply`, the points of its surfaces
+//! that the sensor can see, and `mesh.ply`.
 
 use std::path::Path;
 use weaver_data::lidar::{LidarWorld, SpinningSensor, between, room_loop, street_drive};

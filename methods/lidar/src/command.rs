@@ -1,5 +1,5 @@
-//! `splatweaver lidar`, `eval-trajectory` and `eval-mesh`: odometry and mapping of lidar scans in a folder, meshes of the maps, and
-//! errors of both.
+//! `splatweaver lidar`, `eval-trajectory` and `eval-mesh`: odometry and mapping of lidar scans in a folder, meshes of
+//! the maps, and errors of both.
 //!
 //! | file | content |
 //! |---|---|

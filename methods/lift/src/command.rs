@@ -1,6 +1,8 @@
-//! `splatweaver lift` and `splatweaver query`: features of photos for the Gaussians of a scene on disk, and where they are like a prompt.
+//! `splatweaver lift` and `splatweaver query`: features of photos for the Gaussians of a scene on disk, and where they
+//! are like a prompt.
 //!
-//! The solvers are the library's; here are the files of features, masks and pictures around them, and a demonstration on built-in scenes.
+//! The solvers are the library's; here are the files of features, masks and pictures around them, and a demonstration
+//! on built-in scenes.
 //!
 //! ```no_run
 //! use clap::Parser;
@@ -33,7 +35,8 @@ use weaver_command::{Console, Failure, in_pool};
 
 /// Lifts features of photos to the Gaussians of a scene, and writes them with pictures of them.
 ///
-/// Fails where files cannot be read or do not belong together, where memory would not do, and where results cannot be written.
+/// Fails where files cannot be read or do not belong together, where memory would not do, and where results cannot be
+/// written.
 pub fn lift(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || lift::run(arguments, console))
 }

@@ -1,4 +1,5 @@
-//! Routers that the mixture's is compared with: a perceptron on pixels, and one number for each Gaussian of the merged scene.
+//! Routers that the mixture's is compared with: a perceptron on pixels, and one number for each Gaussian of the merged
+//! scene.
 
 use weaver_autograd::ops;
 use weaver_autograd::{ParamId, Real, Var};
@@ -7,9 +8,9 @@ use weaver_nn::{Builder, Context, Init, Linear, WeightInit};
 use weaver_pose::Rays;
 use weaver_splat::{GaussianVars, Rasterize};
 
-/// The pixel router of MoE-GS's comparison: G = softmax of a perceptron on (u, t, ray, I_1 .. I_K) at each pixel, where u is the pixel's center
-/// in [-1, 1]^2, t the time, the ray a unit vector, and I_k the color of expert k. Relu between three layers. It sees pictures and not what they
-/// were drawn from. The widths are ours.
+/// The pixel router of MoE-GS's comparison: G = softmax of a perceptron on (u, t, ray, I_1 .. I_K) at each pixel, where
+/// u is the pixel's center in [-1, 1]^2, t the time, the ray a unit vector, and I_k the color of expert k. Relu between
+/// three layers. It sees pictures and not what they were drawn from. The widths are ours.
 #[derive(Clone, Copy, Debug)]
 pub struct MlpRouter {
     layers: [Linear; 3],
@@ -73,8 +74,8 @@ impl MlpRouter {
     }
 }
 
-/// The volume router of MoE-GS's comparison: all experts' Gaussians are one scene, each with a number m, and are drawn with opacity
-/// times sigmoid(m). Experts hide one another, and nothing depends on time or direction.
+/// The volume router of MoE-GS's comparison: all experts' Gaussians are one scene, each with a number m, and are drawn
+/// with opacity times sigmoid(m). Experts hide one another, and nothing depends on time or direction.
 #[derive(Clone, Copy, Debug)]
 pub struct VolumeRouter {
     logit: ParamId,
@@ -95,7 +96,8 @@ impl VolumeRouter {
         Self { logit: b.add("logit", [gaussians], Init::Constant(0.0)) }
     }
 
-    /// The picture `[P, 3]` of the list of all Gaussians at the time of a shot. Differentiable in the numbers and in the Gaussians.
+    /// The picture `[P, 3]` of the list of all Gaussians at the time of a shot. Differentiable in the numbers and in
+    /// the Gaussians.
     #[track_caller]
     pub fn image<'t, T: Real>(
         &self,

@@ -1,7 +1,8 @@
 //! Lidar odometry on five published scans: `fragments FOLDER [VARIANT..]`.
 //!
 //! The folder has `planes_NNNNNN.bin` and `edges_NNNNNN.bin`, or `NNNNNN.bin`, of x y z in 32 bits, and `graph.txt` of
-//! `name x y z qx qy qz qw`. Tables of odometry and of held-out scans, or of registration pair by pair where the clouds are no scans.
+//! `name x y z qx qy qz qw`. Tables of odometry and of held-out scans, or of registration pair by pair where the clouds
+//! are no scans.
 
 use crate::Outcome;
 use crate::arguments::Arguments;
@@ -79,7 +80,8 @@ fn odometry(fragment: &Fragment, map: MapSettings, track: TrackSettings, table: 
     Ok(())
 }
 
-/// For each scan, the share of its rays within 0.2 m of the map of the others, drawn; of their points, as a range image; surfels; seconds.
+/// For each scan, the share of its rays within 0.2 m of the map of the others, drawn; of their points, as a range
+/// image; surfels; seconds.
 fn held(fragment: &Fragment, map: &MapSettings, table: &Table, name: &str) -> Outcome {
     let Fragment { scans, poses } = fragment;
     let camera = camera(&scans[0]);

@@ -1,6 +1,7 @@
-//! What mixing is worth where every expert is right about something: four experts that are the truth on their own kind of motion, and as near
-//! to it as they can come on the others. Tables of what the router makes of them on a camera that was held out, beside everything that it is
-//! compared with, at three seeds; and what remains of it when Gaussians are dropped: `ideal [patches|corners]`.
+//! What mixing is worth where every expert is right about something: four experts that are the truth on their own kind
+//! of motion, and as near to it as they can come on the others. Tables of what the router makes of them on a camera
+//! that was held out, beside everything that it is compared with, at three seeds; and what remains of it when Gaussians
+//! are dropped: `ideal [patches|corners]`.
 
 mod family;
 mod frames;

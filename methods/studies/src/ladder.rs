@@ -1,8 +1,9 @@
-//! The worth of each part of the method on planted anomalies: all rows from the same encoder, videos and number of steps.
+//! The worth of each part of the method on planted anomalies: all rows from the same encoder, videos and number of
+//! steps.
 //!
-//! `ladder [urdmu|convolutions] [SEEDS] [RATE] [short]`: AUC and AUC over abnormal videos of every row, means over the seeds with standard
-//! errors, and paired differences with intervals of 95 %. SEEDS is a number of them or a range such as 2..4; `short` plants only short events.
-//! One thread.
+//! `ladder [urdmu|convolutions] [SEEDS] [RATE] [short]`: AUC and AUC over abnormal videos of every row, means over the
+//! seeds with standard errors, and paired differences with intervals of 95 %. SEEDS is a number of them or a range such
+//! as 2..4; `short` plants only short events. One thread.
 
 use crate::Outcome;
 use crate::arguments::Arguments;
@@ -200,7 +201,8 @@ impl Ladder {
         }
     }
 
-    /// Of the snippets of events, and of the others of their videos, the shares with more than half of the video's highest score.
+    /// Of the snippets of events, and of the others of their videos, the shares with more than half of the video's
+    /// highest score.
     fn above_half(&self, detector: &Detector) -> Result<[f64; 2]> {
         let (mut above, mut all) = ([0.0; 2], [0.0; 2]);
         for video in self.test.iter().filter(|video| video.class.is_some()) {

@@ -1,6 +1,7 @@
 //! Studies of the published methods: the programs behind docs/results. The README lists them with their arguments.
 //!
-//! Beside them are the parts that only studies need: [`alternatives`] to the router of moving scenes, and the [`oracle`] of the best blend.
+//! Beside them are the parts that only studies need: [`alternatives`] to the router of moving scenes, and the
+//! [`oracle`] of the best blend.
 
 pub mod alternatives;
 mod arguments;

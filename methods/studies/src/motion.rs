@@ -1,4 +1,5 @@
-//! The worth of a mixture of trained experts on generated films, with its controls: `motion FOLDER SEED..`. Trainings that are there are read.
+//! The worth of a mixture of trained experts on generated films, with its controls: `motion FOLDER SEED..`. Trainings
+//! that are there are read.
 
 mod routers;
 

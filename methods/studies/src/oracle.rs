@@ -7,10 +7,11 @@ const MOST: usize = 4;
 /// A face whose points lie, as a share of their squared distances, this near to a smaller one adds nothing to it.
 const FLAT: f64 = 1e-12;
 
-/// The convex blend with the least squared error at each pixel: shares `[K, P]`, at least 0, that sum to 1 over the experts, from pictures
-/// `[K, P, 3]` and the photo `[P, 3]`.
+/// The convex blend with the least squared error at each pixel: shares `[K, P]`, at least 0, that sum to 1 over the
+/// experts, from pictures `[K, P, 3]` and the photo `[P, 3]`.
 ///
-/// min |sum_k g_k I_k - photo|^2 over the simplex: least squares on every face of up to four experts, the best whose shares are not negative.
+/// min |sum_k g_k I_k - photo|^2 over the simplex: least squares on every face of up to four experts, the best whose
+/// shares are not negative.
 ///
 /// ```
 /// let images = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
@@ -111,7 +112,8 @@ fn on_face(differences: &Differences, face: &[usize], pixel: usize) -> Option<(f
     Some((squared(left), shares))
 }
 
-/// The x that minimizes |corner + sum_i x_i edge_i|^2, by the normal equations; `None` where the edges depend on one another.
+/// The x that minimizes |corner + sum_i x_i edge_i|^2, by the normal equations; `None` where the edges depend on one
+/// another.
 fn solved(edges: &[[f64; 3]], corner: [f64; 3]) -> Option<Vec<f64>> {
     let n = edges.len();
     let mut rows: Vec<Vec<f64>> = edges

@@ -1,8 +1,9 @@
 //! Quality of fitted pictures: `RAYON_NUM_THREADS=1 weaver-studies pictures TABLE PHOTO..`.
 //!
-//! Tables, each over the middle 512 x 512 pixels of the photos and three seeds: `fits` (ours, published and controls), `starts` (the worth of each
-//! part of a start, by the published descent), `files` (decibels and bytes of files), `variants` (the worth of each part of ours), `colors` (closed
-//! colors alone), `planted` (Gaussians that are found again; needs no photo). Seconds are those of the processor.
+//! Tables, each over the middle 512 x 512 pixels of the photos and three seeds: `fits` (ours, published and controls),
+//! `starts` (the worth of each part of a start, by the published descent), `files` (decibels and bytes of files),
+//! `variants` (the worth of each part of ours), `colors` (closed colors alone), `planted` (Gaussians that are found
+//! again; needs no photo). Seconds are those of the processor.
 
 use crate::Outcome;
 use crate::arguments::Arguments;

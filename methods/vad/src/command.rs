@@ -39,7 +39,8 @@ use weaver_command::{Console, Failure, Interrupt, in_pool};
 
 /// Runs one of the commands.
 ///
-/// Fails where files cannot be read or do not belong together, where training diverges, and where results cannot be written.
+/// Fails where files cannot be read or do not belong together, where training diverges, and where results cannot be
+/// written.
 pub fn run(arguments: &Vad, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match &arguments.command {
         VadCommand::Train(arguments) => {

@@ -1,5 +1,5 @@
-//! The wall between the product and the published methods: no source below `crates/` names a method's crate, but for the tables of the
-//! command line.
+//! The wall between the product and the published methods: no source below `crates/` names a method's crate, but for
+//! the tables of the command line.
 
 use super::sources::Source;
 use super::{Workspace, floors};

@@ -2,8 +2,8 @@
 
 use weaver_command::{Console, Failure, Interrupt};
 
-/// Makes the commands of a table: the enum that clap parses into, the groups of the help, and the call. Commands of another table may
-/// follow (`and`).
+/// Makes the commands of a table: the enum that clap parses into, the groups of the help, and the call. Commands of
+/// another table may follow (`and`).
 macro_rules! table {
     (
         $table:ident:

@@ -5,7 +5,8 @@ use clap::Args;
 use std::path::PathBuf;
 use weaver_command::{Console, Failure, Progress, Threads};
 
-/// Judges experts, mixture, their uniform mean and the best expert at each pixel on photos that were held out, and writes report.html anew.
+/// Judges experts, mixture, their uniform mean and the best expert at each pixel on photos that were held out, and
+/// writes report.html anew.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver dynamic eval --run runs/film

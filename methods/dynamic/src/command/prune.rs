@@ -19,7 +19,8 @@ pub struct DynamicPrune {
     /// The share of Gaussians that stays, above 0, at most 1
     #[arg(long, value_name = "SHARE")]
     pub keep: f64,
-    /// The score of Gaussians: contribution (to the pictures, times the gate), sensitivity (of the gate, as published), chance
+    /// The score of Gaussians: contribution (to the pictures, times the gate), sensitivity (of the gate, as published),
+    /// chance
     #[arg(long, value_name = "SCORE", default_value_t)]
     pub by: KeepBy,
     /// Steps of the router afterwards

@@ -25,7 +25,8 @@ pub struct DynamicRender {
     /// Number of one of the film's cameras [default: one that was held out, else the first]
     #[arg(long, value_name = "N", conflicts_with = "cameras")]
     pub camera: Option<usize>,
-    /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file: a path that is followed as time passes
+    /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file: a path that is followed as time
+    /// passes
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     /// Shows one expert instead of the mixture

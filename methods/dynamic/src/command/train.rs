@@ -12,7 +12,8 @@ use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
 use weaver_view_run::{Followed, Listener, Server, Showing, live};
 
-/// Trains experts one after the other, then their router, and writes a run folder: model.safetensors, logs, report.html.
+/// Trains experts one after the other, then their router, and writes a run folder: model.safetensors, logs,
+/// report.html.
 ///
 /// Ctrl-C saves a checkpoint and ends; --resume goes on to the same bits as an uninterrupted run.
 #[derive(Args, Debug)]

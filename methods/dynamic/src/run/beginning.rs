@@ -98,7 +98,8 @@ fn somewhere(film: &Film, count: usize, stream: Stream) -> Result<Vec<FilmPoint>
     Ok(points.into_iter().map(|(_, point)| point).collect())
 }
 
-/// The median distance of the cameras from the point that is nearest to all optical axes; `None` where these are parallel.
+/// The median distance of the cameras from the point that is nearest to all optical axes; `None` where these are
+/// parallel.
 fn focus(film: &Film) -> Option<f64> {
     let shots = film.training();
     let axes = shots.iter().map(|&i| {

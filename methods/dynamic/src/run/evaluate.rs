@@ -38,7 +38,8 @@ pub struct Scores {
     pub oracle: Quality,
     /// Mean gate of each expert.
     pub shares: Vec<f64>,
-    /// Of the pixels at which experts differ, the share at which the expert that the gate believes most is as good as the best.
+    /// Of the pixels at which experts differ, the share at which the expert that the gate believes most is as good as
+    /// the best.
     pub right: f64,
 }
 

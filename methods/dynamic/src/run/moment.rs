@@ -31,7 +31,8 @@ impl Mixture {
 }
 
 impl Run {
-    /// Makes the scene of a checkpoint of this run at a time, 0 to 1: the expert that is trained, or else was trained last.
+    /// Makes the scene of a checkpoint of this run at a time, 0 to 1: the expert that is trained, or else was trained
+    /// last.
     pub fn scenes(&self) -> impl Fn(&Tensors, f64) -> weaver_io::Result<Gaussians> + Sync + use<> {
         let (mixture, params, stages) = (self.mixture.clone(), self.params.clone(), self.settings.stages.clone());
         move |state, time| {

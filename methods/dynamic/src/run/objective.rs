@@ -9,8 +9,9 @@ use weaver_data::film::Shot;
 use weaver_nn::Context;
 use weaver_splat::Rasterize;
 
-/// The loss of a stage on one photo. Experts by photos: mean |a - b| for a field, with a share of structural similarity for the others, and what
-/// each regularizes. The router: both, of the mixture of what is `seen` of the photo. Distillation: [`distillation`], and what the expert regularizes.
+/// The loss of a stage on one photo. Experts by photos: mean |a - b| for a field, with a share of structural similarity
+/// for the others, and what each regularizes. The router: both, of the mixture of what is `seen` of the photo.
+/// Distillation: [`distillation`], and what the expert regularizes.
 pub(crate) fn objective<'t>(
     tape: &'t Tape<f32>,
     (mixture, params, teacher): (&Mixture, &Params<f32>, Option<&Params<f32>>),

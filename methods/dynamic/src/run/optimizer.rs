@@ -12,9 +12,11 @@ const SLOWER: f64 = 0.01;
 const NETWORK_SLOWER: f64 = 0.1;
 /// Weights of the router slow down to this over so many steps, and on.
 const ROUTER_SLOWER: (f64, f64) = (0.01, 10_000.0);
-/// Networks and planes of the small experts learn this much faster than those of the published ones, which take ten times the steps; so do paths.
+/// Networks and planes of the small experts learn this much faster than those of the published ones, which take ten
+/// times the steps; so do paths.
 const TINY: f64 = 10.0;
-/// The codes of Gaussians and the network on them do so by this much more, by what they make of the photos in as many steps.
+/// The codes of Gaussians and the network on them do so by this much more, by what they make of the photos in as many
+/// steps.
 const TINY_CODE: f64 = 4.0;
 /// Means of the small experts whose Gaussians are moved by a network do so by this.
 const TINY_MEANS: f64 = 4.0;
@@ -37,7 +39,8 @@ pub(crate) struct Rate {
 }
 
 impl Optimizer {
-    /// For the parameters of one expert, whose names begin with `label`. Rates are those of the publications; `extent` is the film's.
+    /// For the parameters of one expert, whose names begin with `label`. Rates are those of the publications; `extent`
+    /// is the film's.
     pub fn of_expert(params: &Params<f32>, label: &str, kind: ExpertKind, preset: Preset, extent: f64) -> Self {
         let prefix = format!("{label}.");
         let own = params.iter().filter_map(|(id, param)| param.name().strip_prefix(&prefix).map(|name| (id, name)));

@@ -49,8 +49,8 @@ impl FromStr for KeepBy {
 }
 
 impl Run {
-    /// All numbers but those of the Gaussians that are worth least over the photos trained on: `keep` of them stay, at least one of each expert.
-    /// `observe` is told how many photos of how many are looked at.
+    /// All numbers but those of the Gaussians that are worth least over the photos trained on: `keep` of them stay, at
+    /// least one of each expert. `observe` is told how many photos of how many are looked at.
     ///
     /// # Errors
     /// When the share is not above 0 and at most 1, or the rasterizer refuses.

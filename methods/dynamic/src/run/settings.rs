@@ -13,7 +13,8 @@ use weaver_data::film::{self, Film, FilmOptions};
 pub struct RunSettings {
     /// The film that is trained on.
     pub film: FilmSource,
-    /// The experts, at least two. One that is named twice begins with other Gaussians and other numbers the second time.
+    /// The experts, at least two. One that is named twice begins with other Gaussians and other numbers the second
+    /// time.
     pub experts: Vec<ExpertKind>,
     /// Sizes of the experts.
     pub preset: Preset,

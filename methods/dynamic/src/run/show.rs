@@ -58,8 +58,8 @@ pub struct Strip {
 }
 
 impl Run {
-    /// Strips over time from one viewpoint: photos, the mixture, its errors, the gate, each expert. The viewpoint is one that was held out,
-    /// where there is one, and the times are `count` of those that there are photos of.
+    /// Strips over time from one viewpoint: photos, the mixture, its errors, the gate, each expert. The viewpoint is
+    /// one that was held out, where there is one, and the times are `count` of those that there are photos of.
     ///
     /// # Errors
     /// When the rasterizer refuses, or a photo cannot be read any more.

@@ -68,8 +68,8 @@ impl Run {
     /// Begins a run in a new folder. `init` are the numbers that it begins with instead of its own.
     ///
     /// # Errors
-    /// When the film cannot be read, a setting is out of range, the folder holds a run, files of others are in the way, or it cannot be
-    /// written; nothing is then left behind.
+    /// When the film cannot be read, a setting is out of range, the folder holds a run, files of others are in the way,
+    /// or it cannot be written; nothing is then left behind.
     pub fn create(folder: &Path, mut settings: RunSettings, init: Option<Tensors>) -> Result<Self, RunError> {
         settings.check()?;
         if let FilmSource::Folder { path, .. } = &mut settings.film {
@@ -91,7 +91,8 @@ impl Run {
     /// Goes on with a run from its last checkpoint, or from the start if there is none.
     ///
     /// # Errors
-    /// When there is no run, it is complete or under way elsewhere, its files cannot be read, or the film is another one.
+    /// When there is no run, it is complete or under way elsewhere, its files cannot be read, or the film is another
+    /// one.
     pub fn resume(folder: &Path) -> Result<Self, RunError> {
         let settings = Self::read_settings(folder)?;
         if folder.join(MODEL).exists() {
@@ -108,7 +109,8 @@ impl Run {
         Ok(Self { claimed: Some(claimed), ..run })
     }
 
-    /// Checks that a checkpoint is of the film at hand. One of an earlier version does not say of which it is, and passes.
+    /// Checks that a checkpoint is of the film at hand. One of an earlier version does not say of which it is, and
+    /// passes.
     fn check_film(&self, checkpoint: &Tensors) -> Result<(), RunError> {
         match checkpoint.metadata.get(FILM) {
             Some(began) if *began != self.film.checksum()?.to_string() => Err(RunError::FilmChanged {
@@ -250,11 +252,12 @@ impl Run {
         self.claimed.iter_mut().for_each(Folder::follow);
     }
 
-    /// Runs to the last step, or until `stop` is set, and leaves a checkpoint, or the model; says whether it came to the end. `observe` is
-    /// called after every step.
+    /// Runs to the last step, or until `stop` is set, and leaves a checkpoint, or the model; says whether it came to
+    /// the end. `observe` is called after every step.
     ///
     /// # Errors
-    /// When the rasterizer refuses, a loss is no number, or a file cannot be written; the last checkpoint then stays as it was.
+    /// When the rasterizer refuses, a loss is no number, or a file cannot be written; the last checkpoint then stays as
+    /// it was.
     pub fn advance(&mut self, stop: &AtomicBool, mut observe: impl FnMut(&StepReport)) -> Result<bool, RunError> {
         let Some(folder) = self.claimed.take() else {
             return Err(weaver_run::Error::complete(&self.folder).into());

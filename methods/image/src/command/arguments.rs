@@ -28,8 +28,9 @@ pub enum ImageCommand {
 
 /// Fits Gaussians to a picture and writes them as a .wgi file, or to several, into a folder.
 ///
-/// Alpha is composited over black; numbers of 16 bits are taken to 8. Ctrl-C ends the fit of a file: what there is is written, unless the
-/// file is there already, which then stays. In a folder it saves, and --resume goes on to the same bits.
+/// Alpha is composited over black; numbers of 16 bits are taken to 8. Ctrl-C ends the fit of a file: what there is is
+/// written, unless the file is there already, which then stays. In a folder it saves, and --resume goes on to the same
+/// bits.
 #[derive(Args, Debug)]
 #[command(group(ArgGroup::new("size").args(["ratio", "gaussians", "bytes", "psnr"])))]
 #[command(after_help = "Examples:
@@ -103,8 +104,8 @@ pub struct ImageDraw {
 
 /// Fits pictures at several ratios and prints bytes, decibels and times, beside other codecs at equal bytes.
 ///
-/// JPEG is the program's own baseline encoder, unless --others has files of other encoders: NAME-ANYTHING.jpg, .webp, or .avif with
-/// what it decodes to as NAME-ANYTHING.avif.png, for the picture NAME.png.
+/// JPEG is the program's own baseline encoder, unless --others has files of other encoders: NAME-ANYTHING.jpg, .webp,
+/// or .avif with what it decodes to as NAME-ANYTHING.avif.png, for the picture NAME.png.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver image bench photo.jpg

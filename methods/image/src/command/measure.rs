@@ -10,14 +10,16 @@ use std::time::Instant;
 const REGION: usize = 64;
 /// Repetitions of what is timed, of which the fastest counts.
 const RUNS: usize = 5;
-/// Floating-point operations of a step for each block of 16 pixels that a Gaussian meets: 25 products and sums of vectors, fused or not.
+/// Floating-point operations of a step for each block of 16 pixels that a Gaussian meets: 25 products and sums of
+/// vectors, fused or not.
 const BLOCK_OPERATIONS: f64 = 25.0 * 16.0 * 2.0;
 
 /// A fit at one ratio.
 pub struct Measured {
     pub ratio: f64,
     pub judged: Judged,
-    /// Milliseconds of the fit for each step, of a step of the last Gaussians, and what the processor could do such a step in.
+    /// Milliseconds of the fit for each step, of a step of the last Gaussians, and what the processor could do such a
+    /// step in.
     pub steps: [f64; 3],
     /// Milliseconds of decoding and drawing a megapixel.
     pub decoding: f64,

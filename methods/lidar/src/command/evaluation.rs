@@ -11,8 +11,8 @@ use weaver_io::TrajectoryFile;
 
 /// Compares a trajectory with a reference (KITTI or TUM): absolute and relative errors.
 ///
-/// Poses belong together by their order where both files have as many, else by their times; files that have as many and no time in common
-/// are refused.
+/// Poses belong together by their order where both files have as many, else by their times; files that have as many and
+/// no time in common are refused.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver eval-trajectory runs/street/trajectory.txt poses.txt
@@ -129,7 +129,8 @@ fn span(trajectory: &TrajectoryFile) -> Option<[f64; 2]> {
     Some([*trajectory.times.first()?, *trajectory.times.last()?])
 }
 
-/// Poses that are each other's nearest in time, within half of the smaller mean step. Where there are no times, numbers are.
+/// Poses that are each other's nearest in time, within half of the smaller mean step. Where there are no times, numbers
+/// are.
 fn by_times(estimate: &TrajectoryFile, reference: &TrajectoryFile) -> Vec<(Pose, Pose)> {
     let times = |file: &TrajectoryFile| match file.times.as_slice() {
         [] => (0..file.poses.len()).map(|i| i as f64).collect(),

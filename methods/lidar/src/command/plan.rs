@@ -13,7 +13,8 @@ use weaver_io::{LIDAR_FORMATS, TrajectoryFile, list_files, read_lidar_scan};
 /// Scans and settings of a run: kept beside a checkpoint.
 #[derive(Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LidarPlan {
-    /// Folder of scans (.bin as KITTI has them, .ply, .pcd, .npy), taken in the order of their names, in which numbers count as such
+    /// Folder of scans (.bin as KITTI has them, .ply, .pcd, .npy), taken in the order of their names, in which numbers
+    /// count as such
     #[arg(value_name = "SCANS", required_unless_present = "resume")]
     pub scans: Option<PathBuf>,
     /// Poses of the sensor (KITTI or TUM): only the map is made, nothing is tracked
@@ -160,7 +161,8 @@ impl LidarPlan {
         self.sources.as_ref().map_or(Ok(()), |began| began.check(self.folder()))
     }
 
-    /// The files of scans in the order in which they are taken. Runs of earlier versions took them in the order of the bytes of their names.
+    /// The files of scans in the order in which they are taken. Runs of earlier versions took them in the order of the
+    /// bytes of their names.
     pub(crate) fn files(&self) -> Result<Vec<PathBuf>, LidarRunError> {
         let folder = self.folder();
         let files = match &self.sources {

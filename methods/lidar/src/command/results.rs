@@ -109,7 +109,8 @@ fn graph(job: &LidarJob, trajectory: &TrajectoryFile) -> String {
     text
 }
 
-/// Surfels as Gaussians of no thickness, in the colors of their normals, which face up: gray ones would show nothing of their shape.
+/// Surfels as Gaussians of no thickness, in the colors of their normals, which face up: gray ones would show nothing of
+/// their shape.
 pub(crate) fn gaussians(surfels: &Surfels<f32>) -> Gaussians {
     let color = |q: &[f32]| -> [f32; 3] {
         let normal = DQuat::from_xyzw(q[1].into(), q[2].into(), q[3].into(), q[0].into()).normalize() * DVec3::Z;

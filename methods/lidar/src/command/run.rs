@@ -17,8 +17,8 @@ pub const KIND: Kind = Kind { command: "lidar", settings: "run.json", results: &
 
 /// Finds where the scans of a lidar were taken, and makes a map of flat Gaussians of them (Splat-LOAM).
 ///
-/// Each scan is registered to the map as it is drawn from the last keyframe; scans that show something new become keyframes, to which the map
-/// is fitted. Ctrl-C saves a checkpoint and ends; --resume goes on to the same bits.
+/// Each scan is registered to the map as it is drawn from the last keyframe; scans that show something new become
+/// keyframes, to which the map is fitted. Ctrl-C saves a checkpoint and ends; --resume goes on to the same bits.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver lidar scans -o runs/street

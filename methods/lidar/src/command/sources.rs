@@ -34,7 +34,8 @@ impl Sources {
         files
     }
 
-    /// Checks that a folder has the scans that a run began with, and no others. A file that could not be read then may be another now.
+    /// Checks that a folder has the scans that a run began with, and no others. A file that could not be read then may
+    /// be another now.
     ///
     /// # Errors
     /// Names the first that differs.

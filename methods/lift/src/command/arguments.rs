@@ -9,8 +9,9 @@ const AGGREGATING: &str = "Features of masks";
 
 /// Lifts features of photos to the Gaussians of a finished scene: drawn, they give the features of the photos.
 ///
-/// Features (CLIP, DINO, classes, any numbers) are one .npy or .safetensors file per photo, [height, width, channels], named as the photo;
-/// they are resized to the camera's image, and each pixel's divided by their length. Pixels that hold NaN do not count. No training.
+/// Features (CLIP, DINO, classes, any numbers) are one .npy or .safetensors file per photo, [height, width, channels],
+/// named as the photo; they are resized to the camera's image, and each pixel's divided by their length. Pixels that
+/// hold NaN do not count. No training.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver lift scene.ply --cameras transforms.json --features dino -o lifted.safetensors
@@ -41,13 +42,15 @@ pub struct Lift {
     /// Gaussians that the demonstration lifts to
     #[arg(long, value_enum, default_value = "surface", requires = "demo")]
     pub demo_gaussians: DemoGaussians,
-    /// With --demo-gaussians predicted: the folder of a run of `train` [default: the weights that come with the program]
+    /// With --demo-gaussians predicted: the folder of a run of `train` [default: the weights that come with the
+    /// program]
     #[arg(long, value_name = "RUN", requires = "demo")]
     pub run: Option<PathBuf>,
     /// Solver of Gaussians' features
     #[arg(long, value_enum, default_value = "exact", help_heading = SOLVING)]
     pub solver: SolverName,
-    /// Passes over the photos of exact and damped, at most; more of them fit borders of objects at the cost of the Gaussians
+    /// Passes over the photos of exact and damped, at most; more of them fit borders of objects at the cost of the
+    /// Gaussians
     #[arg(long, value_name = "K", default_value = "5", value_parser = clap::value_parser!(u32).range(1..=10_000), help_heading = SOLVING)]
     pub passes: u32,
     /// Conjugate gradients for exact: the least squares in fewer passes
@@ -59,7 +62,8 @@ pub struct Lift {
     /// Tikhonov guidance: opacities become sigmoid(LAMBDA logit) while lifting, and in queries; 1 is none
     #[arg(long, value_name = "LAMBDA", default_value = "1", value_parser = positive, help_heading = SOLVING)]
     pub tikhonov: f64,
-    /// With exact and damped: pixels of which Gaussians cover less than this part do not count, since there is little to draw features with
+    /// With exact and damped: pixels of which Gaussians cover less than this part do not count, since there is little
+    /// to draw features with
     #[arg(long, value_name = "PART", default_value = "0.5", value_parser = part, help_heading = SOLVING)]
     pub least_alpha: f64,
     /// Divides the features of each Gaussian by their length
@@ -74,8 +78,8 @@ pub struct Lift {
     /// Height in pixels [default: the cameras' aspect ratio]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536), help_heading = SOLVING)]
     pub height: Option<u32>,
-    /// Folder of masks, NAME.safetensors with `masks` [M, height, width] (U8) and `features` [M, channels]: Gaussians are clustered, and
-    /// each cluster gets the mean feature of the masks that agree with it
+    /// Folder of masks, NAME.safetensors with `masks` [M, height, width] (U8) and `features` [M, channels]: Gaussians
+    /// are clustered, and each cluster gets the mean feature of the masks that agree with it
     #[arg(long, value_name = "DIR", help_heading = AGGREGATING)]
     pub aggregate: Option<PathBuf>,
     /// Fewest Gaussians of a cluster

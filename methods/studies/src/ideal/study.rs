@@ -13,7 +13,8 @@ use weaver_splat::{GaussianVars, Rasterize};
 /// The published run; what its rates fall to by its end.
 const RUN: f64 = 10_000.0;
 const FALL: f64 = 0.01;
-/// Experts that differ by more than this somewhere are told apart at a pixel; squared errors that differ by less are equally good.
+/// Experts that differ by more than this somewhere are told apart at a pixel; squared errors that differ by less are
+/// equally good.
 const DIFFER: f64 = 2.0 / 255.0;
 const EQUAL: f64 = 1e-4;
 
@@ -202,7 +203,8 @@ fn wide(x: Var<'_, f32>) -> Vec<f64> {
     x.to_vec().into_iter().map(f64::from).collect()
 }
 
-/// Figures of the held-out camera: dB on frames seen and unseen, and the share of pixels where the gate's first is right, if there is a gate.
+/// Figures of the held-out camera: dB on frames seen and unseen, and the share of pixels where the gate's first is
+/// right, if there is a gate.
 #[derive(Clone, Copy, Default)]
 pub struct Held {
     pub seen: f64,

@@ -14,7 +14,8 @@ pub const EXPERTS: [&str; 4] = ["Poly", "Keys", "Code", "Field"];
 pub const SIZE: [usize; 2] = [48, 64];
 pub const PIXELS: usize = SIZE[0] * SIZE[1];
 
-/// Gaussians of a group, their size, and how far they go: so far that experts and their mean show what a first study of this kind found.
+/// Gaussians of a group, their size, and how far they go: so far that experts and their mean show what a first study of
+/// this kind found.
 const GROUP: usize = 60;
 const RADIUS: f64 = 0.05;
 const AMPLITUDE: f64 = 0.07;

@@ -1,4 +1,5 @@
-//! Gradients of the routers that the mixture's is compared with, certificates of the best blends, and that no gate passes them.
+//! Gradients of the routers that the mixture's is compared with, certificates of the best blends, and that no gate
+//! passes them.
 
 use crate::routed::{Routed, Trained, shots};
 use crate::wall::{self, COUNT, Moment, PIXELS, SIZE};
@@ -100,7 +101,8 @@ fn a_perceptron_on_pixels_sees_each_pixel_alone() {
 }
 
 proptest! {
-    /// r, the blend minus the photo, is the shortest vector in the hull of the differences d_k exactly where d_k r >= r r for all of them.
+    /// r, the blend minus the photo, is the shortest vector in the hull of the differences d_k exactly where d_k r >= r
+    /// r for all of them.
     #[test]
     fn best_blends_have_their_certificate(
         experts in 1..5usize, seed in any::<u64>(), coarse in any::<bool>(),

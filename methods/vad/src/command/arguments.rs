@@ -6,9 +6,11 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use weaver_command::{LiveFlag, MOST_SEED, Output, Threads, choice};
 
-/// Finds anomalies in videos of which only is known whether there are any (UR-DMU, temporal Gaussian splatting, GS-MoE).
+/// Finds anomalies in videos of which only is known whether there are any (UR-DMU, temporal Gaussian splatting,
+/// GS-MoE).
 ///
-/// Videos are .npy files of features, a row for each snippet of 16 frames. Without any, videos with planted anomalies are used.
+/// Videos are .npy files of features, a row for each snippet of 16 frames. Without any, videos with planted anomalies
+/// are used.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver vad train --out runs/planted
@@ -31,7 +33,8 @@ pub(crate) enum VadCommand {
     Metrics(VadMetrics),
 }
 
-/// Trains a detector and writes a run folder: model.safetensors, metrics.jsonl and, of planted videos, summary.json and report.html.
+/// Trains a detector and writes a run folder: model.safetensors, metrics.jsonl and, of planted videos, summary.json and
+/// report.html.
 ///
 /// Ctrl-C saves a checkpoint and ends; --resume goes on to the same bits as an uninterrupted run.
 #[derive(Args, Debug)]
@@ -78,7 +81,8 @@ pub(crate) struct VadPlan {
     /// No experts
     #[arg(long = "no-experts")]
     pub(crate) plain: bool,
-    /// Use of peaks of the score curve: labels by Gaussians over time (T), over the score (S), over the video (H), spikes (L), or nothing
+    /// Use of peaks of the score curve: labels by Gaussians over time (T), over the score (S), over the video (H),
+    /// spikes (L), or nothing
     #[arg(long, value_enum, default_value = "T", ignore_case = true)]
     pub(crate) splat: SplatName,
     /// Steps of the encoder; the other stages follow in proportion [default: 3000, planted 300]
@@ -107,7 +111,8 @@ pub(crate) struct VadEval {
     /// UCF_Annotation.txt, XD-Violence's annotations, or an .npy file of frame labels in the order of the list
     #[arg(long, value_name = "FILE", requires = "features")]
     pub(crate) annotation: Option<PathBuf>,
-    /// Frames of a video: 16 for each snippet of its features, or all whole (floor) or begun (ceil) snippets of the annotated length
+    /// Frames of a video: 16 for each snippet of its features, or all whole (floor) or begun (ceil) snippets of the
+    /// annotated length
     #[arg(long, value_parser = choice(&LENGTHS), default_value = "features")]
     pub(crate) length: Length,
     /// Writes the report here [default: the run folder]
@@ -150,7 +155,8 @@ pub(crate) struct VadMetrics {
     /// Folder of scores, NAME.npy with a number for each snippet
     #[arg(long, value_name = "DIR")]
     pub(crate) scores: PathBuf,
-    /// UCF_Annotation.txt, XD-Violence's annotations, or an .npy file of frame labels of the videos in alphabetical order
+    /// UCF_Annotation.txt, XD-Violence's annotations, or an .npy file of frame labels of the videos in alphabetical
+    /// order
     #[arg(long, value_name = "FILE")]
     pub(crate) annotation: PathBuf,
     /// Frames of a video: 16 for each score, or all whole (floor) or begun (ceil) snippets of the annotated length

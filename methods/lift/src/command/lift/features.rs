@@ -31,8 +31,8 @@ struct View {
 }
 
 impl FeatureFiles {
-    /// Opens the files of a folder and matches them with photos by their stems; `counts` says for each photo which pixels of its
-    /// camera's image count, if not all.
+    /// Opens the files of a folder and matches them with photos by their stems; `counts` says for each photo which
+    /// pixels of its camera's image count, if not all.
     pub fn open(
         folder: &Path,
         stems: &[String],
@@ -154,7 +154,8 @@ impl Observations<f32> for FeatureFiles {
         self.channels
     }
 
-    /// One over the length of each pixel's features; 0 where a pixel does not count, or any number that it is made of is none.
+    /// One over the length of each pixel's features; 0 where a pixel does not count, or any number that it is made of
+    /// is none.
     fn factors(&mut self, view: usize, factors: &mut [f32]) -> Result<(), LiftError> {
         let mut squares = vec![0.0_f64; factors.len()];
         let mut out = Vec::new();

@@ -15,8 +15,8 @@ pub struct PcaColors {
 }
 
 impl PcaColors {
-    /// Red, green and blue are the first three components; between the 2 % and 98 % quantiles of the Gaussians that are seen, each
-    /// goes from 0 to 1.
+    /// Red, green and blue are the first three components; between the 2 % and 98 % quantiles of the Gaussians that are
+    /// seen, each goes from 0 to 1.
     pub fn of(features: &[f32], channels: usize, seen: &[f32]) -> Self {
         let of_seen: Vec<usize> = (0..seen.len()).filter(|j| seen[*j] > 0.0).collect();
         let step = of_seen.len().div_ceil(SAMPLE).max(1);

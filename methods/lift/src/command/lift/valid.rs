@@ -9,8 +9,8 @@ use weaver_io::{Background, Image};
 /// Pictures that may be masks.
 const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "webp"];
 
-/// For each photo which pixels of its camera's image count, by pictures of any size, white where the photo counts; `None` for a
-/// photo without one.
+/// For each photo which pixels of its camera's image count, by pictures of any size, white where the photo counts;
+/// `None` for a photo without one.
 pub fn read(folder: &Path, stems: &[String], lenses: &[Lens]) -> Result<Vec<Option<Vec<bool>>>, Failure> {
     let files = by_stem(folder, &EXTENSIONS)?;
     unmatched(folder, &files, stems)?;

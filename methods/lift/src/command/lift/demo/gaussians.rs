@@ -83,8 +83,8 @@ pub fn predicted(predictor: &mut dyn Predictor, seed: u64, views: usize) -> Resu
     Ok(made)
 }
 
-/// The Gaussians of a short fit to the training photos, begun on points of the scene; the thing of each is what the photo shows at its
-/// center in which the surface there is nearest to it.
+/// The Gaussians of a short fit to the training photos, begun on points of the scene; the thing of each is what the
+/// photo shows at its center in which the surface there is nearest to it.
 pub fn fitted(scene: &Scene, seed: u64) -> Result<Labeled, Failure> {
     let photo = |v: &usize| {
         let View { name, camera, image, .. } = &scene.views[*v];
@@ -107,7 +107,8 @@ pub fn fitted(scene: &Scene, seed: u64) -> Result<Labeled, Failure> {
     Ok(made)
 }
 
-/// The instance visible where a point would be, by the view whose surface there is nearest to it, as a part of its depth.
+/// The instance visible where a point would be, by the view whose surface there is nearest to it, as a part of its
+/// depth.
 fn shown_nearest(scene: &Scene, point: DVec3) -> u32 {
     let mut best = (f64::INFINITY, 0);
     for view in &scene.views {

@@ -100,8 +100,8 @@ fn maps(stage: &Stage, masks: &[Mask<f32>]) -> Maps<f32> {
     Maps { views, channels: CHANNELS }
 }
 
-/// Of the four largest things beside the ground the two neighbors by size that are most alike: a mask of both is then clearly more
-/// than either.
+/// Of the four largest things beside the ground the two neighbors by size that are most alike: a mask of both is then
+/// clearly more than either.
 fn largest_pair(stage: &Stage) -> [u32; 2] {
     let mut sizes = vec![0_u32; stage.classes];
     stage.training.ids.iter().flatten().for_each(|id| sizes[*id as usize] += 1);
