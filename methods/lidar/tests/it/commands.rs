@@ -119,8 +119,8 @@ fn unusable_scans_are_named_and_the_rest_saved() {
     assert!(printed.contains("4 of 4 scans, 1 lost"), "{printed}");
 }
 
-/// A file without points, one that was cut and one that is no scan cost a scan each, wherever the run is stopped, and
-/// not the run. The first must be one.
+/// A file without points, one that was cut and one that is no scan cost a scan each, wherever the run is stopped, and not the run. The first
+/// must be one.
 #[test]
 fn bad_files_cost_a_scan_each() {
     let folder = tempfile::tempdir().unwrap();
@@ -148,8 +148,7 @@ fn bad_files_cost_a_scan_each() {
     assert!(found.contains("0000.bin: points: expected at least one, found none"), "{found}");
 }
 
-/// Scans are taken in the order of the numbers in their names. A run of an earlier version keeps the order of bytes,
-/// which it began with.
+/// Scans are taken in the order of the numbers in their names. A run of an earlier version keeps the order of bytes, which it began with.
 #[test]
 fn scans_are_taken_in_the_order_of_their_numbers() {
     let folder = tempfile::tempdir().unwrap();
@@ -173,8 +172,7 @@ fn scans_are_taken_in_the_order_of_their_numbers() {
     assert_eq!(taken(serde_json::from_value(settings).unwrap()), ["10.bin", "2.bin", "9.bin"]);
 }
 
-/// A run goes on with the scans that it began with, whether it has taken them already or not: the first that differs is
-/// named.
+/// A run goes on with the scans that it began with, whether it has taken them already or not: the first that differs is named.
 #[test]
 fn a_run_goes_on_with_its_own_scans_alone() {
     let folder = tempfile::tempdir().unwrap();

@@ -53,8 +53,7 @@ fn a_map_becomes_a_mesh_near_the_room() {
     assert!(accuracy < 0.08, "{figures}");
 }
 
-/// Nothing is near nothing: meshes without triangles, of corners that are nowhere, and far from the cloud have no good
-/// score.
+/// Nothing is near nothing: meshes without triangles, of corners that are nowhere, and far from the cloud have no good score.
 #[test]
 fn nothing_is_no_good_mesh() {
     let folder = tempfile::tempdir().unwrap();
@@ -116,8 +115,7 @@ fn a_mesh_in_another_unit_is_asked_about() {
     }
 }
 
-/// A square that a scan shows one millimeter lower, and what is far from it, which is no error of it; a mesh in another
-/// unit is refused by name.
+/// A square that a scan shows one millimeter lower, and what is far from it, which is no error of it; a mesh in another unit is refused by name.
 #[test]
 fn meshes_are_measured_as_benchmarks_do() {
     let folder = tempfile::tempdir().unwrap();

@@ -97,8 +97,7 @@ fn what_makes_no_run_is_refused() {
     refused(here, "fit --resume @out --steps 3", "cannot be used with");
 }
 
-/// A fit of one file that is stopped leaves a file that is there as it is, says that it ended early, and does not blame
-/// the picture.
+/// A fit of one file that is stopped leaves a file that is there as it is, says that it ended early, and does not blame the picture.
 #[test]
 fn a_stopped_fit_keeps_the_finished_file() {
     let folder = folder();
