@@ -2,7 +2,7 @@
 
 use clap::{ArgGroup, Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
-use weaver_command::{DeviceFlag, Output, Threads, rows_and_columns};
+use weaver_command::{DeviceFlag, Output, Threads};
 
 /// Measures how fast parts of this program are on this machine, beside the machine's own peak.
 #[derive(Args, Debug)]
@@ -26,6 +26,7 @@ pub enum Subject {
     Raster(BenchRaster),
     Fit(BenchFit),
     Mixture(BenchMixture),
+    #[cfg(feature = "lidar")]
     Surfels(BenchSurfels),
     Engine(BenchEngine),
 }
@@ -133,13 +134,14 @@ pub struct BenchMixture {
 ///
 /// The map is of one scan of a hall, fitted for the 200 steps of a keyframe, which are timed; so is the registration of the scans that follow,
 /// 11 cm apart. The ellipsoids are those of `bench raster --synthetic 100000,640,480`.
+#[cfg(feature = "lidar")]
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver bench surfels
   splatweaver bench surfels --size 128x1024 --threads 1 --json")]
 pub struct BenchSurfels {
     /// Rows and columns of the range image
-    #[arg(long, value_name = "HxW", default_value = "64x1024", value_parser = rows_and_columns)]
+    #[arg(long, value_name = "HxW", default_value = "64x1024", value_parser = weaver_command::rows_and_columns)]
     pub size: [usize; 2],
     /// Surfels for each pixel
     #[arg(long, value_name = "SHARE", default_value_t = 0.3)]

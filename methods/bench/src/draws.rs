@@ -3,8 +3,7 @@
 use weaver_command::device::Device;
 use weaver_scene::{CameraSlices, GaussianSlices};
 use weaver_splat::{
-    Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Timings, Workspace, rasterize,
-    rasterize_backward,
+    Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Workspace, rasterize, rasterize_backward,
 };
 
 /// A rasterizer with its memory.
@@ -42,7 +41,8 @@ impl Draws {
     }
 
     /// Times of the last drawing by the processor.
-    pub fn timings(&self) -> Option<Timings> {
+    #[cfg(feature = "lidar")]
+    pub fn timings(&self) -> Option<weaver_splat::Timings> {
         match self {
             Self::Processor(workspace) => Some(workspace.timings()),
             Self::Device(_) => None,

@@ -9,6 +9,7 @@ mod fit;
 mod mixture;
 mod processor;
 mod raster;
+#[cfg(feature = "lidar")]
 mod surfels;
 mod workload;
 
@@ -28,6 +29,7 @@ pub fn run(arguments: &Bench, console: &mut Console, interrupt: &Interrupt) -> R
         Subject::Fit(fit) => in_pool(fit.threads.count(), || fit::run(fit, console)),
         Subject::Mixture(mixture) => in_pool(mixture.threads.count(), || mixture::run(mixture, console)),
         Subject::Raster(raster) => in_pool(raster.threads.count(), || raster::run(raster, console)),
+        #[cfg(feature = "lidar")]
         Subject::Surfels(surfels) => in_pool(surfels.threads.count(), || surfels::run(surfels, console)),
     }
 }

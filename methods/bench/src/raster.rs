@@ -9,7 +9,7 @@ use std::time::Instant;
 use weaver_command::device::{self, Device};
 use weaver_command::{Console, Failure, Progress};
 use weaver_kernels::peak;
-use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, RasterStats, Target, Timings, Workspace};
+use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, RasterStats, Target, Workspace};
 
 /// About as many operations as compositing one Gaussian at one pixel takes in forward: the exponent, its exponential, the
 /// comparisons, the blending of three colors.
@@ -139,12 +139,14 @@ impl<'a> Frame<'a> {
     }
 
     /// A frame that the processor draws.
+    #[cfg(feature = "lidar")]
     pub fn on_the_processor(workload: &'a Workload) -> Self {
         Self::new(workload, Draws::Processor(Box::new(Workspace::new())), false)
     }
 
     /// Draws once on the processor: times of the stages, and the pairs.
-    pub fn timed(&mut self) -> Result<(Timings, RasterStats), Failure> {
+    #[cfg(feature = "lidar")]
+    pub fn timed(&mut self) -> Result<(weaver_splat::Timings, RasterStats), Failure> {
         let stats = self.draw()?.stats;
         Ok((self.draws.timings().unwrap_or_default(), stats))
     }

@@ -1,27 +1,30 @@
 //! Gaussians that move: four models of motion, each a complete representation of a dynamic scene, behind one trait.
 //!
-//! [`Field`], [`Code`], [`Keys`] and [`Poly`] are the experts that MoE-GS (Jin et al., arXiv 2510.19210) mixes. Each is a file that follows its
-//! own paper; [`Motion`] is what they have in common, and [`Expert`] one of them with colors. [`PixelRouter`] says which of several frozen experts
-//! to believe at each pixel ([`Seen`] keeps what a step of its training needs), [`scores`] which of their Gaussians are worth keeping.
-//! [`MlpRouter`], [`VolumeRouter`] and [`uniform`] are what it is compared with, [`hard_oracle`] and [`convex_oracle`] what no router passes.
+//! [`Field`], [`Code`], [`Keys`] and [`Poly`] are the experts that MoE-GS (Jin et al., arXiv 2510.19210) mixes. Each is
+//! a file that follows its own paper; [`Motion`] is what they have in common, and [`Expert`] one of them with colors.
+//! [`PixelRouter`] says which of several frozen experts to believe at each pixel ([`Seen`] keeps what a step of its
+//! training needs), [`scores`] which of their Gaussians are worth keeping. [`hard_oracle`] is a bound that no choice of
+//! experts passes.
 
-mod alternatives;
+mod best_expert;
+#[cfg(feature = "command")]
+pub mod command;
 mod expert;
 mod motion;
-mod oracle;
 mod plane_sample;
 mod pruning;
 mod router;
+#[cfg(feature = "command")]
+pub mod run;
 mod seen;
 
-pub use alternatives::{Blended, MlpRouter, VolumeRouter, uniform};
+pub use best_expert::hard_oracle;
 pub use expert::Expert;
 pub use motion::code::{Code, CodeConfig};
 pub use motion::field::{Field, FieldConfig};
 pub use motion::keys::{Drift, Keys, KeysConfig};
 pub use motion::poly::Poly;
 pub use motion::{Motion, Moved, Start};
-pub use oracle::{blend, convex_oracle, hard_oracle};
 pub use plane_sample::plane_sample;
 pub use pruning::{Drawn, Score, best, scores};
 pub use router::{Gated, PixelRouter, RouterConfig, distillation, photometric};

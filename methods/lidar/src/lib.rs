@@ -1,16 +1,21 @@
-//! Lidar odometry and mapping with flat Gaussians (surfels), without files: scans in; trajectory and a map of surfels out.
+//! Lidar odometry and mapping with flat Gaussians (surfels), without files: scans in; trajectory and a map of surfels
+//! out.
 //!
 //! - A [`Scan`] has the points of a sweep; a [`Frame`] is its range image.
-//! - [`register`] brings points onto a [`PatchTree`], and [`register_ranges`] ranges onto a [`RangeReference`], with reasons where
-//!   they cannot ([`Lost`]).
+//! - [`register`] brings points onto a [`PatchTree`], and [`register_ranges`] ranges onto a [`RangeReference`], with
+//!   reasons where they cannot ([`Lost`]).
 //! - A [`Mapper`] makes surfels of keyframes and fits them by differentiable drawing (weaver-surfel).
-//! - [`Odometry`] does both, scan by scan: what the map looks like from the last keyframe is what the next scan is registered to.
-//! - Keyframes that come back to earlier ones ([`LoopSettings`]) bend the trajectory and the map so that all measured motions agree best
-//!   ([`optimize_poses`]).
+//! - [`Odometry`] does both, scan by scan: what the map looks like from the last keyframe is what the next scan is
+//!   registered to.
+//! - Keyframes that come back to earlier ones ([`LoopSettings`]) bend the trajectory and the map so that all measured
+//!   motions agree best ([`optimize_poses`]).
 //! - [`trajectory_errors`] compares trajectories.
 //!
-//! After Splat-LOAM (arXiv 2503.17491). Poses of this crate go from the sensor to the world; frames have x forward, y left, z up.
+//! After Splat-LOAM (arXiv 2503.17491). Poses of this crate go from the sensor to the world; frames have x forward, y
+//! left, z up.
 
+#[cfg(feature = "command")]
+pub mod command;
 mod drawn_normals;
 mod eigen;
 mod error;

@@ -4,7 +4,8 @@
 //!
 //! - [`lift`] finds them, by one of four [`Solver`]s, from [`Observations`] through an [`Operator`]: the rasterizer
 //!   ([`Raster`]) or a matrix ([`Dense`]). [`guide`] makes opacities more decided before.
-//! - [`cluster()`] and [`aggregate`] clean features that come from masks: [`Pca`], [`hdbscan`], one feature per cluster.
+//! - [`cluster()`] and [`aggregate`] clean features that come from masks: [`Pca`], [`hdbscan`], one feature per
+//!   cluster.
 //! - [`scores`] compares features with prompts; drawing the scores answers a query.
 //! - [`metrics`] judges labels of Gaussians and of pixels.
 //!
@@ -12,6 +13,8 @@
 
 mod aggregate;
 mod cluster;
+#[cfg(feature = "command")]
+pub mod command;
 mod dense;
 mod error;
 mod guidance;

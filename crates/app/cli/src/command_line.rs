@@ -1,6 +1,7 @@
 //! The command line and its help texts.
 
-use crate::commands::{Command, GROUPS};
+use crate::commands::Command;
+use crate::methods::Method;
 use crate::paths::Paths;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser};
@@ -69,7 +70,8 @@ impl CommandLine {
             let lines: String = left.by_ref().take(*count).map(line).collect();
             format!("{title}:\n{lines}\n")
         };
-        let groups: String = GROUPS.iter().map(group).collect();
+        let all = Command::GROUPS.iter().chain(Method::GROUPS);
+        let groups: String = all.filter(|(_, count)| *count > 0).map(group).collect();
         let template = format!(
             "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}Options:\n{{options}}{{after-help}}"
         );

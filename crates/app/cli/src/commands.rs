@@ -8,7 +8,6 @@ mod compress;
 mod config;
 mod convert;
 mod convert_weights;
-mod dynamic;
 mod eval;
 mod fit;
 mod infer;
@@ -23,34 +22,13 @@ mod train;
 mod view;
 
 use crate::flags::{CompleteFlag, IfComplete};
+use crate::methods::Method;
+use crate::table::table;
 use clap::Subcommand;
 use std::path::PathBuf;
 use weaver_command::{Console, Failure, Interrupt, Output};
 use weaver_data::CamerasSummary;
 use weaver_run::Folder;
-
-/// Makes the commands of their table: the enum that clap parses into, the groups of the help, and the call.
-macro_rules! table {
-    ($($title:literal: { $($name:ident($arguments:ty) => $run:expr,)+ })+) => {
-        /// One command.
-        #[derive(Debug, Subcommand)]
-        pub enum Command {
-            $($($name($arguments),)+)+
-        }
-
-        /// Titles of the groups in the help, and how many commands are in each, in the commands' order.
-        pub const GROUPS: &[(&str, usize)] = &[$(($title, [$(stringify!($name)),+].len())),+];
-
-        impl Command {
-            /// Does what the command says.
-            pub fn run(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-                match self {
-                    $($(Self::$name(arguments) => call($run, arguments, console, interrupt),)+)+
-                }
-            }
-        }
-    };
-}
 
 /// A command as a unit of work.
 pub struct Unit {
@@ -96,17 +74,8 @@ impl Command {
     }
 }
 
-/// Calls what a row names; this signature tells its types.
-fn call<A>(
-    run: impl FnOnce(&A, &mut Console, &Interrupt) -> Result<(), Failure>,
-    arguments: &A,
-    console: &mut Console,
-    interrupt: &Interrupt,
-) -> Result<(), Failure> {
-    run(arguments, console, interrupt)
-}
-
 table! {
+    Command:
     "Reconstruct": {
         Reconstruct(reconstruct::Reconstruct) => reconstruct::run,
         Cameras(cameras::Cameras) => |it, console, _| cameras::run(it, console),
@@ -132,16 +101,8 @@ table! {
     }
     "More": {
         Align(align::Align) => |it, console, _| align::run(it, console),
-        Lift(weaver_lift_run::Lift) => |it, console, _| weaver_lift_run::lift(it, console),
-        Query(weaver_lift_run::Query) => |it, console, _| weaver_lift_run::query(it, console),
-        Dynamic(dynamic::Dynamic) => dynamic::run,
-        Vad(weaver_vad_run::Vad) => weaver_vad_run::run,
-        Lidar(weaver_lidar_run::Lidar) => weaver_lidar_run::run,
         Mesh(mesh::Meshing) => |it, console, _| mesh::run(it, console),
-        EvalTrajectory(weaver_lidar_run::EvalTrajectory) => |it, console, _| weaver_lidar_run::eval_trajectory(it, console),
-        EvalMesh(weaver_lidar_run::EvalMesh) => |it, console, _| weaver_lidar_run::eval_mesh(it, console),
-        Image(weaver_image_run::Pictures) => weaver_image_run::run,
-        Bench(weaver_bench::Bench) => weaver_bench::run,
         Completions(completions::Completions) => |it, console, _| completions::run(it, console),
     }
+    and Method
 }

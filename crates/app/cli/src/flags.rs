@@ -8,7 +8,6 @@ mod level;
 mod light;
 mod matching;
 mod minutes;
-mod rate;
 mod refine;
 
 pub use cameras::CameraChoice;
@@ -19,5 +18,4 @@ pub use level::level;
 pub use light::LightFlags;
 pub use matching::{ClipFlags, MatchingFlags};
 pub use minutes::minutes;
-pub use rate::rate;
 pub use refine::RefineFlags;

@@ -110,6 +110,7 @@ fn is_value(word: &str) -> bool {
 }
 
 #[cfg(test)]
+#[cfg(feature = "methods")]
 mod tests {
     use super::*;
 

@@ -46,6 +46,7 @@ fn values<T: Clone + Send + Sync + 'static>(matches: &ArgMatches, id: &str) -> V
 }
 
 #[cfg(test)]
+#[cfg(feature = "methods")]
 mod tests {
     use super::*;
     use crate::command_line::CommandLine;

@@ -128,6 +128,7 @@ mod tests {
             (vec![("capture", text("a")), ("background", list(&["1", "0.5", "0"]))], "fit --background 1,0.5,0 a"),
             (vec![("capture", text("a")), ("set", list(&["seed=1", "steps=2"]))], "fit --set seed=1 --set steps=2 a"),
             (vec![("photos", list(&["a", "b"])), ("out", text("c"))], "cameras a b -o c"),
+            #[cfg(feature = "lift")]
             (vec![("demo", list(&["1", "2"]))], "lift --demo 1 2"),
         ] {
             let words: Vec<OsString> =

@@ -66,3 +66,14 @@ pub fn rows_and_columns(text: &str) -> Result<[usize; 2], String> {
         .filter(within)
         .ok_or(format!("expected rows from 4 to 1024 and columns from 16 to 8192, as 64x1024; found {text}"))
 }
+
+/// Pictures of a video per second: `--fps`.
+///
+/// # Errors
+/// A sentence about anything but a number from 0.1 to 1000.
+pub fn rate(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(rate) if (0.1..=1000.0).contains(&rate) => Ok(rate),
+        _ => Err("expected a number from 0.1 to 1000".into()),
+    }
+}

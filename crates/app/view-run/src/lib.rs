@@ -8,6 +8,7 @@ mod exhibit;
 mod features;
 mod follow;
 mod live;
+mod overview;
 mod server;
 
 pub use error::Error;
@@ -15,6 +16,7 @@ pub use exhibit::{Exhibit, Gallery, Moving};
 pub use features::Features;
 pub use follow::{DrawingOf, FilmOf, Followed, SceneOf, Showing};
 pub use live::live;
+pub use overview::overview;
 pub use server::{Listener, Server, Visitors};
 
 /// The example of the README, compiled and run.

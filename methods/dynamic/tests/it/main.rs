@@ -1,9 +1,12 @@
 //! Models of motion: gradients, slow twins, and what each can and cannot do.
 
-mod alternatives;
 mod halves;
+mod products;
 mod recovery;
+mod routed;
 mod router;
+#[cfg(feature = "command")]
+mod runs;
 mod wall;
 
 use proptest::prelude::*;

@@ -1,5 +1,7 @@
 //! Tests of pictures as Gaussians.
 
+#[cfg(feature = "command")]
+mod command;
 mod drawing;
 mod files;
 mod fits;

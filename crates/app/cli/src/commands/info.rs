@@ -4,6 +4,7 @@ mod json;
 mod run;
 
 use crate::clip;
+use crate::methods::describe_picture;
 use clap::Args;
 use json::of_json;
 use run::{SETTINGS, of_run_folder};
@@ -61,7 +62,7 @@ fn described(path: &Path) -> Result<String, Failure> {
         "ckpt" | "pt" | "pth" => of_torch(path),
         "bin" if !["cameras.bin", "images.bin", "points3d.bin"].contains(&name.as_str()) => of_bin(path),
         "json" if is_of_results(path)? => of_json(path),
-        "wgi" => weaver_image_run::info(path),
+        "wgi" => describe_picture(path),
         _ if path.is_file() && clip::is_clip(path) => clip::info(path),
         _ => Ok(weaver_io::info(path)?),
     }

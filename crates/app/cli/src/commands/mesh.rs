@@ -1,23 +1,24 @@
 //! `splatweaver mesh`.
 
+use crate::methods::map_views;
 use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, DrawingFlags, Failure, Output, Progress, Threads, in_pool};
+use weaver_command::{Console, DrawingFlags, Failure, Output, Progress, Threads, in_pool, memory};
 use weaver_geometry::trajectory::focus;
 use weaver_geometry::{Camera, Pose};
 use weaver_io::ply::write_triangles;
 use weaver_io::{SceneFile, read_scene};
-use weaver_lidar_run::{distance_field, map_mesh};
-use weaver_mesh::{DrawnScene, Mesh};
+use weaver_mesh::{DistanceField, DrawnScene, FieldProgress, Mesh, RangeView};
 
 /// Cells of the map of a lidar run, meters.
 const MAP_VOXEL: f64 = 0.1;
 /// The most cells between a camera and what all cameras look at.
 const CELLS: f64 = 256.0;
-/// Cells of the truncation.
+/// Cells of the truncation, of a scene and of a map.
 const TRUNCATION: f64 = 5.0;
+const MAP_TRUNCATION: f64 = 3.0;
 /// Distances of the nearest camera from what all look at, beyond which everything is background.
 const FAR: f64 = 2.0;
 /// The largest pieces that are kept, and the least triangles of each.
@@ -82,6 +83,11 @@ pub fn run(arguments: &Meshing, console: &mut Console) -> Result<(), Failure> {
     })
 }
 
+/// The mesh of the map of a lidar run, as its keyframes see it.
+fn map_mesh(run: &Path, voxel: f64, console: &mut Console) -> Result<Mesh, Failure> {
+    map_views(run, console, |views, console| Ok(distance_field(views, voxel, MAP_TRUNCATION * voxel, console)?.mesh()))
+}
+
 /// The mesh of a scene, and the colors of its vertices.
 fn scene_mesh(file: &Path, arguments: &Meshing, console: &mut Console) -> Result<(Mesh, Vec<[u8; 3]>), Failure> {
     let SceneFile { gaussians, drawing } = read_scene(file)?;
@@ -116,6 +122,28 @@ fn scene_mesh(file: &Path, arguments: &Meshing, console: &mut Console) -> Result
     }
     let colors = scene.colors(&mesh.vertices, TRUNCATION * voxel);
     Ok((mesh, colors))
+}
+
+/// The field of range images, with its progress.
+///
+/// Fails where memory is too small for the blocks, as soon as so many are found.
+fn distance_field(
+    views: &[RangeView<'_>],
+    voxel: f64,
+    truncation: f64,
+    console: &mut Console,
+) -> Result<DistanceField, Failure> {
+    let advice = format!("cells twice as wide (--voxel {}) take a quarter", 2.0 * voxel);
+    let mut progress = Progress::new("field", 0, views.len(), console);
+    let field = DistanceField::watched(views, voxel, truncation, |FieldProgress { done, of, bytes }| {
+        if done <= views.len() {
+            memory::check(bytes, &advice)?;
+        }
+        progress.at(done, of, String::new, console);
+        Ok::<(), Failure>(())
+    })?;
+    progress.finish();
+    Ok(field)
 }
 
 /// The least distance of a camera from the point that all look at, if that is before them.

@@ -3,7 +3,6 @@
 mod path;
 
 use crate::film::Film;
-use crate::flags::rate;
 use crate::gif::Gif;
 use crate::video::{VIDEOS, Video};
 use crate::webp::WebP;
@@ -14,6 +13,7 @@ use std::path::{Path, PathBuf};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{
     Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, device, in_pool, memory,
+    rate,
 };
 use weaver_geometry::Camera;
 use weaver_io::{Image, OutputFolder, SceneFile, read_scene};

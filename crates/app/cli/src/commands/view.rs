@@ -1,15 +1,14 @@
 //! `splatweaver view`.
 
-use super::dynamic;
+use crate::methods;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Interrupt, Output, Threads, in_pool};
+use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Interrupt, LiftedFile, Output, Threads, in_pool};
 use weaver_fit_run::{Coverage, Outcome};
-use weaver_io::{Drawing, SceneFile, SceneFormat, read_scene, write_text};
-use weaver_lift_run::LiftedFile;
+use weaver_io::{SceneFile, SceneFormat, read_scene, write_text};
 use weaver_view::{HtmlOptions, Look};
-use weaver_view_run::{Exhibit, Features, Listener, Moving, Server, Visitors};
+use weaver_view_run::{Exhibit, Features, Listener, Server, Visitors, overview};
 
 /// Scenes in folders, the best first: of fits and networks, of lidar runs, and a scene in many files.
 const RESULTS: [&str; 3] = ["scene.ply", MAP, "meta.json"];
@@ -127,18 +126,8 @@ fn film(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Resul
             format!("--cameras, --lifted: expected a scene that does not move, found the mixture of {folder}");
         return Err(Failure::Usage(message));
     }
-    let run = weaver_dynamic_run::Run::open(folder)?;
-    let expert = match &arguments.expert {
-        Some(name) => run.settings().expert(name)?,
-        None => run.expert_at_hand(),
-    };
-    let report = Some(folder.join("report.html")).filter(|path| path.is_file());
-    let asked = DrawingOptions::from(arguments.drawing);
-    let asked = DrawingOptions { background: asked.background.or(Some(run.film().background)), ..asked };
-    let (background, settings) = asked.beside(&folder.join(MIXTURE), Drawing::default())?;
-    let (look, moving) =
-        (Look { background, settings, meters: arguments.meters }, Some(Moving::new(run.moments(expert))));
-    let exhibit = Exhibit { look, moving, report, ..dynamic::exhibit(&run, expert, folder)? };
+    let (drawing, meters) = (arguments.drawing.into(), arguments.meters);
+    let exhibit = methods::film(folder, arguments.expert.as_deref(), drawing, meters)?;
     show(&exhibit, arguments, console, interrupt)
 }
 
@@ -187,7 +176,7 @@ pub fn exhibit(seen: &Seen<'_>) -> Result<Exhibit, Failure> {
         exhibit.shots.iter_mut().for_each(|shot| shot.coverage = coverage.of(&shot.name));
     }
     if file.ends_with(MAP) {
-        exhibit.shots.push(weaver_lidar_run::overview());
+        exhibit.shots.push(overview());
         exhibit.look.meters = Some(1.0);
     }
     exhibit.report = within("report.html");

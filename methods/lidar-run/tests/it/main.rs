@@ -1,5 +1,0 @@
-//! Integration tests.
-
-mod commands;
-mod meshes;
-mod trajectories;

@@ -1,0 +1,30 @@
+//! Which pixels of photos count.
+
+use super::features::{by_stem, refused, unmatched};
+use super::sampling::Lens;
+use std::path::Path;
+use weaver_command::Failure;
+use weaver_io::{Background, Image};
+
+/// Pictures that may be masks.
+const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "webp"];
+
+/// For each photo which pixels of its camera's image count, by pictures of any size, white where the photo counts;
+/// `None` for a photo without one.
+pub fn read(folder: &Path, stems: &[String], lenses: &[Lens]) -> Result<Vec<Option<Vec<bool>>>, Failure> {
+    let files = by_stem(folder, &EXTENSIONS)?;
+    unmatched(folder, &files, stems)?;
+    if files.is_empty() {
+        return Err(refused(folder, "pictures that are white where photos count", "none"));
+    }
+    let read = |(stem, lens): (&String, &Lens)| {
+        let Some(path) = files.get(stem) else { return Ok(None) };
+        let picture = Image::read(path, Background::Black)?;
+        let counts = |pixel| {
+            let at = lens.nearest(pixel, [picture.height, picture.width]);
+            picture.pixels[3 * at..3 * at + 3].iter().sum::<f32>() > 1.5
+        };
+        Ok(Some((0..lens.pixels()).map(counts).collect()))
+    };
+    stems.iter().zip(lenses).map(read).collect()
+}
