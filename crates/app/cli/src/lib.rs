@@ -12,6 +12,7 @@ mod ffmpeg;
 mod film;
 mod flags;
 mod gif;
+mod models;
 mod old_names;
 mod paths;
 mod processes;

@@ -1,8 +1,9 @@
 //! Trains models that turn photos into Gaussians: configuration, stages, checkpoints that resume to the bit, evaluation,
 //! logs and a report.
 //!
-//! The trainer knows no model. A model says by a [`Recipe`] what its configuration is, how it is built, what its losses are
-//! and how it predicts; [`Session`] does the rest, and a [`Registry`] finds recipes by name.
+//! A model says by a [`Recipe`] what its configuration is, how it is built, what its losses are and how it predicts;
+//! [`Session`] does the rest and knows no model, and a [`Registry`] finds recipes by name. The product's own recipe is in
+//! [`splatweaver`].
 
 mod augmentation;
 mod checkpoint;
@@ -23,6 +24,7 @@ pub mod samples;
 pub mod scenes;
 mod session;
 mod sources;
+pub mod splatweaver;
 mod taught;
 
 pub use augmentation::Augmentation;

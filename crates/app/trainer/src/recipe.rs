@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Debug;
 use std::sync::Arc;
 use weaver_autograd::{ParamId, Params, Var};
-use weaver_inference::{Defaults, Predictor};
+use weaver_inference::{Checkpoint, Defaults, Predictor};
 use weaver_kernels::random::Stream;
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
@@ -167,6 +167,12 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         params: Params<f32>,
         config: &Config<Self>,
     ) -> Result<Box<dyn Predictor>, Error>;
+
+    /// The predictor that a checkpoint describes by itself, without the configuration of its run.
+    ///
+    /// # Errors
+    /// When the checkpoint is of another model, or its tensors do not fit.
+    fn from_checkpoint(checkpoint: &Checkpoint) -> Result<Box<dyn Predictor>, Error>;
 }
 
 /// Inputs of a step's objective beside the network and the examples.

@@ -4,6 +4,7 @@ mod json;
 mod run;
 
 use crate::clip;
+use crate::models;
 use clap::Args;
 use json::of_json;
 use run::{SETTINGS, of_run_folder};
@@ -95,7 +96,7 @@ fn of_bin(path: &Path) -> Result<String, Failure> {
 }
 
 fn of_run(run: &RunFolder) -> Result<String, Failure> {
-    let config = weaver_recipes::registry().of_run(run)?.read(run)?;
+    let config = models::registry().of_run(run)?.read(run)?;
     let mut text = format!("run of {}, preset {}\n", config.architecture, config.preset);
     if run.checkpoint_path().is_file() {
         let checkpoint = Checkpoint::read(&run.checkpoint_path())?;

@@ -91,6 +91,10 @@ impl Recipe for CloudRecipe {
     fn predictor(_: Arc<Cloud>, _: Params<f32>, _: &Config<Self>) -> Result<Box<dyn Predictor>, Error> {
         Err(Error::Input("points without Gaussians".into()))
     }
+
+    fn from_checkpoint(_: &Checkpoint) -> Result<Box<dyn Predictor>, Error> {
+        Err(Error::Input("points without Gaussians".into()))
+    }
 }
 
 fn config(seed: u64) -> Config<CloudRecipe> {

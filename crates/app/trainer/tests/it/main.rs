@@ -1,14 +1,19 @@
-//! The trainer with a model that it does not know: the example's.
+//! The trainer with a model that it does not know, the example's, and with its own, SplatWeaver.
 
 #[path = "../../examples/pixel_cnn.rs"]
 #[allow(dead_code, reason = "the example's own main is not called here")]
 mod pixel_cnn;
 
 mod augmentation;
+mod capture;
 mod growing;
+#[path = "../../../../scene/io/tests/it/mutations.rs"]
+mod mutations;
 mod ranks;
 mod resuming;
+mod same_bits;
 mod scale;
+mod splatweaver;
 
 use pixel_cnn::PixelCnnRecipe;
 use std::sync::atomic::AtomicBool;
@@ -115,7 +120,7 @@ impl Observer for Silent {
 #[test]
 fn a_name_finds_the_model_from_training_to_evaluation() {
     let parent = tempfile::tempdir().unwrap();
-    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let registry = Registry::empty().with::<PixelCnnRecipe>();
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
     let recipe = registry.find(Some("pixel-cnn")).unwrap();
     let config = recipe.resolve(&ConfigSource { settings, steps: Some(3), ..ConfigSource::default() }).unwrap();
@@ -139,7 +144,7 @@ fn a_name_finds_the_model_from_training_to_evaluation() {
 
 #[test]
 fn an_unknown_model_is_named_beside_those_there_are() {
-    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let registry = Registry::empty().with::<PixelCnnRecipe>();
     let message = registry.find(Some("pixel-rnn")).unwrap_err().to_string();
     assert!(message.contains("pixel-rnn") && message.contains("pixel-cnn"), "{message}");
     // A run of another model.

@@ -86,7 +86,7 @@ fn captures_may_move_but_not_change() {
 #[test]
 fn more_steps_prolong_the_last_stage_and_are_recorded() {
     let parent = tempfile::tempdir().unwrap();
-    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let registry = Registry::empty().with::<PixelCnnRecipe>();
     let recipe = registry.find(None).unwrap();
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
     let config = recipe.resolve(&ConfigSource { settings, steps: Some(3), ..ConfigSource::default() }).unwrap();
