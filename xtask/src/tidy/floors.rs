@@ -18,8 +18,11 @@ const DOOR: &str = "cli";
 /// Outside crates that may not come with crates above these parts.
 const CLOSED: &[(&str, &[&str])] = &[("inference", &["toml", "clap", "indicatif"])];
 
-/// Crates that know no tape.
-const TAPELESS: &[&str] = &["kernels", "geometry", "scene", "codec", "io", "sfm", "data"];
+/// Crates that know no tape, whatever others ask of the crates below them.
+const TAPELESS: &[&str] = &[
+    "kernels", "geometry", "scene", "codec", "io", "mesh", "surfel", "sfm", "data", "fit", "align", "gpu", "view",
+    "lidar", "lift", "image",
+];
 
 /// Dependencies by the short names of crates.
 pub type Edges = BTreeMap<String, BTreeSet<String>>;
@@ -36,7 +39,7 @@ pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     check_downward(&floors, &edges, faults);
     check_wall(&floors, &edges, faults);
     check_drawn(&floors, &document, faults);
-    for name in TAPELESS.iter().filter(|name| below(&edges, name).contains("autograd")) {
+    for name in TAPELESS.iter().filter(|name| brings_tape(workspace, name)) {
         faults.push(format!("weaver-{name} knows no tape, and would bring weaver-autograd"));
     }
     for name in edges.keys().filter(|name| !document.contains(&format!("| weaver-{name} |"))) {
@@ -94,6 +97,24 @@ pub fn below(edges: &Edges, name: &str) -> BTreeSet<String> {
         }
     }
     reached
+}
+
+/// True if a crate that is built alone, with no feature of its own, links the tape.
+fn brings_tape(workspace: &Workspace, name: &str) -> bool {
+    let mut reached = BTreeSet::new();
+    let mut open = vec![(name.to_string(), false)];
+    while let Some((name, with_tape)) = open.pop() {
+        let Some(package) = workspace.packages.iter().find(|package| package.short() == name) else { continue };
+        let dependencies = package.metadata["dependencies"].as_array().into_iter().flatten();
+        for to in dependencies.filter(|d| d["kind"].is_null() && (with_tape || d["optional"] != true)) {
+            let asks = to["features"].as_array().into_iter().flatten().any(|feature| *feature == "tape");
+            let node = (short(text(to, "name")).to_string(), asks || to["uses_default_features"] == true);
+            if reached.insert(node.clone()) {
+                open.push(node);
+            }
+        }
+    }
+    reached.iter().any(|(name, _)| name == "autograd")
 }
 
 fn check_downward(floors: &BTreeMap<&str, &str>, edges: &Edges, faults: &mut Vec<String>) {

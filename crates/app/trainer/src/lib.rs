@@ -45,7 +45,7 @@ pub use registry::{
 };
 pub use rows::TrainedRows;
 pub use session::{PendingStep, Session};
-pub use weaver_kernels::ranks::{Alone, Ranks};
+pub use weaver_ranks::{Alone, Ranks};
 pub use weaver_run::{Folder, StepReport};
 
 /// The example of the README, compiled and run.

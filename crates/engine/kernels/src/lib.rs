@@ -1,5 +1,5 @@
 //! Numeric kernels on plain slices of `f32` and `f64`: matrix products, convolution, attention, normalization, resizing,
-//! reductions, nearest neighbors, greedy division of cells, and counter-based random numbers.
+//! reductions, nearest neighbors, greedy division of cells, counter-based random numbers, dual numbers, and a [`Pool`] of memory.
 //!
 //! A kernel is a function. The caller owns all memory and passes shapes as arguments; no kernel knows about automatic
 //! differentiation. Results are the same bits at any number of threads: parallel tasks write disjoint parts of the
@@ -11,6 +11,7 @@
 pub mod attention;
 pub mod byte_products;
 pub mod conv;
+mod dual;
 pub mod erf;
 pub mod exp;
 mod extent;
@@ -24,8 +25,8 @@ pub mod pages;
 pub mod parallel;
 pub mod peak;
 pub mod permute;
+mod pool;
 pub mod random;
-pub mod ranks;
 mod real;
 pub mod reduce;
 pub mod resample;
@@ -37,6 +38,8 @@ pub mod softmax;
 pub mod subdivision;
 mod target;
 
+pub use dual::Dual;
+pub use pool::{Buffer, Pool};
 pub use real::Real;
 pub use target::Target;
 

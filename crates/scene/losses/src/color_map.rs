@@ -1,6 +1,6 @@
 //! Affine maps of colors: what exposure, white balance and a tone curve's slope do to a photo.
 
-use weaver_autograd::Real;
+use weaver_kernels::Real;
 
 /// An affine map of colors, `rgb' = A rgb + b`: `[A | b]`, `[3, 4]` row by row.
 ///

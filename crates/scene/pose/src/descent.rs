@@ -2,9 +2,9 @@
 //! them.
 
 use crate::rotation::matrix;
-use weaver_autograd::Dual;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, Pose, se3};
+use weaver_kernels::Dual;
 use weaver_kernels::optim::AdamW;
 
 /// Which numbers of a camera descend, at what rate.

@@ -5,7 +5,7 @@ use crate::{PixelCnnRecipe, Silent, config};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use weaver_inference::RunFolder;
-use weaver_kernels::ranks::threads;
+use weaver_ranks::threads;
 use weaver_trainer::{Config, ConfigSource, Ranks, Registry, Session, claim_run};
 
 /// A run of three steps of four batches.

@@ -1,0 +1,10 @@
+//! Drawing on the tape.
+
+mod covariance;
+mod primitives;
+mod rasterize;
+mod shelf;
+
+pub use covariance::covariance;
+pub use primitives::{PixelSums, Primitive, RasterizePrimitives, TilesPool};
+pub use rasterize::{GaussianVars, Rasterize, RenderedVars, WorkspacePool};
