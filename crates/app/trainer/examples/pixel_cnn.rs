@@ -166,6 +166,6 @@ fn main() -> Result<(), Error> {
     session.train(&folder, &mut stop_halfway, &stop)?;
     let mut run = registry.of_run(&written)?.open(&written)?;
     let evaluation = run.evaluate(&Source::Unseen, &EvalOptions::default(), &mut |_, _| {})?;
-    println!("{}report: {}", evaluation.table(), written.report_path().display());
+    println!("{}report: {}", evaluation.table(), written.path().join("report.html").display());
     Ok(())
 }

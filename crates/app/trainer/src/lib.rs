@@ -19,7 +19,6 @@ pub mod losses;
 pub mod observe;
 mod recipe;
 mod registry;
-mod rows;
 pub mod samples;
 pub mod scenes;
 mod session;
@@ -43,7 +42,6 @@ pub use registry::{
     ConfigSource, EvalOptions, MatchingOverride, ModelEntry, OpenRun, Registry, ResolvedConfig, Source, Training,
     claim_run, create_run, reclaim_run,
 };
-pub use rows::TrainedRows;
 pub use session::{PendingStep, Session};
 pub use weaver_ranks::{Alone, Ranks};
 pub use weaver_run::{Folder, StepReport};

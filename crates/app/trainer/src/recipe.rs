@@ -1,7 +1,7 @@
 //! What a model says about its training.
 
 use crate::losses::{ImageLosses, ImageNetworks};
-use crate::{CameraMode, Config, Error, Example, StageConfig, Terms, TrainedRows};
+use crate::{CameraMode, Config, Error, Example, StageConfig, Terms};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -143,20 +143,6 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         step: &Step<'_, Self>,
         examples: &[Example],
     ) -> Result<Terms<'t>, Error>;
-
-    /// Lets parameters whose rows [vary](Params::set_rows_vary) grow and shrink after a step, the run's `step`-th. What it
-    /// does must follow from its arguments alone, so that a resumed run comes to the same bits.
-    ///
-    /// # Errors
-    /// When rows do not fit.
-    fn resize(
-        _network: &Self::Network,
-        _config: &Config<Self>,
-        _step: usize,
-        _rows: &mut TrainedRows<'_>,
-    ) -> Result<(), Error> {
-        Ok(())
-    }
 
     /// The network as a predictor, with the settings of `config.evaluation`.
     ///

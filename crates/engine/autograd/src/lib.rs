@@ -16,7 +16,7 @@ mod var;
 
 pub use op::{Backward, Grad, Op, View, ViewMut};
 pub use ops::pointwise_ops::apply_pointwise;
-pub use params::{HalfValues, Param, ParamId, ParamValues, Params, ReplaceError};
+pub use params::{HalfValues, Param, ParamId, ParamValues, Params};
 pub use pointwise::{Pointwise, PointwiseOp};
 pub use profile::{OpMemory, OpTime, Phase, TraceEvent};
 pub use shape::{MAX_OUTPUTS, MAX_RANK, Shape, ShapeError, Shapes};

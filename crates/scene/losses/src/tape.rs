@@ -21,7 +21,7 @@ pub use error_regression::{error_regression, error_target};
 pub use lpips::Lpips;
 pub use masked::{inside_of, masked_mse};
 pub use max_pool::max_pool2d;
-pub use mse::{mse, mse_per_image, weighted_mean};
+pub use mse::mse;
 pub use perceptual::Perceptual;
 pub use pose::{absolute_pose, huber_pose, iteration_weights, l1_pose};
 pub use quantiles::quantiles;

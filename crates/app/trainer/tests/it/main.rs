@@ -6,7 +6,6 @@ mod pixel_cnn;
 
 mod augmentation;
 mod capture;
-mod growing;
 #[path = "../../../../scene/io/tests/it/mutations.rs"]
 mod mutations;
 mod ranks;
@@ -128,7 +127,7 @@ fn a_name_finds_the_model_from_training_to_evaluation() {
     let written = weaver_inference::RunFolder::at(folder.path());
     let summary = recipe.start(&config).unwrap().train(&folder, &mut Silent, &AtomicBool::new(false)).unwrap();
     assert_eq!((summary.steps, summary.evaluation.unwrap().allocation), (3, None));
-    assert!(written.report_path().is_file());
+    assert!(written.path().join("report.html").is_file());
 
     let mut run = registry.of_run(&written).unwrap().open(&written).unwrap();
     let found = run.evaluate(&Source::Unseen, &EvalOptions::default(), &mut |_, _| {}).unwrap();

@@ -1,7 +1,6 @@
 //! Relocation, growth and noise of 3DGS-MCMC.
 
-use super::Density;
-use super::{Moment, Regularizer, Strategy};
+use super::{Density, Moment, Regularizer, Strategy};
 use crate::population::Population;
 use weaver_kernels::parallel;
 use weaver_scene::forms;

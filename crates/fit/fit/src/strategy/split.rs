@@ -1,7 +1,6 @@
 //! Splitting along the longest axis, guided by absolute screen gradients.
 
-use super::Density;
-use super::{Moment, Regularizer, Strategy};
+use super::{Density, Moment, Regularizer, Strategy};
 use crate::population::Population;
 use weaver_splat::GaussianStatistics;
 
