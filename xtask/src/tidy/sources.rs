@@ -91,7 +91,15 @@ const RULES: &[Rule] = &[
     },
     Rule {
         patterns: &["std::fs", "File::open", "File::create", "fs::read", "fs::write"],
-        free: &["weaver-io", "weaver-bench", "weaver-cli", "xtask", "weaver-parity", "weaver-tests", "weaver-fixtures"],
+        free: &[
+            "weaver-io",
+            "weaver-compression",
+            "weaver-cli",
+            "xtask",
+            "weaver-parity",
+            "weaver-tests",
+            "weaver-fixtures",
+        ],
         what: "opening files",
         except: &[],
     },
