@@ -93,6 +93,7 @@ const RULES: &[Rule] = &[
         patterns: &["std::fs", "File::open", "File::create", "fs::read", "fs::write"],
         free: &[
             "weaver-io",
+            "weaver-bench",
             "weaver-compression",
             "weaver-cli",
             "xtask",

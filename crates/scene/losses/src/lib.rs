@@ -9,6 +9,7 @@ mod color_map;
 pub mod metrics;
 mod photometric;
 mod quantile;
+#[cfg_attr(not(feature = "tape"), expect(dead_code, reason = "only the tape needs gradients and masks of windows"))]
 mod ssim_window;
 #[cfg(feature = "tape")]
 mod tape;

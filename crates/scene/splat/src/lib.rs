@@ -56,11 +56,11 @@ pub use rasterizer::{AnyRasterizer, Images, RasterStats, Rasterizer, Session};
 pub use render::{Renderer, render};
 pub use settings::RasterSettings;
 pub use splats::{ScreenGradient, Splat};
-pub use statistics::{GaussianStatistics, SharedStatistics};
+pub use statistics::GaussianStatistics;
 #[cfg(feature = "tape")]
 pub use tape::{
-    GaussianVars, PixelSums, Primitive, Rasterize, RasterizePrimitives, RenderedVars, TilesPool, WorkspacePool,
-    covariance,
+    GaussianVars, PixelSums, Primitive, Rasterize, RasterizePrimitives, RenderedVars, SharedStatistics, TilesPool,
+    WorkspacePool, covariance,
 };
 pub use tiles::{Region, TileSide};
 pub use view::{CAMERA_SUMS, View};

@@ -4,7 +4,9 @@ mod covariance;
 mod primitives;
 mod rasterize;
 mod shelf;
+mod statistics;
 
 pub use covariance::covariance;
 pub use primitives::{PixelSums, Primitive, RasterizePrimitives, TilesPool};
 pub use rasterize::{GaussianVars, Rasterize, RenderedVars, WorkspacePool};
+pub use statistics::SharedStatistics;

@@ -1,13 +1,13 @@
 //! The rasterizer as an operation on the tape.
 
 use super::shelf::Shelf;
+use super::statistics::SharedStatistics;
 use crate::cpu_rasterizer::CpuRasterizer;
 use crate::depth::LEAST_ALPHA;
 use crate::error::RasterError;
 use crate::gradients::{Cotangents, Gradients, Target};
 use crate::rasterizer::{AnyRasterizer, Images, Session};
 use crate::settings::RasterSettings;
-use crate::statistics::SharedStatistics;
 use crate::tiles::Region;
 use std::sync::{Arc, Mutex, PoisonError};
 use weaver_autograd::{Backward, Op, Outputs, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
