@@ -1,4 +1,6 @@
-//! Bytes of a scene by each method, without training: `cargo run --release -p weaver-compression --example sizes -- scene.ply`.
+//! Bytes of a scene by each method, without training.
+//!
+//! `cargo run --release -p weaver-compression --example sizes -- scene.ply`
 
 use weaver_compress::Pictures;
 use weaver_compression::{METHODS, Task};

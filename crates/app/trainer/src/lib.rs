@@ -2,8 +2,8 @@
 //! logs and a report.
 //!
 //! A model says by a [`Recipe`] what its configuration is, how it is built, what its losses are and how it predicts;
-//! [`Session`] does the rest and knows no model, and a [`Registry`] finds recipes by name. The product's own recipe is in
-//! [`splatweaver`].
+//! [`Session`] does the rest and knows no model, and a [`Registry`] finds recipes by name. The product's own recipe is
+//! in [`splatweaver`].
 
 mod augmentation;
 mod checkpoint;

@@ -186,8 +186,8 @@ pub struct PoseCodes<'a, 't> {
 }
 
 impl PoseLosses {
-    /// 2Xplat's published weights for the poses of pairs, on top of the distance of pose codes, by which cameras are learned
-    /// from nothing.
+    /// 2Xplat's published weights for the poses of pairs, on top of the distance of pose codes, by which cameras are
+    /// learned from nothing.
     pub fn relative(absolute: f64) -> Self {
         Self { l1: 2.0, absolute, rotation: 0.1, translation: 10.0, focal: 0.5, ..Self::default() }
     }

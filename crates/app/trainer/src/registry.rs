@@ -209,8 +209,8 @@ fn resolved<R: Recipe>(config: &Config<R>) -> ResolvedConfig {
     }
 }
 
-/// Recipes by name: the one place where a name selects a model, be it for training, evaluation or inference. By default it
-/// has SplatWeaver's.
+/// Recipes by name: the one place where a name selects a model, be it for training, evaluation or inference. By default
+/// it has SplatWeaver's.
 #[derive(Debug)]
 pub struct Registry {
     entries: Vec<Box<dyn ModelEntry>>,
@@ -266,8 +266,8 @@ impl Registry {
         Ok(self.find(Some(name)).map_err(|e| wrong(e.to_string()))?)
     }
 
-    /// Opens a file of weights as if it were a run's: a run's checkpoint, small weights made of one, or a published checkpoint that
-    /// makes Gaussians.
+    /// Opens a file of weights as if it were a run's: a run's checkpoint, small weights made of one, or a published
+    /// checkpoint that makes Gaussians.
     ///
     /// # Errors
     /// When it cannot be read, is of an unknown model, or makes no Gaussians.

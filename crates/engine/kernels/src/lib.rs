@@ -1,5 +1,6 @@
 //! Numeric kernels on plain slices of `f32` and `f64`: matrix products, convolution, attention, normalization, resizing,
-//! reductions, nearest neighbors, greedy division of cells, counter-based random numbers, dual numbers, and a [`Pool`] of memory.
+//! reductions, nearest neighbors, greedy division of cells, counter-based random numbers, dual numbers, and a [`Pool`]
+//! of memory.
 //!
 //! A kernel is a function. The caller owns all memory and passes shapes as arguments; no kernel knows about automatic
 //! differentiation. Results are the same bits at any number of threads: parallel tasks write disjoint parts of the

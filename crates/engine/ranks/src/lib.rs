@@ -12,7 +12,8 @@
 //! assert_eq!(summed(3), vec![alone[0].clone(); 3]);
 //! ```
 //!
-//! With the feature `mpi` there are the processes of an MPI; it needs one with its headers (Open MPI, MPICH), and libclang.
+//! With the feature `mpi` there are the processes of an MPI; it needs one with its headers (Open MPI, MPICH), and
+//! libclang.
 
 #[cfg(feature = "mpi")]
 mod processes;

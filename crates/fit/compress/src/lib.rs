@@ -1,6 +1,7 @@
 //! Compression of scenes of Gaussians to a wanted quality of their pictures; nothing is read from or written to disk.
 //!
-//! [`Judge`] draws a scene and compares what is left of it. [`compress`] chooses the steps of [`lite`](weaver_codec::lite).
+//! [`Judge`] draws a scene and compares what is left of it. [`compress`] chooses the steps of
+//! [`lite`](weaver_codec::lite).
 
 mod error;
 mod judge;

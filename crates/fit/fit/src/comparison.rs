@@ -36,8 +36,9 @@ impl Buffers {
         depth.resize(pixels, 0.0);
     }
 
-    /// The loss `(1 - w) mean |image - photo| + w (1 - SSIM)` of 3DGS (Kerbl et al., 2023, equation 7), the mean squared difference, and
-    /// the gradient of the loss with respect to the correction; the buffers then hold its gradient with respect to the image.
+    /// The loss `(1 - w) mean |image - photo| + w (1 - SSIM)` of 3DGS (Kerbl et al., 2023, equation 7), the mean
+    /// squared difference, and the gradient of the loss with respect to the correction; the buffers then hold its
+    /// gradient with respect to the image.
     pub fn compare(
         &mut self,
         photo: &Compared<'_>,

@@ -96,7 +96,8 @@ pub fn ssim_masked<T: Real>(a: &[T], b: &[T], size: [usize; 3], mask: &[bool]) -
 
 /// The perceptual distance over the pixels of a mask, or `None` if the mask is empty.
 ///
-/// As [`PerceptualDistance::between`], where the mask `[H, W]` is false both are taken to be white, and the distance is per pixel of the mask.
+/// As [`PerceptualDistance::between`], where the mask `[H, W]` is false both are taken to be white, and the distance is
+/// per pixel of the mask.
 pub fn lpips_masked<T: Real>(
     network: &dyn PerceptualDistance<T>,
     a: &[T],

@@ -18,8 +18,9 @@ const BAND: usize = 64;
 ///
 /// `loss = (1 - w) mean |image - target| + w (1 - SSIM(image, target))`,
 ///
-/// where SSIM is that of [`metrics::ssim`](crate::metrics::ssim): the mean over channels and over all 11x11 Gaussian windows inside the image.
-/// An image with fewer than 11 rows or columns has no window; its loss is the mean absolute error, whatever the weight.
+/// where SSIM is that of [`metrics::ssim`](crate::metrics::ssim): the mean over channels and over all 11x11 Gaussian
+/// windows inside the image. An image with fewer than 11 rows or columns has no window; its loss is the mean absolute
+/// error, whatever the weight.
 ///
 /// Holds the memory of the loss, one workspace per thread, so that a repeated call allocates nothing. Source: Kerbl et al.,
 /// 3D Gaussian splatting, 2023, equation 7, with w = 0.2; Wang et al., Image quality assessment, 2004.

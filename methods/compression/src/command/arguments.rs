@@ -6,10 +6,11 @@ use weaver_command::{Output, Threads};
 
 /// Compares methods of compression: bytes, bits of a Gaussian, decibels of pictures beside the scene's, and seconds.
 ///
-/// Formats of files, `lite` (`splatweaver compress`) at several qualities, methods of papers with several constants, and controls: `zstd` packs the
-/// PLY, `half` keeps the more important half of the Gaussians, `half-random` half of them at random. Pictures that judge are six of an orbit, 256
-/// pixels square, or every eighth camera of a file or a capture; methods learn from other cameras. Scenes are drawn as the summary.json beside
-/// them says, else over white. Files that other programs wrote of the scene are read as they are, and judged beside the rest. With a folder, what
+/// Formats of files, `lite` (`splatweaver compress`) at several qualities, methods of papers with several constants,
+/// and controls: `zstd` packs the PLY, `half` keeps the more important half of the Gaussians, `half-random` half of
+/// them at random. Pictures that judge are six of an orbit, 256 pixels square, or every eighth camera of a file or a
+/// capture; methods learn from other cameras. Scenes are drawn as the summary.json beside them says, else over white.
+/// Files that other programs wrote of the scene are read as they are, and judged beside the rest. With a folder, what
 /// each method wrote is kept there, Ctrl-C saves, and --resume goes on to the same bytes.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
@@ -32,7 +33,8 @@ pub struct BenchCompress {
     /// Cameras of the pictures: transforms.json, a folder with a COLMAP model, or a RealEstate10K file
     #[arg(long, value_name = "FILE", conflicts_with = "data")]
     pub(super) cameras: Option<PathBuf>,
-    /// Folder of the capture that the scenes were fitted to: methods train with its photos, and those that it holds out judge as well
+    /// Folder of the capture that the scenes were fitted to: methods train with its photos, and those that it holds out
+    /// judge as well
     #[arg(long, value_name = "DIR")]
     pub(super) data: Option<PathBuf>,
     /// Optimization steps in place of 5000 in a method's paper; other numbers in proportion

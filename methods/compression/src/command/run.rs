@@ -263,7 +263,8 @@ impl Bench {
     }
 }
 
-/// Mean of the decibels of a scene's pictures beside photos of its cameras; with NaN where a photo is masked altogether.
+/// Mean of the decibels of a scene's pictures beside photos of its cameras; with NaN where a photo is masked
+/// altogether.
 fn psnr_of_photos(
     gaussians: &Gaussians,
     photos: &[Photo],

@@ -51,7 +51,8 @@ pub struct EvalOptions {
     pub density: Density,
     /// Alignment of held-out views' cameras with their photos, for figures beside the others.
     pub align: Option<Alignment>,
-    /// In whose light held-out views are drawn; without it, in that of the first context photo by models that know about light.
+    /// In whose light held-out views are drawn; without it, in that of the first context photo by models that know
+    /// about light.
     pub look: Option<LookOf>,
     /// True if photos are left as they were taken, where the run's were given light and passers-by.
     pub plain: bool,
@@ -71,7 +72,8 @@ pub struct MatchingOverride {
 }
 
 impl OpenRun {
-    /// The weights that come with the program, as if they were a run's. They are for cameras that are given or estimated.
+    /// The weights that come with the program, as if they were a run's. They are for cameras that are given or
+    /// estimated.
     ///
     /// # Errors
     /// Never, unless the program is damaged.

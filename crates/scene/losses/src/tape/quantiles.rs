@@ -53,12 +53,12 @@ impl<T: Real> Op<T> for Quantiles {
 
 /// The quantiles of all n numbers of a tensor, on the tape.
 ///
-/// y_i = x_(k) + (x_(k + 1) - x_(k)) f, where k + f = `q[i]` (n - 1) with integer k, and x_(k) is number k, from 0, of the
-/// sorted sequence.
+/// y_i = x_(k) + (x_(k + 1) - x_(k)) f, where k + f = `q[i]` (n - 1) with integer k, and x_(k) is number k, from 0, of
+/// the sorted sequence.
 ///
-/// `x` of any shape with n > 0 numbers gives `[Q]` for Q numbers `q` from 0 to 1. Differentiable in `x`: the two neighbors of
-/// each position get the gradient, and the order is held constant. Of equal numbers the earlier counts as the smaller.
-/// [`quantile`](crate::quantile()) computes single quantiles without a tape.
+/// `x` of any shape with n > 0 numbers gives `[Q]` for Q numbers `q` from 0 to 1. Differentiable in `x`: the two
+/// neighbors of each position get the gradient, and the order is held constant. Of equal numbers the earlier counts as
+/// the smaller. [`quantile`](crate::quantile()) computes single quantiles without a tape.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -65,7 +65,8 @@ impl RowMap<4, 9> for RotationFromXyzw {
 
 /// The rotation matrices of quaternions of any length but 0.
 ///
-/// R = I + s (w K + K^2), where K is the matrix of the cross product with (x, y, z) and s = 2 / |q|^2. `q` `[.., 4]` in xyzw order gives R `[.., 3, 3]`. Differentiable in `q`.
+/// R = I + s (w K + K^2), where K is the matrix of the cross product with (x, y, z) and s = 2 / |q|^2. `q` `[.., 4]` in
+/// xyzw order gives R `[.., 3, 3]`. Differentiable in `q`.
 ///
 /// ```
 /// use weaver_autograd::Tape;

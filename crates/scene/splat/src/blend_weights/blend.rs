@@ -12,8 +12,8 @@ const GRAIN: usize = 256;
 const PARTS: usize = 16;
 
 impl<T: Real> BlendWeights<T> {
-    /// Features `[N, C]` as the pixels show them `[P, C]`, W F, over zeros. Differentiable in the features. Same bits at any number of
-    /// threads.
+    /// Features `[N, C]` as the pixels show them `[P, C]`, W F, over zeros. Differentiable in the features. Same bits
+    /// at any number of threads.
     ///
     /// ```
     /// # use std::sync::Arc;

@@ -18,8 +18,8 @@ impl<T: Real> SharedStatistics<T> {
         Self { gaussians: Arc::default() }
     }
 
-    /// Statistics of the passes since the last call, `[N]`; empty if there were none. The next pass starts from zero, with as
-    /// many Gaussians as it has.
+    /// Statistics of the passes since the last call, `[N]`; empty if there were none. The next pass starts from zero,
+    /// with as many Gaussians as it has.
     pub fn take(&self) -> Vec<GaussianStatistics<T>> {
         std::mem::take(&mut self.gaussians.lock().unwrap_or_else(PoisonError::into_inner))
     }
