@@ -12,7 +12,7 @@ const FILES: &str = "1000000";
 /// A folder that Linux keeps in memory.
 const MEMORY: &str = "/dev/shm";
 /// Crates with readers of files.
-const READERS: [&str; 2] = ["weaver-io", "weaver-recipes"];
+const READERS: [&str; 2] = ["weaver-io", "weaver-trainer"];
 
 pub fn run(arguments: &[String]) -> Result<(), String> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();

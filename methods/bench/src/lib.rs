@@ -1,7 +1,6 @@
 //! `splatweaver bench`: speed of the main parts on this machine, beside the machine's own peak.
 
 mod arguments;
-mod compress;
 mod draws;
 mod dump;
 mod engine;
@@ -22,9 +21,14 @@ use weaver_kernels::order::median_mean;
 /// Runs a benchmark and prints its figures, as a table or as JSON. One that keeps a folder saves when it is interrupted.
 ///
 /// Fails where a workload or a capture cannot be read, where there is no such device, and where figures cannot be written.
+#[cfg_attr(
+    not(feature = "compression"),
+    expect(unused_variables, reason = "comparisons of methods alone keep a folder")
+)]
 pub fn run(arguments: &Bench, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match &arguments.subject {
-        Subject::Compress(scenes) => in_pool(scenes.threads.count(), || compress::run(scenes, console, interrupt)),
+        #[cfg(feature = "compression")]
+        Subject::Compress(scenes) => weaver_compression::command::run(scenes, console, interrupt),
         Subject::Engine(engine) => in_pool(engine.threads.count(), || engine::run(engine, console)),
         Subject::Fit(fit) => in_pool(fit.threads.count(), || fit::run(fit, console)),
         Subject::Mixture(mixture) => in_pool(mixture.threads.count(), || mixture::run(mixture, console)),

@@ -3,6 +3,8 @@
 mod config;
 mod network;
 mod predictor;
+#[cfg(feature = "training")]
+mod training;
 
 pub use config::{LookConfig, WildConfig, WildDenseConfig, WildGaussianConfig, WildParametrization};
 pub use network::{
@@ -10,3 +12,5 @@ pub use network::{
     standardized,
 };
 pub use predictor::WildPredictor;
+#[cfg(feature = "training")]
+pub use training::{WildEvaluation, WildLosses, WildRecipe, WildStage};

@@ -98,6 +98,7 @@ const RULES: &[Rule] = &[
             "xtask",
             "weaver-parity",
             "weaver-studies",
+            "weaver-compression",
             "weaver-tests",
             "weaver-fixtures",
         ],

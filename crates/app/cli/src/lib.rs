@@ -13,6 +13,7 @@ mod film;
 mod flags;
 mod gif;
 mod methods;
+mod models;
 mod old_names;
 mod paths;
 mod processes;

@@ -1,11 +1,11 @@
 //! The processes that work together, where `mpirun` or `srun` started several.
 
 #[cfg(feature = "mpi")]
-pub use weaver_mpi::Processes;
+pub use weaver_ranks::Processes;
 
 use std::sync::Arc;
 use weaver_command::{Console, Failure};
-use weaver_kernels::ranks::Ranks;
+use weaver_ranks::Ranks;
 
 /// Stands for the processes of an MPI in a program that was built without one.
 #[cfg(not(feature = "mpi"))]

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use weaver_fit::{Fit, FitRasterizer, Judge};
 use weaver_io::safetensors::Tensors;
-use weaver_kernels::ranks::{Alone, Ranks, agreed_text};
+use weaver_ranks::{Alone, Ranks, agreed_text};
 use weaver_run::{Folder, Job, Log, Rhythm, Save, Scalar, StepReport};
 
 /// A capture and the Gaussians that are fitted to it.

@@ -12,7 +12,7 @@ use std::time::Instant;
 use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Judge, in_time, steps_in};
 use weaver_io::SceneFormat;
 use weaver_io::safetensors::Tensors;
-use weaver_kernels::ranks::{Alone, Ranks, agreed_text};
+use weaver_ranks::{Alone, Ranks, agreed_text};
 use weaver_run::{Folder, Job, Kind, StepReport};
 use weaver_scene::{Gaussians, Photo};
 use weaver_view::Shot;

@@ -9,7 +9,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_autograd::{Params, Var};
 use weaver_geometry::sh;
-use weaver_inference::{PixelAligned, PixelAlignedNetwork, PixelAlignedPredictor, Predictor, RunFolder};
+use weaver_inference::{
+    Checkpoint, PixelAligned, PixelAlignedNetwork, PixelAlignedPredictor, Predictor, RunFolder, WeightSet,
+};
 use weaver_nn::{Builder, Context, Conv2d, WeightInit};
 use weaver_pose::CameraVars;
 use weaver_splat::GaussianVars;
@@ -133,10 +135,17 @@ impl Recipe for PixelCnnRecipe {
     fn predictor(network: Arc<PixelCnn>, params: Params, _: &Config<Self>) -> Result<Box<dyn Predictor>, Error> {
         Ok(Box::new(PixelAlignedPredictor::new(network, params)))
     }
+
+    fn from_checkpoint(checkpoint: &Checkpoint) -> Result<Box<dyn Predictor>, Error> {
+        let mut params = Params::new();
+        let network = Self::build(&checkpoint.model_config(Self::ARCHITECTURE)?, &mut params, 0);
+        checkpoint.fill(&mut params, WeightSet::Averaged)?;
+        Ok(Box::new(PixelAlignedPredictor::new(Arc::new(network), params)))
+    }
 }
 
 fn main() -> Result<(), Error> {
-    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let registry = Registry::empty().with::<PixelCnnRecipe>();
     let recipe = registry.find(Some("pixel-cnn"))?;
     let steps = std::env::args().nth(1).and_then(|n| n.parse().ok());
     let config = recipe.resolve(&ConfigSource { steps, ..ConfigSource::default() })?;
@@ -157,6 +166,6 @@ fn main() -> Result<(), Error> {
     session.train(&folder, &mut stop_halfway, &stop)?;
     let mut run = registry.of_run(&written)?.open(&written)?;
     let evaluation = run.evaluate(&Source::Unseen, &EvalOptions::default(), &mut |_, _| {})?;
-    println!("{}report: {}", evaluation.table(), written.report_path().display());
+    println!("{}report: {}", evaluation.table(), written.path().join("report.html").display());
     Ok(())
 }

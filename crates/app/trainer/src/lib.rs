@@ -1,8 +1,9 @@
 //! Trains models that turn photos into Gaussians: configuration, stages, checkpoints that resume to the bit, evaluation,
 //! logs and a report.
 //!
-//! The trainer knows no model. A model says by a [`Recipe`] what its configuration is, how it is built, what its losses are
-//! and how it predicts; [`Session`] does the rest, and a [`Registry`] finds recipes by name.
+//! A model says by a [`Recipe`] what its configuration is, how it is built, what its losses are and how it predicts;
+//! [`Session`] does the rest and knows no model, and a [`Registry`] finds recipes by name. The product's own recipe is
+//! in [`splatweaver`].
 
 mod augmentation;
 mod checkpoint;
@@ -18,11 +19,11 @@ pub mod losses;
 pub mod observe;
 mod recipe;
 mod registry;
-mod rows;
 pub mod samples;
 pub mod scenes;
 mod session;
 mod sources;
+pub mod splatweaver;
 mod taught;
 
 pub use augmentation::Augmentation;
@@ -41,10 +42,9 @@ pub use registry::{
     ConfigSource, EvalOptions, MatchingOverride, ModelEntry, OpenRun, Registry, ResolvedConfig, Source, Training,
     claim_run, create_run, reclaim_run,
 };
-pub use rows::TrainedRows;
 pub use session::{PendingStep, Session};
 pub use sources::Sources;
-pub use weaver_kernels::ranks::{Alone, Ranks};
+pub use weaver_ranks::{Alone, Ranks};
 pub use weaver_run::{Folder, StepReport};
 
 /// The example of the README, compiled and run.

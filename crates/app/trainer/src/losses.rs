@@ -186,6 +186,12 @@ pub struct PoseCodes<'a, 't> {
 }
 
 impl PoseLosses {
+    /// 2Xplat's published weights for the poses of pairs, on top of the distance of pose codes, by which cameras are
+    /// learned from nothing.
+    pub fn relative(absolute: f64) -> Self {
+        Self { l1: 2.0, absolute, rotation: 0.1, translation: 10.0, focal: 0.5, ..Self::default() }
+    }
+
     /// The sum of the weights: 0 where cameras learn nothing.
     pub fn sum(&self) -> f64 {
         self.l1 + self.huber + self.absolute + self.rotation + self.translation + self.focal

@@ -1,14 +1,14 @@
 //! What a model says about its training.
 
 use crate::losses::{ImageLosses, ImageNetworks};
-use crate::{CameraMode, Config, Error, Example, StageConfig, Terms, TrainedRows};
+use crate::{CameraMode, Config, Error, Example, StageConfig, Terms};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fmt::Debug;
 use std::sync::Arc;
 use weaver_autograd::{ParamId, Params, Var};
-use weaver_inference::{Defaults, Predictor};
+use weaver_inference::{Checkpoint, Defaults, Predictor};
 use weaver_kernels::random::Stream;
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
@@ -148,20 +148,6 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         examples: &[Example],
     ) -> Result<Terms<'t>, Error>;
 
-    /// Lets parameters whose rows [vary](Params::set_rows_vary) grow and shrink after a step, the run's `step`-th. What it
-    /// does must follow from its arguments alone, so that a resumed run comes to the same bits.
-    ///
-    /// # Errors
-    /// When rows do not fit.
-    fn resize(
-        _network: &Self::Network,
-        _config: &Config<Self>,
-        _step: usize,
-        _rows: &mut TrainedRows<'_>,
-    ) -> Result<(), Error> {
-        Ok(())
-    }
-
     /// The network as a predictor, with the settings of `config.evaluation`.
     ///
     /// # Errors
@@ -171,6 +157,12 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         params: Params<f32>,
         config: &Config<Self>,
     ) -> Result<Box<dyn Predictor>, Error>;
+
+    /// The predictor that a checkpoint describes by itself, without the configuration of its run.
+    ///
+    /// # Errors
+    /// When the checkpoint is of another model, or its tensors do not fit.
+    fn from_checkpoint(checkpoint: &Checkpoint) -> Result<Box<dyn Predictor>, Error>;
 }
 
 /// Inputs of a step's objective beside the network and the examples.

@@ -1,21 +1,21 @@
 //! Recipes by name, without their types: what a command line needs.
 
-use crate::evaluate::{Matching, Options};
+mod open_run;
+mod training;
+
+pub use open_run::{EvalOptions, MatchingOverride, OpenRun, Source};
+pub use training::Training;
+
 use crate::session::SAMPLES;
-use crate::{
-    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, LookOf, Observer, Ranks, Recipe, Session, Sources,
-    Summary, Targets, TrainingState, evaluate, initial, scenes,
-};
+use crate::splatweaver::SplatWeaverRecipe;
+use crate::{Config, Error, Recipe, Session, Sources, TrainingState, initial};
 use std::fmt::Debug;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use weaver_autograd::Params;
-use weaver_data::Scene;
-use weaver_inference::{Checkpoint, Density, Predictor, RunFolder, WeightSet};
-use weaver_run::{Folder, Kind, StepReport};
-use weaver_splat::AnyRasterizer;
+use weaver_inference::{Checkpoint, Predictor, RunFolder, SplatWeaverPredictor, WeightSet, is_of_run};
+use weaver_run::{Folder, Kind};
 
 /// Where a configuration comes from; later fields win over earlier ones.
 #[derive(Clone, Debug, Default)]
@@ -101,223 +101,12 @@ pub trait ModelEntry: Debug + Send + Sync {
     /// # Errors
     /// When the folder cannot be read, or its checkpoint is of another model.
     fn open(&self, folder: &RunFolder) -> Result<OpenRun, Error>;
-}
 
-/// A training run of some model.
-pub trait Training: Send {
-    /// Steps done and steps planned.
-    fn steps(&self) -> (usize, usize);
-
-    /// A description of the run for people.
-    fn plan(&self) -> String;
-
-    /// See [`Session::draw_by`].
-    fn draw_by(&mut self, rasterizer: AnyRasterizer<f32>);
-
-    /// See [`Session::trace_to`].
-    fn trace_to(&mut self, path: &Path);
-
-    /// See [`Session::share`].
+    /// Builds the predictor that a checkpoint describes by itself.
     ///
     /// # Errors
-    /// When the processes do not hold the same run, or there are too many.
-    fn share(&mut self, ranks: Arc<dyn Ranks>) -> Result<(), Error>;
-
-    /// See [`Session::follow`].
-    ///
-    /// # Errors
-    /// When a loss diverges.
-    fn follow(&mut self) -> Result<(), Error>;
-
-    /// See [`Session::dry_run`].
-    ///
-    /// # Errors
-    /// As [`Training::train`].
-    fn dry_run(self: Box<Self>, folder: &Folder) -> Result<DryRun, Error>;
-
-    /// See [`Session::train`].
-    ///
-    /// # Errors
-    /// When a loss diverges or something cannot be written.
-    fn train(&mut self, folder: &Folder, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Summary, Error>;
-
-    /// Label of a progress bar beside the step.
-    fn labeler(&self) -> fn(&StepReport) -> String;
-}
-
-impl<R: Recipe> Training for Session<R> {
-    fn steps(&self) -> (usize, usize) {
-        self.steps()
-    }
-
-    fn plan(&self) -> String {
-        self.plan()
-    }
-
-    fn draw_by(&mut self, rasterizer: AnyRasterizer<f32>) {
-        self.draw_by(rasterizer);
-    }
-
-    fn trace_to(&mut self, path: &Path) {
-        self.trace_to(path);
-    }
-
-    fn share(&mut self, ranks: Arc<dyn Ranks>) -> Result<(), Error> {
-        self.share(ranks)
-    }
-
-    fn follow(&mut self) -> Result<(), Error> {
-        self.follow()
-    }
-
-    fn dry_run(self: Box<Self>, folder: &Folder) -> Result<DryRun, Error> {
-        Session::dry_run(*self, folder)
-    }
-
-    fn train(&mut self, folder: &Folder, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Summary, Error> {
-        self.train(folder, observer, stop)
-    }
-
-    fn labeler(&self) -> fn(&StepReport) -> String {
-        R::label
-    }
-}
-
-/// A trained run, ready to be evaluated or used.
-#[derive(Debug)]
-pub struct OpenRun {
-    /// The network with its averaged weights.
-    pub predictor: Box<dyn Predictor>,
-    /// Steps that the weights were trained for.
-    pub step: usize,
-    /// Steps that the run was to have, as many where nobody knows.
-    pub planned: usize,
-    /// The run's seed.
-    pub seed: u64,
-    /// The run's data.
-    pub data: DataConfig,
-    /// Source of the cameras, unless a call says otherwise.
-    pub cameras: CameraMode,
-    /// The captures that the run has learned from, if its checkpoint tells.
-    pub sources: Sources,
-}
-
-/// Which scenes to evaluate on.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Source {
-    /// The data of the run.
-    Run,
-    /// Folders of captures.
-    Folders(Vec<PathBuf>),
-    /// The built-in procedural scenes that are never trained on.
-    Unseen,
-}
-
-/// Options of an evaluation that differ from the run's configuration.
-#[derive(Clone, Debug, Default)]
-pub struct EvalOptions {
-    /// Context views for each held-out view.
-    pub context_views: Option<usize>,
-    /// Source of the cameras.
-    pub cameras: Option<crate::CameraMode>,
-    /// Which photos judge.
-    pub targets: Targets,
-    /// True if depth is brought to the points that the context views see; with given cameras only.
-    pub points: bool,
-    /// Estimates the cameras of context views from photos of this longest side, pixels, in place of others.
-    pub matching: Option<MatchingOverride>,
-    /// Which pixels get Gaussians, and how many.
-    pub density: Density,
-    /// Alignment of held-out views' cameras with their photos, for figures beside the others.
-    pub align: Option<crate::Alignment>,
-    /// In whose light held-out views are drawn; without it, in that of the first context photo by models that know about light.
-    pub look: Option<LookOf>,
-    /// True if photos are left as they were taken, where the run's were given light and passers-by.
-    pub plain: bool,
-    /// True if photos have masks, as [`DataConfig::masks`] says; so they are where the run's do.
-    pub masks: bool,
-    /// File with the weights of LPIPS, to measure that, too.
-    pub lpips: Option<PathBuf>,
-}
-
-/// Options of estimating cameras for an evaluation.
-#[derive(Clone, Copy, Debug, Eq, PartialEq)]
-pub struct MatchingOverride {
-    /// Longest side of the photos while they are matched, pixels; at least the network's.
-    pub long_side: usize,
-    /// True if focal lengths are told, as EXIF would.
-    pub focal_known: bool,
-}
-
-impl OpenRun {
-    /// Evaluates the weights; `progress` is told how many views of how many are done.
-    ///
-    /// # Errors
-    /// When the data cannot be read, or the options do not suit the model.
-    pub fn evaluate(
-        &mut self,
-        source: &Source,
-        choices: &EvalOptions,
-        progress: &mut dyn FnMut(usize, usize),
-    ) -> Result<Evaluation, Error> {
-        let size = self.predictor.image_size();
-        let procedural = *source == Source::Unseen || *source == Source::Run && self.data.folders.is_empty();
-        if choices.masks && procedural {
-            return Err(Error::Input("masks: expected captures, found procedural scenes, which have none".into()));
-        }
-        let data = DataConfig { masks: choices.masks || self.data.masks, ..self.data.clone() };
-        let load = |size: [usize; 2]| match source {
-            Source::Run => scenes::load(&data, size),
-            Source::Folders(folders) => scenes::load_captures(folders, &data, size),
-            Source::Unseen => Ok(weaver_procedural::default_unseen_set(size[1], size[0])),
-        };
-        let scenes = load(size)?;
-        let matching = match choices.matching {
-            Some(MatchingOverride { long_side, focal_known }) => {
-                let scale = (long_side as f64 / size[0].max(size[1]) as f64).max(1.0);
-                let larger = size.map(|side| (side as f64 * scale).round() as usize);
-                let larger = load(larger)?;
-                same_views(&scenes, &larger)?;
-                Some(Matching { scenes: larger, focal_known })
-            }
-            None => None,
-        };
-        let lpips = evaluate::lpips_for(choices.lpips.as_deref(), size)?;
-        let options = Options {
-            context_views: choices.context_views.unwrap_or(self.data.context_views),
-            cameras: choices.cameras.unwrap_or(self.cameras),
-            targets: choices.targets,
-            points: choices.points,
-            matching,
-            density: choices.density,
-            align: choices.align,
-            planted: self.data.looks.clone().filter(|_| !choices.plain),
-            look: choices.look,
-            seed: self.seed,
-            step: self.step,
-        };
-        let mut evaluation = evaluate::evaluate(&mut *self.predictor, &scenes, &options, lpips.as_ref(), progress)?;
-        if *source == Source::Run && data.masks == self.data.masks {
-            let changed = self.sources.changed(&scenes).filter_map(|i| data.folders.get(i));
-            let remark = |folder: &PathBuf| {
-                format!("{}: other photos, cameras or points than the run began with", folder.display())
-            };
-            evaluation.remarks.extend(changed.map(remark));
-        }
-        Ok(evaluation)
-    }
-}
-
-/// Checks that scenes of two sizes have the same views: a mask may leave nothing of a photo in the smaller one alone.
-fn same_views(small: &[Scene], large: &[Scene]) -> Result<(), Error> {
-    for (small, large) in small.iter().zip(large) {
-        let [few, all] = [small, large].map(|scene| scene.views.iter().map(|view| &view.name));
-        if let Some(name) = all.clone().find(|name| !few.clone().any(|other| other == *name)) {
-            let expected = "expected masks that leave something of each photo at the network's size";
-            return Err(Error::Input(format!("scene {}: {name}: {expected}, found none of this one", small.name)));
-        }
-    }
-    Ok(())
+    /// When the checkpoint is of another model, or its tensors do not fit.
+    fn from_checkpoint(&self, checkpoint: &Checkpoint) -> Result<Box<dyn Predictor>, Error>;
 }
 
 /// The recipe `R` behind its name.
@@ -404,6 +193,10 @@ impl<R: Recipe> ModelEntry for Named<R> {
             sources: Sources::of_checkpoint(&checkpoint)?.unwrap_or_default(),
         })
     }
+
+    fn from_checkpoint(&self, checkpoint: &Checkpoint) -> Result<Box<dyn Predictor>, Error> {
+        R::from_checkpoint(checkpoint)
+    }
 }
 
 fn resolved<R: Recipe>(config: &Config<R>) -> ResolvedConfig {
@@ -417,16 +210,23 @@ fn resolved<R: Recipe>(config: &Config<R>) -> ResolvedConfig {
     }
 }
 
-/// Recipes by name: the one place where a name selects a model, be it for training, evaluation or inference.
-#[derive(Debug, Default)]
+/// Recipes by name: the one place where a name selects a model, be it for training, evaluation or inference. By default
+/// it has SplatWeaver's.
+#[derive(Debug)]
 pub struct Registry {
     entries: Vec<Box<dyn ModelEntry>>,
 }
 
+impl Default for Registry {
+    fn default() -> Self {
+        Self::empty().with::<SplatWeaverRecipe>()
+    }
+}
+
 impl Registry {
     /// A registry without recipes.
-    pub fn new() -> Self {
-        Self::default()
+    pub fn empty() -> Self {
+        Self { entries: Vec::new() }
     }
 
     /// Adds a recipe. The first is the default.
@@ -465,6 +265,22 @@ impl Registry {
         let name = table.get("architecture").and_then(weaver_run::settings::Value::as_str);
         let name = name.ok_or_else(|| wrong("architecture: expected the name of a model, found nothing".into()))?;
         Ok(self.find(Some(name)).map_err(|e| wrong(e.to_string()))?)
+    }
+
+    /// Opens a file of weights as if it were a run's: a run's checkpoint, small weights made of one, or a published
+    /// checkpoint that makes Gaussians.
+    ///
+    /// # Errors
+    /// When it cannot be read, is of an unknown model, or makes no Gaussians.
+    pub fn open_weights(&self, path: &Path) -> Result<OpenRun, Error> {
+        if !is_of_run(path)? {
+            return Ok(OpenRun::of_weights(Box::new(SplatWeaverPredictor::open_published(path)?), 0, 0));
+        }
+        let checkpoint = Checkpoint::read(path)?;
+        // The first model refuses the weights of an unknown one by name.
+        let entry = self.find(Some(checkpoint.architecture())).or_else(|_| self.find(None))?;
+        let predictor = entry.from_checkpoint(&checkpoint)?;
+        Ok(OpenRun::of_weights(predictor, checkpoint.step, checkpoint.defaults().seed))
     }
 }
 

@@ -12,7 +12,7 @@ use crate::dry_run::{DryRun, Probe};
 use crate::evaluate::{self, Options};
 use crate::losses::ImageNetworks;
 use crate::sources::Sources;
-use crate::{Alone, Config, Error, Ranks, Recipe, StageConfig, Step, TrainedRows, TrainingState, initial, scenes};
+use crate::{Alone, Config, Error, Ranks, Recipe, StageConfig, Step, TrainingState, initial, scenes};
 use batches::Batch;
 use std::path::Path;
 use std::sync::Arc;
@@ -351,8 +351,6 @@ impl<R: Recipe> Session<R> {
             probe.end(&self.tape)?;
         }
         self.step += 1;
-        let Self { params, optimizer, ema, tape, .. } = self;
-        R::resize(&self.network, &self.config, self.step, &mut TrainedRows { params, optimizer, ema, tape })?;
         let numbers =
             [("rate", rate as f32), ("gradient_norm", norm as f32), ("gaussians_per_pixel", gaussians_per_pixel)];
         let numbers = numbers.map(|(name, value)| Scalar::last(name, value.into()));

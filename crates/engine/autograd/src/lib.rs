@@ -1,6 +1,5 @@
 #![doc = include_str!("../README.md")]
 
-mod dual;
 pub mod gradcheck;
 // Unit tests, which nothing is linked to, do without.
 #[cfg(not(test))]
@@ -9,21 +8,18 @@ mod op;
 pub mod ops;
 mod params;
 mod pointwise;
-mod pool;
 mod profile;
 mod recycle;
 mod shape;
 mod tape;
 mod var;
 
-pub use dual::Dual;
 pub use op::{Backward, Grad, Op, View, ViewMut};
 pub use ops::pointwise_ops::apply_pointwise;
-pub use params::{HalfValues, Param, ParamId, ParamValues, Params, ReplaceError};
+pub use params::{HalfValues, Param, ParamId, ParamValues, Params};
 pub use pointwise::{Pointwise, PointwiseOp};
-pub use pool::{Buffer, Pool};
 pub use profile::{OpMemory, OpTime, Phase, TraceEvent};
 pub use shape::{MAX_OUTPUTS, MAX_RANK, Shape, ShapeError, Shapes};
 pub use tape::{List, NodeView, Outputs, Steps, Tape};
 pub use var::Var;
-pub use weaver_kernels::Real;
+pub use weaver_kernels::{Buffer, Dual, Pool, Real};

@@ -86,20 +86,6 @@ impl<T: Real> ParamValues<T> {
     }
 }
 
-/// The number of values does not fit the rows of a parameter; returned by [`Params::replace`].
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("parameter `{name}`: expected {expected} numbers for {rows} rows, found {found}")]
-pub struct ReplaceError {
-    /// The name of the parameter.
-    pub name: String,
-    /// The requested number of rows.
-    pub rows: usize,
-    /// The number of values that these rows need.
-    pub expected: usize,
-    /// The number of values that were given.
-    pub found: usize,
-}
-
 /// One trainable tensor.
 #[derive(Clone, Debug)]
 pub struct Param<T: Real> {
@@ -107,7 +93,6 @@ pub struct Param<T: Real> {
     shape: Shape,
     values: ParamValues<T>,
     frozen: bool,
-    rows_vary: bool,
 }
 
 impl<T: Real> Param<T> {
@@ -144,11 +129,6 @@ impl<T: Real> Param<T> {
     pub fn is_frozen(&self) -> bool {
         self.frozen
     }
-
-    /// True if the parameter may have other rows than it was added with; see [`Params::set_rows_vary`].
-    pub fn rows_vary(&self) -> bool {
-        self.rows_vary
-    }
 }
 
 /// The parameters of a model: an ordered list of named tensors. A clone shares the values until either copy changes.
@@ -168,14 +148,14 @@ impl<T: Real> Params<T> {
         let (name, shape) = (name.into(), shape.into());
         assert_eq!(value.len(), shape.len(), "parameter {name} of shape {shape}");
         assert!(self.find(&name).is_none(), "two parameters are named {name}");
-        self.push(Param { name, shape, values: ParamValues::Owned(Arc::new(value)), frozen: false, rows_vary: false })
+        self.push(Param { name, shape, values: ParamValues::Owned(Arc::new(value)), frozen: false })
     }
 
     /// Adds a parameter whose values must be [set](Params::set) before it is used. Panics if the name is taken.
     pub fn declare(&mut self, name: impl Into<String>, shape: impl Into<Shape>) -> ParamId {
         let (name, shape) = (name.into(), shape.into());
         assert!(self.find(&name).is_none(), "two parameters are named {name}");
-        self.push(Param { name, shape, values: ParamValues::Absent, frozen: false, rows_vary: false })
+        self.push(Param { name, shape, values: ParamValues::Absent, frozen: false })
     }
 
     fn push(&mut self, param: Param<T>) -> ParamId {
@@ -188,39 +168,6 @@ impl<T: Real> Params<T> {
         let param = &mut Arc::make_mut(&mut self.list)[id.index()];
         assert_eq!(values.len(), param.shape.len(), "values of parameter {} of shape {}", param.name, param.shape);
         param.values = values;
-    }
-
-    /// Replaces the values of a parameter and its number of rows; its name and all dimensions but the first stay the
-    /// same. State of the same shape, such as the moments of an optimizer or averages, must be changed as well. Reset
-    /// the tape first.
-    ///
-    /// Panics unless the rows of the parameter [vary](Params::set_rows_vary): a checkpoint that was written after it
-    /// grew could not be read into a new model otherwise.
-    ///
-    /// ```
-    /// use weaver_autograd::Params;
-    /// let mut params = Params::<f32>::new();
-    /// let points = params.add("points", [1, 3], vec![0.0; 3]);
-    /// params.set_rows_vary(points);
-    /// params.replace(points, 2, vec![1.0; 6])?;
-    /// assert_eq!(params.get(points).shape(), [2, 3].into());
-    /// let error = params.replace(points, 2, vec![1.0; 7]).unwrap_err();
-    /// assert_eq!(error.to_string(), "parameter `points`: expected 6 numbers for 2 rows, found 7");
-    /// # Ok::<(), weaver_autograd::ReplaceError>(())
-    /// ```
-    ///
-    /// # Errors
-    /// If the number of values does not fit the rows; the parameter is then unchanged.
-    pub fn replace(&mut self, id: ParamId, rows: usize, values: Vec<T>) -> Result<(), ReplaceError> {
-        let param = &mut Arc::make_mut(&mut self.list)[id.index()];
-        assert!(param.rows_vary, "the rows of parameter {} were not said to vary", param.name);
-        let shape = param.shape.with_axis(0, rows);
-        if values.len() != shape.len() {
-            let (name, expected, found) = (param.name.clone(), shape.len(), values.len());
-            return Err(ReplaceError { name, rows, expected, found });
-        }
-        (param.shape, param.values) = (shape, ParamValues::Owned(Arc::new(values)));
-        Ok(())
     }
 
     /// The parameter with this id.
@@ -260,14 +207,6 @@ impl<T: Real> Params<T> {
     /// Excludes a parameter from training (`true`) or includes it again: a frozen parameter is a constant on the tape.
     pub fn set_frozen(&mut self, id: ParamId, frozen: bool) {
         Arc::make_mut(&mut self.list)[id.index()].frozen = frozen;
-    }
-
-    /// Lets a parameter grow and shrink by [`Params::replace`]: its first dimension is where it starts from, and a
-    /// checkpoint of a model may have another. Panics if the parameter is a scalar, which has no rows.
-    pub fn set_rows_vary(&mut self, id: ParamId) {
-        let param = &mut Arc::make_mut(&mut self.list)[id.index()];
-        assert!(param.shape.rank() > 0, "parameter {} is a scalar, which has no rows", param.name);
-        param.rows_vary = true;
     }
 
     /// All parameters in order.

@@ -1,6 +1,6 @@
 //! Numeric kernels on plain slices of `f32` and `f64`: matrix products, convolution, attention, normalization,
-//! resizing, reductions, nearest neighbors, greedy division of cells, small dense systems, order statistics, and
-//! counter-based random numbers.
+//! resizing, reductions, nearest neighbors, greedy division of cells, small dense systems, order statistics,
+//! counter-based random numbers, dual numbers, and a [`Pool`] of memory.
 //!
 //! A kernel is a function. The caller owns all memory and passes shapes as arguments; kernels are independent of
 //! automatic differentiation. Results are the same bits at any number of threads: parallel tasks write disjoint parts
@@ -13,6 +13,7 @@ pub mod attention;
 pub mod byte_products;
 pub mod conv;
 pub mod dense;
+mod dual;
 pub mod erf;
 pub mod exp;
 mod extent;
@@ -27,8 +28,8 @@ pub mod pages;
 pub mod parallel;
 pub mod peak;
 pub mod permute;
+mod pool;
 pub mod random;
-pub mod ranks;
 mod real;
 pub mod reduce;
 pub mod resample;
@@ -40,6 +41,8 @@ pub mod softmax;
 pub mod subdivision;
 mod target;
 
+pub use dual::Dual;
+pub use pool::{Buffer, Pool};
 pub use real::Real;
 pub use target::Target;
 

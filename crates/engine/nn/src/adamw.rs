@@ -1,7 +1,7 @@
 //! AdamW, for all rows of a parameter or for some.
 
 use crate::rows::{check, extent};
-use crate::{RowError, RowMap, RowSet, RowSource};
+use crate::{RowError, RowSet};
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Real, Tape};
 use weaver_kernels::optim::{self, SparseRows};
@@ -33,8 +33,7 @@ pub struct Moments<T> {
 /// (sqrt(v^) + eps), with m = beta1 m + (1 - beta1) g, m^ = m / (1 - beta1^t), and v of g^2 likewise.
 ///
 /// The moments of a parameter are allocated at its first gradient; from then on a step allocates nothing. A parameter
-/// that received no gradient in a step is left as it is, weight decay included, and does not count the step. When a
-/// parameter gets other rows, its moments must follow: [`remap_rows`](Self::remap_rows).
+/// that received no gradient in a step is left as it is, weight decay included, and does not count the step.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};
@@ -69,7 +68,7 @@ impl<T: Real> AdamW<T> {
     }
 
     /// One step along the gradients that the tape holds. The tape lets go of the parameters' values, so that they
-    /// change in place; reset it next. Panics if a parameter has got other rows and its moments have not.
+    /// change in place; reset it next.
     pub fn step(&mut self, params: &mut Params<T>, tape: &mut Tape<T>, lr: f64) {
         self.step_scaled(params, tape, lr, 1.0);
     }
@@ -176,28 +175,6 @@ impl<T: Real> AdamW<T> {
             check(params, id, "moments", total, rows_in(moments.first.len()))?;
         }
         rows.map_or(Ok(()), |rows| check(params, id, "row set", total, rows.total()))
-    }
-
-    /// Gives the moments of a parameter other rows, as [`RowMap::apply`] does to its values.
-    ///
-    /// # Errors
-    /// When the moments do not have the rows that the map begins with; they are then left as they were.
-    pub fn remap_rows(&mut self, params: &Params<T>, id: ParamId, map: &RowMap) -> Result<(), RowError> {
-        let Some((steps @ 1.., moments)) = self.state.get_mut(id.index()) else { return Ok(()) };
-        let (_, width) = extent(params.get(id).shape());
-        let rows = moments.first.len().checked_div(width).unwrap_or(map.old_rows());
-        check(params, id, "row map", rows, map.old_rows())?;
-        moments.first = map.rearranged(width, &moments.first, false);
-        moments.second = map.rearranged(width, &moments.second, false);
-        if !moments.row_steps.is_empty() {
-            // Moments of zero need no decay.
-            let step_of = |source: &RowSource| match *source {
-                RowSource::Keep(row) => moments.row_steps[row as usize],
-                RowSource::Copy(_) | RowSource::New => *steps,
-            };
-            moments.row_steps = map.sources().iter().map(step_of).collect();
-        }
-        Ok(())
     }
 
     /// The state of every parameter that has taken a step, by name: the number of its steps and its moments.

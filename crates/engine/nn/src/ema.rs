@@ -1,9 +1,8 @@
 //! Exponential moving averages of the parameters over the steps of training.
 
-use crate::rows::{check, extent};
-use crate::{RowError, RowMap, RowSource, StateError};
+use crate::StateError;
 use std::collections::BTreeMap;
-use weaver_autograd::{ParamId, Params, Real};
+use weaver_autograd::{Params, Real};
 use weaver_kernels::optim::lerp;
 
 /// An exponential moving average of all parameters: a = d a + (1 - d) p after every step, with
@@ -35,12 +34,11 @@ impl<T: Real> Ema<T> {
         Self { decay, steps: 0, average: params.iter().map(|(_, p)| p.value().to_vec()).collect() }
     }
 
-    /// Updates the averages with the parameters after a step. Panics if one has got other rows and its average has not.
+    /// Updates the averages with the parameters after a step.
     pub fn update(&mut self, params: &Params<T>) {
         let k = self.steps as f64;
         let decay = T::from_f64(self.decay.min((k + 1.0) / (k + 10.0)));
         for ((_, param), average) in params.iter().zip(&mut self.average) {
-            assert_eq!(average.len(), param.shape().len(), "numbers in the average of parameter `{}`", param.name());
             lerp(average, param.value(), decay);
         }
         self.steps += 1;
@@ -51,26 +49,6 @@ impl<T: Real> Ema<T> {
         for (id, average) in params.ids().zip(&mut self.average) {
             params.value_mut(id).swap_with_slice(average);
         }
-    }
-
-    /// Gives the average of a parameter other rows, after [`RowMap::apply`] has given them to its values. A row that
-    /// was kept or copied has the average of its source; the average of a new row begins at its present values.
-    ///
-    /// # Errors
-    /// When the average does not have the rows that the map begins with, or the parameter those that it ends with; the
-    /// average is then left as it was.
-    pub fn remap_rows(&mut self, params: &Params<T>, id: ParamId, map: &RowMap) -> Result<(), RowError> {
-        let (rows, width) = extent(params.get(id).shape());
-        let average = &mut self.average[id.index()];
-        check(params, id, "row map", average.len().checked_div(width).unwrap_or(map.old_rows()), map.old_rows())?;
-        check(params, id, "values", map.sources().len(), rows)?;
-        let mut remapped = map.rearranged(width, average, true);
-        let new = (0..).zip(map.sources()).filter(|(_, source)| **source == RowSource::New);
-        for numbers in new.map(|(row, _)| row * width..(row + 1) * width) {
-            remapped[numbers.clone()].copy_from_slice(&params.get(id).value()[numbers]);
-        }
-        *average = remapped;
-        Ok(())
     }
 
     /// The number of [`update`](Self::update)s.

@@ -38,7 +38,7 @@ pub use optimizer::Optimizer;
 pub use projective::{Projections, projective_attention, turned_attention};
 pub use radam::RAdam;
 pub use rms_norm::RmsNorm;
-pub use rows::{RowError, RowMap, RowSet, RowSource};
+pub use rows::{RowError, RowSet};
 pub use schedule::{PublishedSchedule, WarmupCosine};
 
 /// The example of the README, compiled and run.

@@ -1,8 +1,7 @@
 //! Rectified Adam.
 
 use crate::adamw::checked;
-use crate::rows::{check, extent};
-use crate::{Moments, RowError, RowMap, StateError};
+use crate::{Moments, StateError};
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Real, Tape};
 
@@ -19,8 +18,7 @@ const LONG_ENOUGH: f64 = 5.0;
 /// equal PyTorch's `RAdam` without weight decay; eps is added before the bias of v is corrected.
 ///
 /// The moments of a parameter are allocated at its first gradient. A parameter that received no gradient in a step is
-/// left as it is and does not count the step. When a parameter gets other rows, its moments must follow:
-/// [`remap_rows`](Self::remap_rows).
+/// left as it is and does not count the step.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};
@@ -56,9 +54,6 @@ impl<T: Real> RAdam<T> {
 
     /// One step along the gradients that the tape holds, each parameter at the rate that `rate` says. The tape lets go
     /// of the parameters' values, so that they change in place; reset it next.
-    ///
-    /// # Panics
-    /// If a parameter has got other rows and its moments have not.
     pub fn step(&mut self, params: &mut Params<T>, tape: &mut Tape<T>, rate: impl Fn(ParamId) -> f64) {
         tape.release_params();
         for &id in &self.params {
@@ -67,11 +62,6 @@ impl<T: Real> RAdam<T> {
                 self.state.resize_with(params.len(), Default::default);
             }
             let (steps, Moments { first, second, .. }) = &mut self.state[id.index()];
-            let width = extent(params.get(id).shape()).1.max(1);
-            if *steps > 0 {
-                let (expected, found) = (gradient.len() / width, first.len() / width);
-                check(params, id, "moments", expected, found).unwrap_or_else(|error| panic!("{error}"));
-            }
             *steps += 1;
             first.resize(gradient.len(), T::ZERO);
             second.resize(gradient.len(), T::ZERO);
@@ -85,20 +75,6 @@ impl<T: Real> RAdam<T> {
                 *p -= if factors.rectified { adaptive * *m / (v.sqrt() + eps) } else { plain * *m };
             }
         }
-    }
-
-    /// Gives the moments of a parameter other rows, as [`RowMap::apply`] does to its values.
-    ///
-    /// # Errors
-    /// When the moments do not have the rows that the map begins with; they are then left as they were.
-    pub fn remap_rows(&mut self, params: &Params<T>, id: ParamId, map: &RowMap) -> Result<(), RowError> {
-        let Some((1.., moments)) = self.state.get_mut(id.index()) else { return Ok(()) };
-        let (_, width) = extent(params.get(id).shape());
-        let rows = moments.first.len().checked_div(width).unwrap_or(map.old_rows());
-        check(params, id, "row map", rows, map.old_rows())?;
-        moments.first = map.rearranged(width, &moments.first, false);
-        moments.second = map.rearranged(width, &moments.second, false);
-        Ok(())
     }
 
     /// The state of every parameter that has taken a step, by name: the number of its steps and its moments.

@@ -11,25 +11,6 @@ pub enum CompressError {
     /// The scene cannot be drawn.
     #[error(transparent)]
     Raster(#[from] RasterError),
-    /// The scene cannot be encoded in a format of files, or decoded from it.
-    #[error(transparent)]
-    Format(#[from] weaver_io::Error),
-    /// The scene cannot be trained.
-    #[error(transparent)]
-    Fit(#[from] weaver_fit::FitError),
-    /// The surface of the scene cannot be made.
-    #[error(transparent)]
-    Mesh(#[from] weaver_mesh::MeshError),
-    /// Bytes that do not follow a method's format.
-    #[error("{place}: expected {expected}, found {found}")]
-    Stream {
-        /// The part.
-        place: String,
-        /// The expected content.
-        expected: String,
-        /// The content found.
-        found: String,
-    },
     /// There is nothing to judge by.
     #[error("cameras: expected at least one, found none")]
     NoCameras,

@@ -2,7 +2,7 @@
 
 use crate::CompressError;
 use weaver_geometry::Camera;
-use weaver_scene::{ActivatedGaussians, Gaussians, Photo};
+use weaver_scene::{ActivatedGaussians, Gaussians};
 use weaver_splat::{RasterSettings, Renderer};
 
 /// The least mean square that counts as an error: pictures that agree better are equal to the eye and to 8 bits.
@@ -61,20 +61,6 @@ impl Judge {
     pub fn psnr(&mut self, gaussians: &Gaussians) -> Result<f64, CompressError> {
         let squares = self.squares(gaussians)?;
         Ok(squares.iter().map(|square| -10.0 * square.max(LEAST).log10()).sum::<f64>() / squares.len() as f64)
-    }
-
-    /// Mean of the decibels of a scene's pictures beside photos of its cameras; with NaN where a photo is masked
-    /// altogether.
-    ///
-    /// # Errors
-    /// If the scene cannot be drawn.
-    pub fn psnr_of_photos(&mut self, gaussians: &Gaussians, photos: &[Photo]) -> Result<f64, CompressError> {
-        let (activated, judge, mut sum) = (gaussians.to_activated(), weaver_fit::Judge::default(), 0.0);
-        for photo in photos {
-            let drawn = self.renderer.render(&activated, &[photo.camera], self.background, &self.settings)?.concat();
-            sum += judge.compare_inside(&drawn, &photo.rgb, photo.size(), photo.mask.as_deref()).psnr;
-        }
-        Ok(sum / photos.len() as f64)
     }
 
     /// Mean square difference of each picture.

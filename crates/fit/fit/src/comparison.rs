@@ -1,8 +1,8 @@
 //! Comparison of a drawn view with its photo.
 
 use crate::exposure::{self, Exposure};
-use crate::objective::Objective;
 use weaver_kernels::{parallel, simd};
+use weaver_losses::Photometric;
 
 /// A photo as a view is compared with it.
 pub(crate) struct Compared<'a> {
@@ -25,6 +25,7 @@ pub(crate) struct Buffers {
     pub gradient: Vec<f32>,
     /// Sums over parts of an image.
     squares: Vec<f32>,
+    photometric: Photometric<f32>,
 }
 
 impl Buffers {
@@ -35,13 +36,14 @@ impl Buffers {
         depth.resize(pixels, 0.0);
     }
 
-    /// The loss, the mean squared difference, and the gradient of the loss with respect to the correction; that with
-    /// respect to the image is then in the buffers.
+    /// The loss `(1 - w) mean |image - photo| + w (1 - SSIM)` of 3DGS (Kerbl et al., 2023, equation 7), the mean
+    /// squared difference, and the gradient of the loss with respect to the correction; the buffers then hold its
+    /// gradient with respect to the image.
     pub fn compare(
         &mut self,
         photo: &Compared<'_>,
         exposure: Option<&Exposure>,
-        objective: &mut dyn Objective,
+        ssim_weight: f64,
     ) -> (f64, f64, Option<[f32; exposure::NUMBERS]>) {
         const GRAIN: usize = 3 << 12;
         parallel::for_chunks(&mut self.target, GRAIN, |chunk, target| {
@@ -65,14 +67,15 @@ impl Buffers {
                 target.copy_from_slice(drawn);
             }
         }
-        let loss = objective.compare(corrected, &self.target, photo.size, &mut self.gradient);
+        let value =
+            self.photometric.value_and_gradient(corrected, &self.target, photo.size, ssim_weight, &mut self.gradient);
         let mse = mean_square(corrected, &self.target, &mut self.squares);
         if let Some(mask) = photo.mask {
             let pixels = self.gradient.chunks_exact_mut(3).zip(mask);
             pixels.filter(|(_, m)| !**m).for_each(|(g, _)| g.fill(0.0));
         }
         let of_exposure = exposure.map(|exposure| exposure.pull_back(&self.image, &mut self.gradient));
-        (loss, mse, of_exposure)
+        (value.loss, mse, of_exposure)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Agreement of images with photos.
 
 use serde::{Deserialize, Serialize};
-use weaver_losses::{Lpips, metrics};
+use weaver_losses::metrics::{self, PerceptualDistance};
 
 /// Smallest side of an image that SSIM is computed for: the side of its window.
 const LEAST_SIDE: usize = 11;
@@ -36,16 +36,16 @@ impl Quality {
     }
 }
 
-/// Compares images with photos; with the weights of LPIPS also by that.
+/// Compares images with photos; with a network for LPIPS also by that.
 #[derive(Debug, Default)]
 pub struct Judge {
-    lpips: Option<Lpips<f32>>,
+    lpips: Option<Box<dyn PerceptualDistance<f32>>>,
 }
 
 impl Judge {
     /// With or without LPIPS.
-    pub fn new(lpips: Option<Lpips<f32>>) -> Self {
-        Self { lpips }
+    pub fn new(lpips: Option<impl PerceptualDistance<f32> + 'static>) -> Self {
+        Self { lpips: lpips.map(|network| Box::new(network) as _) }
     }
 
     /// Judges an image `[H, W, 3]` by the photo's bytes; `size` is height, width.
@@ -61,7 +61,7 @@ impl Judge {
         let planes = |pixels: &[f32]| -> Vec<f32> {
             (0..3).flat_map(|c| pixels.iter().skip(c).step_by(3).map(|x| x.clamp(0.0, 1.0))).collect()
         };
-        let network = self.lpips.as_ref().filter(|network| height.min(width) >= network.least_side());
+        let network = self.lpips.as_deref().filter(|network| height.min(width) >= network.least_side());
         let large = height.min(width) >= LEAST_SIDE;
         let (drawn, wanted) = (planes(image), planes(&target));
         let psnr_aligned = metrics::psnr_aligned(&drawn, &wanted, mask);
@@ -76,7 +76,7 @@ impl Judge {
                 psnr: metrics::psnr(image, &target),
                 psnr_aligned,
                 ssim: large.then(|| metrics::ssim(&drawn, &wanted, [3, height, width])),
-                lpips: network.map(|network| metrics::lpips(network, &drawn, &wanted, size)),
+                lpips: network.map(|network| network.between(&drawn, &wanted, size)),
             },
         }
     }

@@ -6,7 +6,6 @@ use crate::device_fit::FitRasterizer;
 use crate::exposure::Exposure;
 use crate::gradients::{Activated, Gradients};
 use crate::init::{first_depth, looked_at};
-use crate::objective::{L1Ssim, Objective};
 use crate::photos::{self, Pyramid};
 use crate::population::Population;
 use crate::resident::Resident;
@@ -20,7 +19,7 @@ use std::time::{Duration, Instant};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
-use weaver_kernels::ranks::{Alone, Ranks};
+use weaver_ranks::{Alone, Ranks};
 use weaver_scene::{Gaussians, Photo};
 use weaver_splat::{CpuRasterizer, GaussianStatistics, RasterSettings, Session};
 
@@ -68,9 +67,9 @@ impl StepTimings {
 
 /// A scene that is being fitted to photos.
 ///
-/// Each step draws one photo's view, compares it with the photo by an [`Objective`], and moves Gaussians (and, on
-/// request, camera and color correction) down the gradient by Adam. Photos come in an order drawn anew for every round.
-/// Sources: Kerbl et al., 3D Gaussian Splatting, 2023, section 5; schedules are with [`FitSettings`].
+/// Each step draws one photo's view, compares it with the photo, and moves Gaussians (and, if asked, camera and color
+/// correction) down the gradient by Adam. Photos come in an order drawn anew for every round. Sources: Kerbl et al., 3D
+/// Gaussian Splatting, 2023, section 5; schedules are with [`FitSettings`].
 #[derive(Debug)]
 pub struct Fit {
     pub(crate) settings: FitSettings,
@@ -94,7 +93,6 @@ pub struct Fit {
     pub(crate) raster: RasterSettings,
     pub(crate) activated: Activated,
     pub(crate) gradients: Gradients,
-    pub(crate) objective: Box<dyn Objective>,
     pub(crate) rounding: Option<(f64, Box<dyn Rounding>)>,
     pub(crate) buffers: Buffers,
     pub(crate) timings: StepTimings,
@@ -164,7 +162,6 @@ impl Fit {
             raster,
             activated: Activated::default(),
             gradients: Gradients::default(),
-            objective: Box::new(L1Ssim::new(settings.ssim_weight)),
             rounding: None,
             buffers: Buffers::default(),
             timings: StepTimings::default(),
@@ -255,13 +252,6 @@ impl Fit {
     /// Draws the scene by other rules than [`FitSettings`] say, such as those that the initial Gaussians were made for.
     pub fn set_raster_settings(&mut self, raster: RasterSettings) {
         self.raster = raster;
-    }
-
-    /// Compares views with photos by another loss than [`L1Ssim`] with [`FitSettings::ssim_weight`].
-    pub fn set_objective(&mut self, objective: Box<dyn Objective>) {
-        // A device has its own loss, not this objective.
-        self.resident = None;
-        self.objective = objective;
     }
 
     /// Draws rounded Gaussians in place of those that are optimized, from this part of the run on. Those that are not

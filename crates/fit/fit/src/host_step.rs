@@ -117,7 +117,7 @@ impl Fit {
         let start = Instant::now();
         let mask = counted(photo, self.transients[index].as_ref());
         let seen = Compared { rgb: &photo.rgb, mask: mask.as_deref(), size: [height, width] };
-        let (loss, mse, exposure) = buffers.compare(&seen, self.exposures.get(index), self.objective.as_mut());
+        let (loss, mse, exposure) = buffers.compare(&seen, self.exposures.get(index), self.settings.ssim_weight);
         if !loss.is_finite() {
             return Err(self.diverged(loss, index, moment));
         }

@@ -4,7 +4,6 @@
 //! - [`FitSettings`] says how; all times in it are fractions of the run.
 //! - [`Strategy`] is density control: [`Split`](strategy::Split), [`Mcmc`](strategy::Mcmc), [`Keep`](strategy::Keep),
 //!   or one's own.
-//! - [`Objective`] is the loss between views and photos: [`L1Ssim`], or one of one's own.
 //! - [`Rounding`] trains with quantization: rounded Gaussians are drawn in place of those that are optimized.
 //! - [`FitRasterizer`] draws; one on a device may keep the Gaussians there ([`DeviceFit`]).
 //! - Cameras go toward where their photos fit the scene, on request: [`Poses`].
@@ -27,7 +26,6 @@ mod fit;
 mod gradients;
 mod host_step;
 pub mod init;
-mod objective;
 mod photos;
 mod population;
 mod rates;
@@ -53,16 +51,15 @@ pub use evaluate::{Judge, Quality};
 pub use exposure::Exposure;
 pub use fit::{Fit, StepReport, StepTimings};
 pub use gradients::Gradients;
-pub use objective::{L1Ssim, Objective};
 pub use photos::mean_color;
 pub use population::{Field, Population};
 pub use rates::Rates;
 pub use rounding::Rounding;
-pub use settings::{Density, FitSettings, Poses, StrategyKind};
+pub use settings::{FitSettings, Poses};
 pub use shared_step::bytes_per_step;
 #[cfg(feature = "state")]
 pub use state::gaussians_of;
-pub use strategy::{Moment, Regularizer, Strategy};
+pub use strategy::{Density, Moment, Regularizer, Strategy, StrategyKind};
 pub use thinning::Thinning;
 pub use timing::{Rehearsal, in_time, steps_in};
 pub use transients::Transients;

@@ -1,6 +1,6 @@
 //! Settings of a fit.
 
-use crate::{FitError, Rates, Thinning};
+use crate::{Density, FitError, Rates, Thinning};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -101,65 +101,6 @@ impl Default for FitSettings {
             thinned: Vec::new(),
         }
     }
-}
-
-/// Settings of adding, removing and moving Gaussians.
-#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct Density {
-    /// The strategy.
-    pub strategy: StrategyKind,
-    /// Rounds that a run has room for, evenly spread; those before `from` and after `until` are left out.
-    pub rounds: usize,
-    /// Part of the run before the first round.
-    pub from: f64,
-    /// Part of the run after which the number of Gaussians stays.
-    pub until: f64,
-    /// Gaussians with a lower opacity are given up.
-    pub least_opacity: f32,
-    /// Amount that every round takes off all opacities (`split`), so that unneeded Gaussians fade.
-    pub opacity_decay: f32,
-    /// Part of the budget that initial Gaussians may fill.
-    pub initial_part: f64,
-    /// Growth per round toward the budget (`mcmc`).
-    pub growth: f64,
-    /// Noise on the means over their learning rate, by covariances in units of the scene's size (`mcmc`).
-    pub noise: f64,
-    /// Weight of the mean opacity in the loss, so that superfluous Gaussians fade.
-    pub opacity_weight: f32,
-    /// Weight of the mean scale over the scene's size in the loss.
-    pub scale_weight: f32,
-}
-
-impl Default for Density {
-    fn default() -> Self {
-        Self {
-            strategy: StrategyKind::Split,
-            rounds: 30,
-            from: 0.02,
-            until: 0.8,
-            least_opacity: 0.005,
-            opacity_decay: 0.004,
-            initial_part: 0.6,
-            growth: 0.05,
-            noise: 5e6,
-            opacity_weight: 0.003,
-            scale_weight: 0.0,
-        }
-    }
-}
-
-/// The strategies that come with this crate.
-#[derive(Clone, Copy, Debug, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum StrategyKind {
-    /// Splits the Gaussians with the largest screen gradients along their longest axis; opacities decay, faded ones are
-    /// removed.
-    Split,
-    /// 3DGS-MCMC: dead Gaussians move to live ones, noise explores.
-    Mcmc,
-    /// The number of Gaussians stays as it is.
-    Keep,
 }
 
 /// Refinement of cameras: whenever a photo is looked at, its camera goes toward where the photo fits the scene.

@@ -9,7 +9,7 @@ use crate::host_step::{Look, PhotoLevel};
 use crate::strategy::Moment;
 use std::sync::Arc;
 use weaver_kernels::random::fnv1a;
-use weaver_kernels::ranks::{Ranks, joined};
+use weaver_ranks::{Ranks, joined};
 use weaver_splat::GaussianStatistics;
 
 /// Numbers of a row for the report of the step: the loss, the mean squared difference, the pairs.
@@ -33,7 +33,7 @@ impl Fit {
     /// ```
     /// use weaver_fit::{Fit, FitSettings, Photo, init};
     /// use weaver_geometry::{Camera, Intrinsics, Pose};
-    /// use weaver_kernels::ranks::threads;
+    /// use weaver_ranks::threads;
     ///
     /// let intrinsics = Intrinsics { fx: 20.0, fy: 20.0, cx: 12.0, cy: 8.0 };
     /// let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 24, height: 16 };

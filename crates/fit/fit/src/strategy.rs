@@ -11,12 +11,59 @@ pub(crate) use split::split;
 
 use crate::gradients::Gradients;
 use crate::population::Population;
-use crate::settings::{Density, StrategyKind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::fmt::Debug;
 use weaver_kernels::random::Stream;
 use weaver_splat::GaussianStatistics;
 
-/// The moment of a run at which a strategy acts.
+/// Settings of adding, removing and moving Gaussians.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Density {
+    /// The strategy.
+    pub strategy: StrategyKind,
+    /// Rounds that a run has room for, evenly spread; those before `from` and after `until` are left out.
+    pub rounds: usize,
+    /// Part of the run before the first round.
+    pub from: f64,
+    /// Part of the run after which the number of Gaussians stays.
+    pub until: f64,
+    /// Gaussians with a lower opacity are given up.
+    pub least_opacity: f32,
+    /// Amount that every round takes off all opacities (`split`), so that unneeded Gaussians fade.
+    pub opacity_decay: f32,
+    /// Part of the budget that initial Gaussians may fill.
+    pub initial_part: f64,
+    /// Growth per round toward the budget (`mcmc`).
+    pub growth: f64,
+    /// Noise on the means over their learning rate, by covariances in units of the scene's size (`mcmc`).
+    pub noise: f64,
+    /// Weight of the mean opacity in the loss, so that what is not needed fades.
+    pub opacity_weight: f32,
+    /// Weight of the mean scale over the scene's size in the loss.
+    pub scale_weight: f32,
+}
+
+impl Default for Density {
+    fn default() -> Self {
+        Self {
+            strategy: StrategyKind::Split,
+            rounds: 30,
+            from: 0.02,
+            until: 0.8,
+            least_opacity: 0.005,
+            opacity_decay: 0.004,
+            initial_part: 0.6,
+            growth: 0.05,
+            noise: 5e6,
+            opacity_weight: 0.003,
+            scale_weight: 0.0,
+        }
+    }
+}
+
+/// Where in a run a strategy is asked.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
     /// Steps done.
@@ -90,16 +137,41 @@ pub trait Strategy: Debug + Send {
     fn adapt(&mut self, moment: &Moment, population: &mut Population, statistics: &[GaussianStatistics<f32>]) -> bool;
 }
 
-impl Density {
-    /// The strategy of these settings.
-    pub fn strategy(&self) -> Box<dyn Strategy> {
-        match self.strategy {
-            StrategyKind::Split => Box::new(Split::new(self.clone())),
-            StrategyKind::Mcmc => Box::new(Mcmc::new(self.clone())),
-            StrategyKind::Keep => Box::new(Keep),
+/// Defines the strategies by kind, name in settings and flags, a line of help, and constructor.
+macro_rules! strategies {
+    ($($(#[$doc:meta])+ $kind:ident, $name:literal, $help:literal, $new:expr;)+) => {
+        /// The strategies that come with this crate.
+        #[derive(Clone, Copy, Debug, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
+        pub enum StrategyKind {
+            $($(#[$doc])+ #[serde(rename = $name)] $kind,)+
         }
-    }
 
+        impl StrategyKind {
+            /// All strategies: name, kind, and a line of help.
+            pub const ALL: &[(&str, Self, &str)] = &[$(($name, Self::$kind, $help)),+];
+        }
+
+        impl Density {
+            /// The strategy of these settings.
+            pub fn strategy(&self) -> Box<dyn Strategy> {
+                match self.strategy {
+                    $(StrategyKind::$kind => Box::new($new(self.clone())),)+
+                }
+            }
+        }
+    };
+}
+
+strategies! {
+    /// Splits what pulls hardest on the screen along its longest axis; opacities decay, what fades is removed.
+    Split, "split", "Splits what pulls hardest on the screen; the rest fades", Split::new;
+    /// 3DGS-MCMC: dead Gaussians move to live ones, noise explores.
+    Mcmc, "mcmc", "3DGS-MCMC: relocation and noise", Mcmc::new;
+    /// The number of Gaussians stays as it is.
+    Keep, "keep", "The number stays as it is", |_| Keep;
+}
+
+impl Density {
     /// `opacity_weight mean(opacity) + scale_weight mean(scale) / extent`.
     fn regularizer(&self, moment: &Moment, gaussians: usize) -> Regularizer {
         let n = gaussians as f32;

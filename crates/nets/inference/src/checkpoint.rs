@@ -6,7 +6,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use weaver_autograd::{Param, ParamId, ParamValues, Params, Shape};
+use weaver_autograd::{ParamId, ParamValues, Params};
 use weaver_io::safetensors::{TensorData, Tensors};
 
 /// The format's name and version, in the file's metadata.
@@ -166,8 +166,7 @@ impl Checkpoint {
         serde_json::from_str(text).map_err(|e| self.wrong(format!("metadata model: {e}")))
     }
 
-    /// Fills declared parameters with the checkpoint's weights. A parameter whose rows vary takes the checkpoint's
-    /// rows.
+    /// Fills declared parameters with the checkpoint's weights.
     ///
     /// # Errors
     /// Names the first tensor that is missing, of another shape, or of no parameter.
@@ -175,7 +174,7 @@ impl Checkpoint {
         let ids: Vec<ParamId> = params.ids().collect();
         for id in ids {
             let name = params.get(id).name().to_string();
-            let shape = self.shape_of(params.get(id), set);
+            let shape = params.get(id).shape();
             // A file in which either set is damaged is not to be trusted.
             for checked in [WeightSet::Trained, WeightSet::Averaged] {
                 if checked != set && self.is_compact() {
@@ -183,7 +182,7 @@ impl Checkpoint {
                 }
                 let values = self.values(&format!("{}.{name}", checked.prefix()), shape.dims())?;
                 if checked == set {
-                    put(params, id, shape, values);
+                    params.set(id, ParamValues::Owned(Arc::new(values)));
                 }
             }
         }
@@ -205,12 +204,12 @@ impl Checkpoint {
         let ids: Vec<ParamId> = params.ids().collect();
         for id in ids {
             let name = params.get(id).name().to_string();
-            let shape = self.shape_of(params.get(id), WeightSet::Averaged);
+            let shape = params.get(id).shape();
             let key = format!("{}.{name}", WeightSet::Averaged.prefix());
             match self.tensors.tensors.get(&key) {
                 Some(tensor) if tensor.shape == shape.dims() => {
                     let values = self.values(&key, shape.dims())?;
-                    put(params, id, shape, values);
+                    params.set(id, ParamValues::Owned(Arc::new(values)));
                     partly.taken.push(name);
                 }
                 Some(tensor) => partly.fresh.push(format!("{name} ({shape}, there {:?})", tensor.shape)),
@@ -251,16 +250,6 @@ impl Checkpoint {
         !self.tensors.tensors.keys().any(|key| key.split('.').next() == Some(trained))
     }
 
-    /// The shape that a parameter has in this checkpoint, as far as it is free to differ: by the number of its rows.
-    fn shape_of(&self, param: &Param<f32>, set: WeightSet) -> Shape {
-        let built = param.shape();
-        let stored = self.tensors.tensors.get(&format!("{}.{}", set.prefix(), param.name()));
-        match stored.and_then(|tensor| tensor.shape.first()) {
-            Some(&rows) if param.rows_vary() => built.with_axis(0, rows),
-            _ => built,
-        }
-    }
-
     /// The numbers of a tensor. A network with a weight that is not finite would run, and its figures would mean
     /// nothing.
     fn values(&self, key: &str, shape: &[usize]) -> Result<Vec<f32>, Error> {
@@ -279,14 +268,5 @@ impl Checkpoint {
     /// An error that names this file.
     pub fn wrong(&self, message: impl Into<String>) -> Error {
         Error::Checkpoint { path: self.path.clone(), message: message.into() }
-    }
-}
-
-/// Gives a parameter values of its own shape, or of other rows where they vary.
-fn put(params: &mut Params<f32>, id: ParamId, shape: Shape, values: Vec<f32>) {
-    if params.get(id).rows_vary() {
-        params.replace(id, shape[0], values).expect("the values have this shape");
-    } else {
-        params.set(id, ParamValues::Owned(Arc::new(values)));
     }
 }

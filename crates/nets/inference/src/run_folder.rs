@@ -43,24 +43,9 @@ impl RunFolder {
         self.path.join("checkpoint.safetensors")
     }
 
-    /// One line per logged step.
-    pub fn metrics_path(&self) -> PathBuf {
-        self.path.join("metrics.jsonl")
-    }
-
     /// The outcome of the run.
     pub fn summary_path(&self) -> PathBuf {
         self.path.join("summary.json")
-    }
-
-    /// Curves and pictures in one file.
-    pub fn report_path(&self) -> PathBuf {
-        self.path.join("report.html")
-    }
-
-    /// TensorBoard's folder.
-    pub fn events_path(&self) -> PathBuf {
-        self.path.join("events")
     }
 
     /// The folder of sample pictures.

@@ -5,10 +5,8 @@
 //!   described once, for all three.
 //! - [`AdaptiveModel`] codes symbols by their frequencies, [`MixedModel`] numbers by several contexts at once,
 //!   [`GaussianModel`] numbers by a normal distribution that is predicted.
-//! - [`Quantizer`] makes numbers symbols. [`gaussian_rate`], [`bernoulli_rate`] and [`FactorizedPrior`] give the costs
-//!   of symbols.
-//! - [`morton3`], [`code_octree`], [`Raht`] and [`Codebook`] are for positions, and for values that vary slowly in
-//!   space.
+//! - [`Quantizer`] makes numbers symbols. [`gaussian_rate`] and [`FactorizedPrior`] say what symbols cost.
+//! - [`morton3`], [`code_octree`], [`Raht`] and [`Codebook`] are for positions, and for what varies slowly in space.
 //! - [`Container`] holds streams, with sizes and checksums.
 
 mod adaptive;
@@ -37,10 +35,10 @@ pub use gaussian::GaussianModel;
 pub use mixed::MixedModel;
 pub use morton::{from_morton2, from_morton3, morton2, morton3};
 pub use octree::{DEEPEST, code_octree};
-pub use quantizer::{LARGEST_SYMBOL, Quantizer, binary, binary_slope};
+pub use quantizer::{LARGEST_SYMBOL, Quantizer, binary};
 pub use raht::Raht;
 pub use range::{CodeLength, Coder, PRECISION, RangeDecoder, RangeEncoder, Slices, Uniform, WHOLE};
-pub use rates::{GaussianRate, LEAST_PROBABILITY, bernoulli_rate, gaussian_rate};
+pub use rates::{GaussianRate, LEAST_PROBABILITY, gaussian_rate};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -40,8 +40,3 @@ impl Quantizer {
 pub fn binary(x: f64) -> f64 {
     if x < 0.0 { -1.0 } else { 1.0 }
 }
-
-/// The derivative that stands in for the derivative of [`binary`] in training: 1 within `(-1, 1)`, 0 elsewhere.
-pub fn binary_slope(x: f64) -> f64 {
-    if x.abs() < 1.0 { 1.0 } else { 0.0 }
-}

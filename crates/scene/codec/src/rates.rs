@@ -54,9 +54,3 @@ pub fn gaussian_rate(x: f64, mean: f64, deviation: f64, step: f64) -> GaussianRa
     let by_step = slope * 0.5 * (density(upper) + density(lower)) / s;
     GaussianRate { bits, by_step, by_x: if x < mean { -by_distance } else { by_distance }, by_deviation }
 }
-
-/// Bits of one of two outcomes whose probability is `p`, held within `[1e-6, 1 - 1e-6]`, and the derivative by `p`.
-pub fn bernoulli_rate(p: f64, outcome: bool) -> (f64, f64) {
-    let p = p.clamp(LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY);
-    if outcome { (-p.log2(), -1.0 / (p * LN_2)) } else { (-(1.0 - p).log2(), 1.0 / ((1.0 - p) * LN_2)) }
-}

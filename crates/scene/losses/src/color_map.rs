@@ -1,7 +1,6 @@
 //! Affine maps of colors: the effect of exposure, white balance and a tone curve's slope on a photo.
 
-use weaver_autograd::Real;
-use weaver_kernels::dense;
+use weaver_kernels::{Real, dense};
 
 /// An affine map of colors, `rgb' = A rgb + b`: `[A | b]`, `[3, 4]` row by row.
 ///

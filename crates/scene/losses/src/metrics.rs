@@ -1,8 +1,9 @@
 //! Image metrics without a tape: plain functions of slices, computed in `f64` unless stated otherwise.
 
+use crate::ColorMap;
 use crate::ssim_window::{Covariance, WINDOW, Windows};
-use crate::{ColorMap, Lpips};
-use weaver_autograd::{Real, Tape};
+use std::fmt::Debug;
+use weaver_kernels::Real;
 use weaver_kernels::order::quantile;
 
 /// The peak signal-to-noise ratio of two images in dB.
@@ -99,11 +100,17 @@ pub fn ssim_masked<T: Real>(a: &[T], b: &[T], size: [usize; 3], mask: &[bool]) -
 
 /// The perceptual distance over the pixels of a mask, or `None` if the mask is empty.
 ///
-/// As [`lpips`], where the mask `[H, W]` is false both are taken to be white, and the distance is per pixel of the
-/// mask.
-pub fn lpips_masked<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2], mask: &[bool]) -> Option<f64> {
+/// As [`PerceptualDistance::between`], where the mask `[H, W]` is false both are taken to be white, and the distance is
+/// per pixel of the mask.
+pub fn lpips_masked<T: Real>(
+    network: &dyn PerceptualDistance<T>,
+    a: &[T],
+    b: &[T],
+    size: [usize; 2],
+    mask: &[bool],
+) -> Option<f64> {
     let counted = mask.iter().filter(|inside| **inside).count();
-    let distance = || lpips(network, &inside(a, mask), &inside(b, mask), size);
+    let distance = || network.between(&inside(a, mask), &inside(b, mask), size);
     (counted > 0).then(|| distance() * mask.len() as f64 / counted as f64)
 }
 
@@ -112,14 +119,15 @@ fn inside<T: Real>(image: &[T], mask: &[bool]) -> Vec<T> {
     image.iter().enumerate().map(|(i, x)| if mask[i % mask.len()] { *x } else { T::ONE }).collect()
 }
 
-/// The perceptual distance of two images `[3, H, W]` in [0, 1], in the network's own precision; see
-/// [`Lpips::distance`].
-///
-/// `size` is (H, W). Panics unless both images have three planes of that size.
-pub fn lpips<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2]) -> f64 {
-    let tape = Tape::new();
-    let [a, b] = [a, b].map(|image| tape.constant(image, [1, 3, size[0], size[1]]));
-    network.distance(a, b).item().to_f64()
+/// A perceptual distance of images, such as LPIPS, whatever computes it.
+pub trait PerceptualDistance<T: Real>: Debug + Send + Sync {
+    /// Smallest side of the images that can be compared.
+    fn least_side(&self) -> usize;
+
+    /// The distance of two images `[3, H, W]` in [0, 1], in the network's own precision.
+    ///
+    /// `size` is (H, W). Panics unless both images have three planes of that size.
+    fn between(&self, a: &[T], b: &[T], size: [usize; 2]) -> f64;
 }
 
 /// The mask of a view's energetic pixels: those whose high-frequency energy is at or above its 0.75 quantile.

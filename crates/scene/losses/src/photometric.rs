@@ -4,8 +4,7 @@ mod band;
 
 use crate::ssim_window::{BORDER, WINDOW, taps};
 use band::Band;
-use weaver_autograd::{Pool, Real};
-use weaver_kernels::{lanes, parallel};
+use weaver_kernels::{Pool, Real, lanes, parallel};
 
 /// Numbers of a pixel.
 const CHANNELS: usize = 3;
@@ -19,8 +18,9 @@ const BAND: usize = 64;
 ///
 /// `loss = (1 - w) mean |image - target| + w (1 - SSIM(image, target))`,
 ///
-/// where SSIM is [`ssim`](crate::ssim())'s: the mean over channels and over all 11x11 Gaussian windows inside the
-/// image. An image with fewer than 11 rows or columns has no window; its loss is the mean absolute error at any weight.
+/// where SSIM is that of [`metrics::ssim`](crate::metrics::ssim): the mean over channels and over all 11x11 Gaussian
+/// windows inside the image. An image with fewer than 11 rows or columns has no window; its loss is the mean absolute
+/// error, whatever the weight.
 ///
 /// Holds the memory of the loss, one workspace per thread, so that a repeated call allocates nothing. Source: Kerbl et
 /// al., 3D Gaussian splatting, 2023, equation 7, with w = 0.2; Wang et al., Image quality assessment, 2004.

@@ -1,6 +1,6 @@
 //! Structural similarity of one image plane, and its gradient: the kernel behind the loss and the metric.
 
-use weaver_autograd::Real;
+use weaver_kernels::Real;
 use weaver_kernels::simd;
 
 /// Width of the Gaussian window.

@@ -2,9 +2,9 @@
 //! rasterizers give them.
 
 use crate::rotation::matrix;
-use weaver_autograd::Dual;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, Pose, se3};
+use weaver_kernels::Dual;
 use weaver_kernels::optim::AdamW;
 
 /// The numbers of a camera that descend, and their rate.

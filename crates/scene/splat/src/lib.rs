@@ -10,6 +10,7 @@
 //! - [`tiles`] sorts, bins and blends primitives of any shape, seen by any camera.
 //! - [`RasterizePrimitives`] is an operation on the tape for such primitives: one says how it is projected and
 //!   differentiated ([`Primitive`]).
+//! - What is on the tape comes with the default feature `tape`.
 //! - [`mod@reference`] computes images and gradients again, slowly and in another way, to test against.
 //!
 //! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centers at +0.5, quaternions
@@ -17,7 +18,6 @@
 
 mod blend_weights;
 mod columns;
-mod covariance;
 mod cpu_rasterizer;
 mod depth;
 mod each;
@@ -28,8 +28,6 @@ mod gaussian_pass;
 mod gradients;
 mod matrix;
 mod memory;
-mod op;
-mod primitive_op;
 mod project;
 mod project_backward;
 mod rasterize;
@@ -40,30 +38,33 @@ mod render;
 mod rotation;
 mod settings;
 mod sh;
-mod shelf;
 mod splats;
 mod statistics;
 mod statistics_pass;
+#[cfg(feature = "tape")]
+mod tape;
 pub mod tiles;
 mod view;
 mod workspace;
 
 pub use blend_weights::BlendWeights;
-pub use covariance::covariance;
 pub use cpu_rasterizer::CpuRasterizer;
 pub use depth::{expected_depth, expected_depth_backward};
 pub use error::RasterError;
 pub use extent::Extent;
 pub use gradients::{Cotangents, Gradients, Target};
-pub use op::{GaussianVars, Rasterize, RenderedVars, WorkspacePool};
-pub use primitive_op::{PixelSums, Primitive, RasterizePrimitives, TilesPool};
 pub use rasterize::rasterize;
 pub use rasterize_backward::rasterize_backward;
 pub use rasterizer::{AnyRasterizer, Images, RasterStats, Rasterizer, Session};
 pub use render::{Renderer, render};
 pub use settings::RasterSettings;
 pub use splats::{ScreenGradient, Splat};
-pub use statistics::{GaussianStatistics, SharedStatistics};
+pub use statistics::GaussianStatistics;
+#[cfg(feature = "tape")]
+pub use tape::{
+    GaussianVars, PixelSums, Primitive, Rasterize, RasterizePrimitives, RenderedVars, SharedStatistics, TilesPool,
+    WorkspacePool, covariance,
+};
 pub use tiles::{Region, TileSide};
 pub use view::{CAMERA_SUMS, View};
 pub use workspace::{Timings, Workspace};

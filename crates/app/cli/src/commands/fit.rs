@@ -23,7 +23,7 @@ use weaver_data::capture::HoldOut;
 use weaver_fit::{FitSettings, Rates, StrategyKind, bytes_per_step};
 use weaver_fit_run::{ByPhotos, Folder, Pace, Run, RunSettings, plan};
 use weaver_io::SceneFormat;
-use weaver_kernels::ranks::Ranks;
+use weaver_ranks::Ranks;
 
 /// Fits Gaussians to the photos of a capture: a scene in minutes.
 ///
@@ -124,7 +124,7 @@ pub struct Fit {
     #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = SCENE)]
     pub antialiased: Option<bool>,
     /// Strategy by which Gaussians are added, removed and moved [default: split]
-    #[arg(long, value_parser = choice(&STRATEGIES), help_heading = SCENE)]
+    #[arg(long, value_parser = choice(StrategyKind::ALL), help_heading = SCENE)]
     pub strategy: Option<StrategyKind>,
     /// Further files of the scene, in formats that `splatweaver convert --help` lists; may be repeated
     #[arg(long = "also", value_parser = scene_format(), value_name = "FORMAT", help_heading = SCENE)]
@@ -157,12 +157,6 @@ const PHOTOS: &str = "Photos and cameras";
 const SCENE: &str = "Scene";
 const CONFIGURATION: &str = "Configuration";
 const RUN: &str = "Run";
-
-const STRATEGIES: [(&str, StrategyKind, &str); 3] = [
-    ("split", StrategyKind::Split, "Splits what pulls hardest on the screen; the rest fades"),
-    ("mcmc", StrategyKind::Mcmc, "3DGS-MCMC: relocation and noise"),
-    ("keep", StrategyKind::Keep, "The number stays as it is"),
-];
 
 fn pause(text: &str) -> Result<f64, String> {
     match text.parse() {

@@ -5,6 +5,7 @@ use super::view::{self, Seen};
 use crate::clip;
 use crate::estimate::{cameras_folder, estimated};
 use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, DensityFlags, LightFlags, MatchingFlags, RefineFlags};
+use crate::models;
 use crate::refine::refined;
 use clap::{ArgGroup, Args};
 use serde_json::json;
@@ -238,11 +239,11 @@ fn own(
     let (mut predictor, seed): (Box<dyn Predictor>, u64) = match (&arguments.run, &arguments.weights) {
         (Some(run), _) => {
             let folder = RunFolder::at(run);
-            let run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
+            let run = models::registry().of_run(&folder)?.open(&folder)?;
             (run.predictor, run.seed)
         }
         (None, Some(weights)) => {
-            let run = weaver_recipes::open_weights(weights)?;
+            let run = models::registry().open_weights(weights)?;
             (run.predictor, arguments.seed.unwrap_or(run.seed))
         }
         (None, None) => (Box::new(SplatWeaverPredictor::built_in()?), 0),

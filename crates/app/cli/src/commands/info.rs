@@ -5,6 +5,7 @@ mod run;
 
 use crate::clip;
 use crate::methods::describe_picture;
+use crate::models;
 use clap::Args;
 use json::of_json;
 use run::{SETTINGS, of_run_folder};
@@ -96,7 +97,7 @@ fn of_bin(path: &Path) -> Result<String, Failure> {
 }
 
 fn of_run(run: &RunFolder) -> Result<String, Failure> {
-    let config = weaver_recipes::registry().of_run(run)?.read(run)?;
+    let config = models::registry().of_run(run)?.read(run)?;
     let mut text = format!("run of {}, preset {}\n", config.architecture, config.preset);
     if run.checkpoint_path().is_file() {
         let checkpoint = Checkpoint::read(&run.checkpoint_path())?;

@@ -1,5 +1,6 @@
 //! `splatweaver train`.
 
+use crate::models;
 use crate::processes::{network, together};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -120,7 +121,7 @@ fn run_in(
         }
         Ok(Some(session))
     };
-    let registry = weaver_recipes::registry();
+    let registry = models::registry();
     let rasterizer = device::rasterizer(&arguments.device)?;
     if let Some(path) = &arguments.resume {
         let folder = RunFolder::at(path);

@@ -43,7 +43,7 @@ fn settings(folder: &Path) -> RunSettings {
 
 /// The report of a short fit of a capture.
 fn report(settings: RunSettings, out: &Path) -> String {
-    let mut run = Run::create(out, settings, None, Judge::new(None), Arc::new(CpuRasterizer)).unwrap();
+    let mut run = Run::create(out, settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     run.advance(&AtomicBool::new(false), |_| {}).unwrap();
     run.finish().unwrap();
     std::fs::read_to_string(out.join("report.html")).unwrap()

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_fit::Judge;
 use weaver_fit_run::{Run, RunError, RunSettings};
-use weaver_kernels::ranks::{Ranks, threads};
+use weaver_ranks::{Ranks, threads};
 use weaver_splat::CpuRasterizer;
 
 /// A run of so many processes, of which the first one does what is said.

@@ -12,7 +12,8 @@ use weaver_autograd::Pool;
 use weaver_data::{Scene, Tuple, View, evaluation_tuples};
 use weaver_inference::{Predictor, planar};
 use weaver_io::Image;
-use weaver_losses::{Lpips, metrics};
+use weaver_losses::Lpips;
+use weaver_losses::metrics::{self, PerceptualDistance};
 use weaver_pose::PoseErrors;
 use weaver_wavelet::{EnergyMap, Wavelet};
 
@@ -248,7 +249,7 @@ impl Measure<'_> {
         let (shown, truth, size) = (planar([image]), planar([&view.image]), [image.height, image.width]);
         let network = self.lpips?;
         match view.inside.as_deref() {
-            None => Some(metrics::lpips(network, &shown, &truth, size)),
+            None => Some(network.between(&shown, &truth, size)),
             Some(inside) => metrics::lpips_masked(network, &shown, &truth, size, inside),
         }
     }

@@ -4,7 +4,7 @@ use super::{PendingStep, Position, Session};
 use crate::{Config, Error, Ranks, Recipe, StageConfig};
 use std::sync::Arc;
 use weaver_kernels::random::fnv1a;
-use weaver_kernels::ranks::sum;
+use weaver_ranks::sum;
 
 /// Outcome of a batch beside gradients.
 #[derive(Debug)]

@@ -1,14 +1,18 @@
-//! The trainer with a model that it does not know: the example's.
+//! The trainer with a model that it does not know, the example's, and with its own, SplatWeaver.
 
 #[path = "../../examples/pixel_cnn.rs"]
 #[allow(dead_code, reason = "the example's own main is not called here")]
 mod pixel_cnn;
 
 mod augmentation;
-mod growing;
+mod capture;
+#[path = "../../../../scene/io/tests/it/mutations.rs"]
+mod mutations;
 mod ranks;
 mod resuming;
+mod same_bits;
 mod scale;
+mod splatweaver;
 
 use pixel_cnn::PixelCnnRecipe;
 use std::sync::atomic::AtomicBool;
@@ -115,7 +119,7 @@ impl Observer for Silent {
 #[test]
 fn a_name_finds_the_model_from_training_to_evaluation() {
     let parent = tempfile::tempdir().unwrap();
-    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let registry = Registry::empty().with::<PixelCnnRecipe>();
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
     let recipe = registry.find(Some("pixel-cnn")).unwrap();
     let config = recipe.resolve(&ConfigSource { settings, steps: Some(3), ..ConfigSource::default() }).unwrap();
@@ -123,7 +127,7 @@ fn a_name_finds_the_model_from_training_to_evaluation() {
     let written = weaver_inference::RunFolder::at(folder.path());
     let summary = recipe.start(&config).unwrap().train(&folder, &mut Silent, &AtomicBool::new(false)).unwrap();
     assert_eq!((summary.steps, summary.evaluation.unwrap().allocation), (3, None));
-    assert!(written.report_path().is_file());
+    assert!(written.path().join("report.html").is_file());
 
     let mut run = registry.of_run(&written).unwrap().open(&written).unwrap();
     let found = run.evaluate(&Source::Unseen, &EvalOptions::default(), &mut |_, _| {}).unwrap();
@@ -139,7 +143,7 @@ fn a_name_finds_the_model_from_training_to_evaluation() {
 
 #[test]
 fn an_unknown_model_is_named_beside_those_there_are() {
-    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let registry = Registry::empty().with::<PixelCnnRecipe>();
     let message = registry.find(Some("pixel-rnn")).unwrap_err().to_string();
     assert!(message.contains("pixel-rnn") && message.contains("pixel-cnn"), "{message}");
     // A run of another model.

@@ -5,7 +5,7 @@ use crate::{PixelCnnRecipe, Silent, config};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use weaver_inference::RunFolder;
-use weaver_kernels::ranks::threads;
+use weaver_ranks::threads;
 use weaver_trainer::{Config, ConfigSource, Ranks, Registry, Session, claim_run};
 
 /// A run of three steps of four batches.
@@ -104,7 +104,7 @@ fn processes_must_hold_the_same_run() {
 #[test]
 fn the_first_process_alone_writes() {
     let parent = tempfile::tempdir().unwrap();
-    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let registry = Registry::empty().with::<PixelCnnRecipe>();
     let entry = registry.find(None).unwrap();
     let settings = ["model.size=[16, 16]", "model.channels=4", "optimizer.accumulate=3"].map(String::from).to_vec();
     let resolved = entry.resolve(&ConfigSource { settings, steps: Some(3), ..ConfigSource::default() }).unwrap();

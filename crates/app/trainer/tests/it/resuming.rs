@@ -99,7 +99,7 @@ fn evaluations_name_captures_that_have_changed() {
     let mut session = Session::new(config).unwrap();
     session.advance().unwrap();
     session.save(&folder.checkpoint_path()).unwrap();
-    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let registry = Registry::empty().with::<PixelCnnRecipe>();
     let remarks = || {
         let mut run = registry.find(None).unwrap().open(&folder).unwrap();
         run.evaluate(&Source::Run, &EvalOptions::default(), &mut |_, _| ()).unwrap().remarks
@@ -119,7 +119,7 @@ fn evaluations_name_captures_that_have_changed() {
 #[test]
 fn more_steps_prolong_the_last_stage_and_are_recorded() {
     let parent = tempfile::tempdir().unwrap();
-    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let registry = Registry::empty().with::<PixelCnnRecipe>();
     let recipe = registry.find(None).unwrap();
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
     let config = recipe.resolve(&ConfigSource { settings, steps: Some(3), ..ConfigSource::default() }).unwrap();

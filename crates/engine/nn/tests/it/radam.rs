@@ -1,8 +1,8 @@
-//! Rectified Adam: against PyTorch's numbers, parameters without gradients, stored states and other rows.
+//! Rectified Adam: against PyTorch's numbers, parameters without gradients and stored states.
 
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape};
-use weaver_nn::{Moments, RAdam, RowError, RowMap, RowSource, StateError};
+use weaver_nn::{RAdam, StateError};
 
 /// Three numbers, and one with a rate of its own.
 fn setup() -> (Params<f64>, [ParamId; 2]) {
@@ -92,47 +92,4 @@ fn a_resumed_run_takes_the_same_steps() {
     wrong.get_mut("a").unwrap().1.row_steps = vec![7; 3];
     let error = resumed.set_state(&params, wrong).unwrap_err();
     assert_eq!(error, StateError::RowSteps { name: "a".into(), expected: 0, found: 3 });
-}
-
-/// Rows that are kept take the step that they would have taken; others begin with moments of zero.
-#[test]
-fn moments_follow_their_rows() {
-    let values = |params: &Params<f64>, id| params.get(id).value().to_vec();
-    let run = |params: &mut Params<f64>, optimizer: &mut RAdam<f64>, weights: &[f64], id: ParamId| {
-        let mut tape = Tape::new();
-        (tape.param(params, id).square() * tape.constant(weights, [weights.len()])).sum().backward();
-        optimizer.step(params, &mut tape, |_| 0.1);
-    };
-    let mut params = Params::<f64>::new();
-    let w = params.add("w", [3], vec![1.0, 2.0, 3.0]);
-    params.set_rows_vary(w);
-    let mut optimizer = RAdam::new(vec![w], 0.9, 0.999, 1e-8);
-    (0..8).for_each(|_| run(&mut params, &mut optimizer, &[1.0, 2.0, 3.0], w));
-    let (mut whole, mut whole_optimizer) = (params.clone(), optimizer.clone());
-    let map = RowMap::new(3, vec![RowSource::Keep(2), RowSource::Copy(0), RowSource::Keep(0)]).unwrap();
-    map.apply(&mut params, w).unwrap();
-    optimizer.remap_rows(&params, w, &map).unwrap();
-    let Moments { first, second, .. } = optimizer.state(&params).next().unwrap().2.clone();
-    assert!(first[1] == 0.0 && second[1] == 0.0 && first[0] != 0.0);
-    run(&mut params, &mut optimizer, &[3.0, 1.0, 1.0], w);
-    run(&mut whole, &mut whole_optimizer, &[1.0, 2.0, 3.0], w);
-    let (found, expected) = (values(&params, w), values(&whole, w));
-    assert_eq!([found[0], found[2]], [expected[2], expected[0]]);
-    let error = optimizer.remap_rows(&params, w, &RowMap::new(2, vec![RowSource::Keep(1)]).unwrap()).unwrap_err();
-    assert_eq!(error, RowError::Length { name: "w".into(), what: "row map", expected: 3, found: 2 });
-}
-
-#[test]
-#[should_panic(expected = "moments of parameter `w`: expected 1 rows, found 2")]
-fn moments_that_did_not_follow_are_refused() {
-    let mut params = Params::<f64>::new();
-    let w = params.add("w", [2], vec![1.0, 2.0]);
-    params.set_rows_vary(w);
-    let mut optimizer = RAdam::new(vec![w], 0.9, 0.999, 1e-8);
-    for rows in [2, 1] {
-        RowMap::new(2, (0..rows).map(RowSource::Keep).collect()).unwrap().apply(&mut params, w).unwrap();
-        let mut tape = Tape::new();
-        tape.param(&params, w).sum().backward();
-        optimizer.step(&mut params, &mut tape, |_| 0.1);
-    }
 }

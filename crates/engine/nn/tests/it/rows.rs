@@ -1,11 +1,11 @@
-//! Parameters that grow and shrink, and steps of some of their rows: against rows that are simulated one by one.
+//! Steps of some rows of a parameter: against rows that are simulated one by one.
 
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape};
 use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
-use weaver_nn::{AdamW, Ema, Group, Moments, RowError, RowMap, RowSet, RowSource, StateError};
+use weaver_nn::{AdamW, Ema, Group, Moments, RowError, RowSet, StateError};
 
 const WIDTH: usize = 3;
 const BETAS: [f64; 2] = [0.9, 0.99];
@@ -16,7 +16,6 @@ const DECAY: f64 = 0.98;
 enum Event {
     StepOfAll,
     StepOfSome,
-    Remap,
     Store,
 }
 
@@ -37,7 +36,6 @@ impl Run {
     fn new(rows: usize) -> Self {
         let mut params = Params::new();
         let id = params.add("w", [rows, WIDTH], numbers(rows * WIDTH, 0));
-        params.set_rows_vary(id);
         let group = Group { params: vec![id], lr_scale: 0.5, weight_decay: 0.1 };
         let ema = Ema::new(&params, DECAY);
         Self { params, id, optimizer: AdamW::new(vec![group], BETAS[0], BETAS[1], 1e-8), ema, tape: Tape::new() }
@@ -61,18 +59,6 @@ impl Run {
         Ok(())
     }
 
-    fn remap(&mut self, map: &RowMap, new: &[f64]) -> Result<(), RowError> {
-        map.apply(&mut self.params, self.id)?;
-        let rows = self.params.value_mut(self.id).chunks_exact_mut(WIDTH);
-        for ((row, new), source) in rows.zip(new.chunks_exact(WIDTH)).zip(map.sources()) {
-            if *source == RowSource::New {
-                row.copy_from_slice(new);
-            }
-        }
-        self.optimizer.remap_rows(&self.params, self.id, map)?;
-        self.ema.remap_rows(&self.params, self.id, map)
-    }
-
     /// Everything that a run consists of, to a file.
     fn write(&self) -> tempfile::NamedTempFile {
         let (mut tensors, params) = (Tensors::default(), &self.params);
@@ -92,12 +78,13 @@ impl Run {
         file
     }
 
-    /// A run from a file, with any number of rows of the parameter when the model was built.
+    /// A run from a file.
     fn read(file: &tempfile::NamedTempFile) -> Self {
-        let (mut run, tensors) = (Self::new(2), Tensors::read(file.path()).expect("read"));
+        let tensors = Tensors::read(file.path()).expect("read");
         let shape = tensors.tensors["param.w"].shape.clone();
+        let mut run = Self::new(shape[0]);
         let values = |key: &str| tensors.values::<f64>(&format!("{key}.w"), &shape).expect("of the shape").to_vec();
-        run.params.replace(run.id, shape[0], values("param")).expect("whole rows");
+        run.params.value_mut(run.id).copy_from_slice(&values("param"));
         let (mut averages, mut state) = (BTreeMap::new(), BTreeMap::new());
         averages.insert("w".to_string(), values("ema"));
         let mut steps = [0; 2];
@@ -148,30 +135,11 @@ impl Twin {
         let decay = DECAY.min((k + 1.0) / (k + 10.0));
         self.numbers.iter_mut().for_each(|[p, _, _, a]| *a = decay * *a + (1.0 - decay) * *p);
     }
-
-    fn copied(mut self, step: u64) -> Self {
-        self.numbers.iter_mut().for_each(|[_, m, v, _]| (*m, *v) = (0.0, 0.0));
-        Self { last_step: step, ..self }
-    }
 }
 
 fn some_rows(total: usize, stream: Stream) -> RowSet {
     let share: f64 = stream.uniform(1000);
     RowSet::from_mask(&Vec::from_iter((0..total as u64).map(|row| stream.uniform::<f64>(row) < share)))
-}
-
-/// A map to at least one row.
-fn some_map(old: usize, stream: Stream) -> RowMap {
-    let source = |i: u64| {
-        let row = stream.below(2 * i, old) as u32;
-        match stream.below(2 * i + 1, 5) {
-            0 => RowSource::New,
-            1 => RowSource::Copy(row),
-            _ => RowSource::Keep(row),
-        }
-    };
-    let rows = 1 + stream.below(999, old + 5) as u64;
-    RowMap::new(old, (0..rows).map(source).collect()).expect("sources below the old length")
 }
 
 proptest! {
@@ -182,7 +150,7 @@ proptest! {
         rows in 1..12usize,
         events in prop::collection::vec(
             prop_oneof![
-                2 => Just(Event::StepOfAll), 4 => Just(Event::StepOfSome), 3 => Just(Event::Remap), 1 => Just(Event::Store)
+                2 => Just(Event::StepOfAll), 4 => Just(Event::StepOfSome), 1 => Just(Event::Store)
             ],
             1..14,
         ),
@@ -206,17 +174,6 @@ proptest! {
                         }
                         twin.average(t);
                     }
-                }
-                Event::Remap => {
-                    let map = some_map(rows, stream);
-                    let new = numbers(map.sources().len() * WIDTH, seed ^ 77);
-                    run.remap(&map, &new).expect("a map of the right length");
-                    let row = |(source, new): (&RowSource, &[f64])| match *source {
-                        RowSource::Keep(row) => twins[row as usize].clone(),
-                        RowSource::Copy(row) => twins[row as usize].clone().copied(t),
-                        RowSource::New => Twin::new(new, t),
-                    };
-                    twins = map.sources().iter().zip(new.chunks(WIDTH)).map(row).collect();
                 }
                 Event::Store => run = Run::read(&run.write()),
             }
@@ -285,18 +242,8 @@ fn rows_with_a_gradient() {
 }
 
 #[test]
-fn dropping_rows() {
-    let mut run = Run::new(3);
-    let before = run.params.get(run.id).value().to_vec();
-    RowMap::keeping(&RowSet::from_mask(&[true, false, true])).apply(&mut run.params, run.id).expect("three rows");
-    assert_eq!(run.params.get(run.id).value(), [&before[..3], &before[6..]].concat());
-}
-
-#[test]
 fn what_does_not_fit_is_named() {
     assert_eq!(RowSet::new(3, vec![0, 3]).unwrap_err().to_string(), "expected rows below 3, found 3");
-    let beyond = RowMap::new(2, vec![RowSource::Keep(0), RowSource::Copy(5)]);
-    assert_eq!(beyond, Err(RowError::OutOfRange { row: 5, total: 2 }));
 
     let mut run = Run::new(3);
     let gradient = [1.0; 9];
@@ -306,48 +253,8 @@ fn what_does_not_fit_is_named() {
     assert_eq!(message, "row set of parameter `w`: expected 3 rows, found 4");
     assert_eq!(run.params.get(run.id).value(), before, "nothing is changed");
 
-    let map = RowMap::new(4, vec![RowSource::New]).expect("no sources");
-    let expected = "row map of parameter `w`: expected 3 rows, found 4";
-    assert_eq!(map.apply(&mut run.params, run.id).unwrap_err().to_string(), expected);
-    assert_eq!(run.optimizer.remap_rows(&run.params, run.id, &map).unwrap_err().to_string(), expected);
-    assert_eq!(run.ema.remap_rows(&run.params, run.id, &map).unwrap_err().to_string(), expected);
-
-    // A parameter that grew alone.
-    run.params.replace(run.id, 4, vec![0.0; 12]).expect("whole rows");
-    let message = run.step(&[1.0; 12], None).unwrap_err().to_string();
-    assert_eq!(message, "moments of parameter `w`: expected 4 rows, found 3");
-    let map = RowMap::new(3, vec![RowSource::New; 5]).expect("no sources");
-    let message = run.ema.remap_rows(&run.params, run.id, &map).unwrap_err().to_string();
-    assert_eq!(message, "values of parameter `w`: expected 5 rows, found 4");
-
-    // A gradient from before it grew.
-    let mut run = Run::new(3);
-    run.gradient(&gradient);
-    run.params.replace(run.id, 4, vec![0.0; 12]).expect("whole rows");
-    let message = run.optimizer.step_rows(&mut run.params, &mut run.tape, 0.1, 1.0, |_| None).unwrap_err().to_string();
-    assert_eq!(message, "gradient of parameter `w`: expected 4 rows, found 3");
-
-    let moments = Moments { first: vec![0.0; 12], second: vec![0.0; 12], row_steps: vec![1; 3] };
+    let moments = Moments { first: vec![0.0; 9], second: vec![0.0; 9], row_steps: vec![1; 4] };
     let state = BTreeMap::from([("w".to_string(), (1, moments))]);
     let error = run.optimizer.set_state(&run.params, state).unwrap_err();
-    assert_eq!(error, StateError::RowSteps { name: "w".into(), expected: 4, found: 3 });
-}
-
-/// A dense step with the moments of other rows is loud.
-#[test]
-#[should_panic(expected = "moments of parameter `w`: expected 4 rows, found 3")]
-fn a_dense_step_with_other_rows_is_loud() {
-    let mut run = Run::new(3);
-    run.step(&[1.0; 9], None).expect("equally many rows");
-    run.params.replace(run.id, 4, vec![0.0; 12]).expect("whole rows");
-    run.gradient(&[1.0; 12]);
-    run.optimizer.step(&mut run.params, &mut run.tape, 0.1);
-}
-
-#[test]
-#[should_panic(expected = "the rows of parameter w were not said to vary")]
-fn a_parameter_that_does_not_vary_keeps_its_rows() {
-    let mut params = Params::<f64>::new();
-    let id = params.add("w", [2, WIDTH], vec![0.0; 2 * WIDTH]);
-    _ = RowMap::keeping(&RowSet::from_mask(&[true, false])).apply(&mut params, id);
+    assert_eq!(error, StateError::RowSteps { name: "w".into(), expected: 3, found: 4 });
 }

@@ -1,8 +1,7 @@
 //! Relocation, growth and noise of 3DGS-MCMC.
 
-use super::{Moment, Regularizer, Strategy};
+use super::{Density, Moment, Regularizer, Strategy};
 use crate::population::Population;
-use crate::settings::Density;
 use weaver_kernels::parallel;
 use weaver_scene::forms;
 use weaver_splat::GaussianStatistics;

@@ -1,8 +1,7 @@
 //! Splitting along the longest axis, guided by absolute screen gradients.
 
-use super::{Moment, Regularizer, Strategy};
+use super::{Density, Moment, Regularizer, Strategy};
 use crate::population::Population;
-use crate::settings::Density;
 use weaver_splat::GaussianStatistics;
 
 /// Splits the Gaussians that are pulled apart hardest, and lets opacities decay so that superfluous Gaussians fade

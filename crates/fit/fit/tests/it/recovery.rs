@@ -1,9 +1,8 @@
 //! Parameters that a fit recovers.
 
 use crate::scenes::{SIZE, camera, cloud, finish, photos, plain};
-use weaver_fit::{Exposure, Fit, FitSettings, Judge, Objective, Photo, StrategyKind, init};
+use weaver_fit::{Exposure, Fit, FitSettings, Judge, Photo, StrategyKind, init};
 use weaver_geometry::{Camera, Pose};
-use weaver_scene::Gaussians;
 
 #[test]
 fn a_picture() {
@@ -71,39 +70,4 @@ fn exposures_of_neighbors() {
     let rotation = first.pose.rotation;
     let between = at(&Camera { pose: Pose::new(rotation, -(rotation * middle)), ..first });
     assert!(between < own[2] && between > own[3], "{own:?}, between the middle ones {between}");
-}
-
-/// A loss of one's own steers the fit: of a picture whose right half it does not look at, the left one is found.
-#[test]
-fn half_a_picture() {
-    #[derive(Debug)]
-    struct LeftSquares;
-    impl Objective for LeftSquares {
-        fn compare(&mut self, image: &[f32], photo: &[f32], [_, width]: [usize; 2], gradient: &mut [f32]) -> f64 {
-            let weight = |i: usize| if i / 3 % width < width / 2 { 2.0 / image.len() as f32 } else { 0.0 };
-            let difference = |i: usize| image[i] - photo[i];
-            gradient.iter_mut().enumerate().for_each(|(i, g)| *g = 2.0 * weight(i) * difference(i));
-            (0..image.len()).map(|i| f64::from(weight(i) * difference(i).powi(2))).sum()
-        }
-    }
-    let scene = cloud(60, 1);
-    let photo = photos(1, &scene).swap_remove(0);
-    let gray = Gaussians { sh: vec![0.0; scene.sh.len()], ..scene };
-    let mut fit = Fit::new(vec![photo.clone()], &gray, plain(StrategyKind::Keep, 200, 60)).expect("a fit");
-    fit.set_objective(Box::new(LeftSquares));
-    let [width, height] = SIZE;
-    let squares = |fit: &mut Fit| {
-        let image = fit.render(&photo.camera).expect("an image");
-        let of = |left: bool| {
-            let counts = |i: &usize| (i / 3 % width < width / 2) == left;
-            (0..image.len()).filter(counts).map(|i| (image[i] - f32::from(photo.rgb[i]) / 255.0).powi(2)).sum::<f32>()
-        };
-        [of(true), of(false)].map(|sum| sum / (1.5 * (width * height) as f32))
-    };
-    let before = squares(&mut fit);
-    let first = fit.step().expect("a step").loss;
-    assert!((first - f64::from(before[0])).abs() < 1e-5, "{first} and {}", before[0]);
-    finish(&mut fit);
-    let after = squares(&mut fit);
-    assert!(after[0] < 0.02 * before[0] && after[1] > 0.1 * before[1], "{before:?} to {after:?}");
 }

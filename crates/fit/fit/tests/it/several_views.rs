@@ -3,7 +3,7 @@
 use crate::scenes::{cloud, finish, photos, plain};
 use std::sync::Arc;
 use weaver_fit::{Fit, FitSettings, Photo, Population, StrategyKind, steps_in};
-use weaver_kernels::ranks::{Ranks, threads};
+use weaver_ranks::{Ranks, threads};
 
 /// A fit with everything that has a state, of four of five photos a step.
 fn fit(strategy: StrategyKind) -> Fit {

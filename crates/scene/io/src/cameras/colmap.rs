@@ -91,30 +91,6 @@ impl Model {
         model.checked(folder)
     }
 
-    /// Reads a model from the bytes of its three files `cameras`, `images` and `points3D`, all of them with this
-    /// extension: `bin` or `txt`. Messages call them so.
-    ///
-    /// # Errors
-    /// As [`read`](Self::read).
-    ///
-    /// ```
-    /// use weaver_io::colmap::Model;
-    /// let cameras = b"1 PINHOLE 640 480 500 500 320 240";
-    /// let images = b"1 1 0 0 0 0 0 0 1 a.jpg\n\n";
-    /// let model = Model::read_from([&cameras[..], &images[..], &[]], "txt")?;
-    /// assert_eq!(model.frames()[0].name, "a.jpg");
-    /// # Ok::<(), weaver_io::Error>(())
-    /// ```
-    pub fn read_from(files: [&[u8]; 3], extension: &str) -> Result<Self> {
-        let name = |stem| file(Path::new(""), stem, extension);
-        let model = Self {
-            cameras: cameras(&name("cameras"), files[0])?,
-            images: images(&name("images"), files[1])?,
-            points: points(&name("points3D"), files[2])?,
-        };
-        model.checked(Path::new("model"))
-    }
-
     /// The model, whose images have cameras.
     fn checked(self, origin: &Path) -> Result<Self> {
         match self.images.iter().find(|i| !self.cameras.contains_key(&i.camera_id)) {

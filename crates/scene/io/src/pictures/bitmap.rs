@@ -31,15 +31,7 @@ impl Bitmap {
         atomic_write(path, |w| encode_png(w, self.width, self.height, &self.pixels))
     }
 
-    /// Writes a baseline JPEG file, atomically, of a quality from 1 to 100 as libjpeg counts it.
-    ///
-    /// # Errors
-    /// When the file cannot be written, or the image has no pixels, or more than 65535 on a side.
-    pub fn write_jpeg(&self, path: impl AsRef<Path>, quality: u8) -> Result<()> {
-        atomic_write(path, |w| w.write_all(&self.to_jpeg(quality)?))
-    }
-
-    /// A baseline JPEG file in memory, as [`write_jpeg`](Self::write_jpeg) writes it.
+    /// A baseline JPEG file in memory, of a quality from 1 to 100 as libjpeg counts it.
     ///
     /// # Errors
     /// When the image has no pixels, or more than 65535 on a side.

@@ -28,12 +28,6 @@ impl Image {
         self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], BICUBIC)
     }
 
-    /// Resizes the whole image by averaging the pixels whose centers lie in the area that each new pixel covers:
-    /// Pillow's `BOX`.
-    pub fn resize_area(&self, width: usize, height: usize) -> Self {
-        self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], AREA)
-    }
-
     fn resample(&self, width: usize, height: usize, part: [f64; 4], filter: Filter) -> Self {
         Bitmap { width: self.width, height: self.height, pixels: self.to_bytes() }
             .resample(width, height, part, filter)
@@ -63,7 +57,6 @@ pub(crate) struct Filter(fn(f64) -> f64, f64);
 
 pub(crate) const LANCZOS: Filter = Filter(lanczos3, 3.0);
 pub(crate) const BICUBIC: Filter = Filter(bicubic, 2.0);
-const AREA: Filter = Filter(box_filter, 0.5);
 
 /// The part `[x0, y0, x1, y1]` of an image that is read row by row, `[from_width, 3]`, from the top; returns `[height,
 /// width, 3]`.
@@ -181,11 +174,6 @@ fn taps(size: usize, from: f64, to: f64, out: usize, Filter(filter, support): Fi
         Tap::new(first, (first..end).map(|i| (weight(i) / total * one).round() as i32).collect())
     };
     (0..out).map(tap).collect()
-}
-
-fn box_filter(x: f64) -> f64 {
-    // Half open, so that a source pixel on the border of two outputs counts once.
-    if x > -0.5 && x <= 0.5 { 1.0 } else { 0.0 }
 }
 
 fn bicubic(x: f64) -> f64 {

@@ -39,16 +39,11 @@ fn both_forms_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     model().write_text(folder.path()).unwrap();
     model().write_binary(folder.path()).unwrap();
-    for extension in ["txt", "bin"] {
-        let [cameras, images, points] = ["cameras", "images", "points3D"]
-            .map(|stem| std::fs::read(folder.path().join(stem).with_extension(extension)).unwrap());
-        assert_close(&Model::read_from([&cameras, &images, &points], extension).unwrap(), &model());
-        assert_close(&Model::read(folder.path()).unwrap(), &model());
-    }
-    std::fs::remove_file(folder.path().join("cameras.bin")).unwrap();
     assert_close(&Model::read(folder.path()).unwrap(), &model());
-    let message = Model::read_from([b"1 PINHOLE x", b"", b""], "txt").unwrap_err().to_string();
-    assert!(message.starts_with("cameras.txt: line 1: expected a width"), "{message}");
+    for stem in ["cameras", "images", "points3D"] {
+        std::fs::remove_file(folder.path().join(stem).with_extension("bin")).unwrap();
+    }
+    assert_close(&Model::read(folder.path()).unwrap(), &model());
 }
 
 fn camera_line(line: &str) -> Result<Model, String> {

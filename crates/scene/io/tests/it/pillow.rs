@@ -17,9 +17,7 @@ type Resize = fn(&Image, usize, usize) -> Image;
 fn resizing_equals_that_of_pillow() {
     let source = read("source");
     let whole: Resize = |image, width, height| image.resize(width, height, [0.0, 0.0, 19.0, 13.0]);
-    for (filter, resize) in
-        [("bicubic", Image::resize_bicubic as Resize), ("box", Image::resize_area), ("lanczos", whole)]
-    {
+    for (filter, resize) in [("bicubic", Image::resize_bicubic as Resize), ("lanczos", whole)] {
         for (width, height) in [(7, 5), (31, 23), (8, 20), (40, 3), (1, 1)] {
             let name = format!("{filter}_{width}x{height}");
             assert_eq!(resize(&source, width, height).to_bytes(), read(&name).to_bytes(), "{name}");

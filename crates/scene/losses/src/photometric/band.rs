@@ -16,7 +16,7 @@
 use super::{BandSums, CHANNELS};
 use crate::ssim_window::{BORDER, C1, C2, CENTER, WINDOW};
 use std::ops::Range;
-use weaver_autograd::Real;
+use weaver_kernels::Real;
 use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 
 /// Numbers from the first to the last pixel of a window.

@@ -3,8 +3,9 @@
 use crate::weights::weights;
 use weaver_autograd::Tape;
 use weaver_fixtures::Fixture;
+use weaver_losses::Lpips;
 use weaver_losses::lpips::{Network, Tensors};
-use weaver_losses::{Lpips, metrics};
+use weaver_losses::metrics::PerceptualDistance;
 
 fn parity(name: &str, network: Network) {
     let file = format!("lpips_{name}_f16.safetensors");
@@ -19,7 +20,7 @@ fn parity(name: &str, network: Network) {
         let (target, render) = (tape.constant(&a, shape), tape.leaf(&b, shape));
         let layers = lpips.layers(target, render).map(|term| term.item());
         fixture.assert_close(&format!("out.lpips_{name}{i}_layers"), &layers);
-        let distance = metrics::lpips(&lpips, &a, &b, [shape[2], shape[3]]);
+        let distance = lpips.between(&a, &b, [shape[2], shape[3]]);
         fixture.assert_close(&format!("out.lpips_{name}{i}"), &[distance as f32]);
         if i < 2 {
             lpips.distance(target, render).backward();

@@ -2,8 +2,9 @@
 
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::Input;
+use weaver_losses::Lpips;
 use weaver_losses::lpips::{Network, Tensors};
-use weaver_losses::{Lpips, metrics};
+use weaver_losses::metrics::{self, PerceptualDistance};
 
 /// A convolution of torchvision's AlexNet, with the window and stride of the pooling in front.
 struct Layer {
@@ -154,7 +155,7 @@ fn drawn_weights_give_what_a_slow_twin_gives() {
         for (term, expected) in lpips.layers(x, y).iter().zip(expected) {
             assert_near(term.item(), expected);
         }
-        assert_near(metrics::lpips(&lpips, &a, &b, size), expected.iter().sum());
+        assert_near(lpips.between(&a, &b, size), expected.iter().sum());
     }
 }
 
@@ -166,7 +167,7 @@ fn of_what_is_masked_nothing_counts() {
     let size @ [height, width] = [36, 33];
     let [a, b] = [9, 10].map(|seed| Input::uniform(seed, 0.0, 1.0, [3, height, width]).data);
     let masked = |mask: &[bool]| metrics::lpips_masked(&lpips, &a, &b, size, mask);
-    assert_eq!(masked(&vec![true; height * width]), Some(metrics::lpips(&lpips, &a, &b, size)));
+    assert_eq!(masked(&vec![true; height * width]), Some(lpips.between(&a, &b, size)));
     assert_eq!(masked(&vec![false; height * width]), None);
     // The remaining part counts as much as if it were alone in the picture, for each of its pixels.
     let part: Vec<bool> = (0..height * width).map(|p| p % width < 12 && p / width < 20).collect();

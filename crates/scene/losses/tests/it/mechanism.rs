@@ -53,15 +53,6 @@ fn pose_losses_have_the_values_of_their_formulas() {
 }
 
 #[test]
-fn a_weighted_mean_divides_by_the_number_of_images() {
-    let tape = Tape::<f64>::new();
-    let (a, b) = (tape.constant(&[1.0, 3.0, 0.0, 0.5], [2, 2]), tape.constant(&[0.0; 4], [2, 2]));
-    let errors = mse_per_image(a, b);
-    assert_eq!(errors.to_vec(), [5.0, 0.125]);
-    assert_eq!(weighted_mean(errors, &[2.0, 4.0]).item(), 5.25);
-}
-
-#[test]
 fn quantiles_interpolate() {
     assert_eq!(quantile(&mut [3.0, 1.0, 2.0], 0.25), 1.5);
     assert_eq!(

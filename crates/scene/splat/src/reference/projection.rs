@@ -1,8 +1,8 @@
 //! Projection by the book, with derivatives by forward-mode dual numbers.
 
 use crate::settings::{RATIO_FLOOR, RasterSettings};
-use weaver_autograd::Dual;
 use weaver_geometry::sh;
+use weaver_kernels::Dual;
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
 /// Variables of a projection: mean 3, quaternion 4, scale 3, opacity 1, view matrix 12, intrinsics 4.

@@ -13,6 +13,9 @@ use stage::{Size, Source, Stage};
 use std::fmt::Write;
 use weaver_command::{Console, Failure, Progress};
 use weaver_inference::{OutputFolder, Predictor, RunFolder, SplatWeaverPredictor};
+use weaver_trainer::Registry;
+use weaver_two_experts::TwoExpertsRecipe;
+use weaver_wild::WildRecipe;
 
 /// Figures of one scene.
 struct Outcome {
@@ -55,7 +58,8 @@ fn source(arguments: &Lift) -> Result<Source, Failure> {
     match (arguments.demo_gaussians, &arguments.run) {
         (DemoGaussians::Predicted, Some(run)) => {
             let folder = RunFolder::at(run);
-            Ok(Source::Predicted(weaver_recipes::registry().of_run(&folder)?.open(&folder)?.predictor))
+            let models = Registry::default().with::<TwoExpertsRecipe>().with::<WildRecipe>();
+            Ok(Source::Predicted(models.of_run(&folder)?.open(&folder)?.predictor))
         }
         (DemoGaussians::Predicted, None) => {
             let predictor: Box<dyn Predictor> = Box::new(SplatWeaverPredictor::built_in()?);

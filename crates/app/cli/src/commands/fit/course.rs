@@ -8,7 +8,7 @@ use std::time::Instant;
 use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Progress, ShellCommand, device, duration, memory};
 use weaver_fit::{FitRasterizer, Judge, Quality, gaussians_of};
 use weaver_fit_run::{CURVES, Folder, Initial, Outcome, Run, RunSettings, Views, plan};
-use weaver_kernels::ranks::{Alone, Ranks};
+use weaver_ranks::{Alone, Ranks};
 use weaver_trainer::evaluate::load_lpips;
 use weaver_view::Look;
 use weaver_view_run::{Exhibit, Followed, Listener, Server, Showing, live};

@@ -1,5 +1,6 @@
 //! Where the Gaussians of a fit begin.
 
+use crate::models;
 use std::path::{Path, PathBuf};
 use weaver_command::Failure;
 use weaver_data::capture::{self, CaptureOptions};
@@ -7,6 +8,7 @@ use weaver_fit::init;
 use weaver_fit_run::{Initial, RunSettings};
 use weaver_inference::{RunFolder, predict_capture};
 use weaver_scene::Gaussians;
+use weaver_trainer::OpenRun;
 
 /// Where Gaussians begin.
 pub enum Start {
@@ -78,8 +80,8 @@ impl Start {
 /// Predicts Gaussians of the photos to fit to, thinned so that there is room to work in.
 fn predicted(folder: Option<&RunFolder>, settings: &RunSettings) -> Result<Gaussians, Failure> {
     let mut run = match folder {
-        Some(folder) => weaver_recipes::registry().of_run(folder)?.open(folder)?,
-        None => weaver_recipes::built_in()?,
+        Some(folder) => models::registry().of_run(folder)?.open(folder)?,
+        None => OpenRun::built_in()?,
     };
     let [height, width] = run.predictor.image_size();
     let hold_out = settings.hold_out;
