@@ -2,16 +2,10 @@
 //!
 //! [`run`] is the whole program except for signals and panics, so that tests can call it.
 
-mod clip;
 mod command_line;
 mod commands;
-mod demo;
-mod estimate;
 mod failure_kind;
-mod ffmpeg;
-mod film;
 mod flags;
-mod gif;
 mod old_names;
 mod paths;
 mod processes;
@@ -19,8 +13,6 @@ mod reference;
 mod refine;
 mod request;
 mod units;
-mod video;
-mod webp;
 
 pub use weaver_command::{Console, Interrupt, printable};
 
@@ -56,7 +48,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
 
 /// Ends programs that were started and removes files that were begun: to be called before the process ends without unwinding.
 pub fn leave() {
-    ffmpeg::end_all();
+    weaver_clip::end_all();
     weaver_io::remove_unfinished();
 }
 

@@ -5,8 +5,8 @@ use crate::processes::Processes;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt};
-use weaver_fit_run::Run;
 use weaver_io::{Checksum, OutputFolder, read_text, write_text, written};
+use weaver_reconstruct::Run;
 use weaver_run::Folder;
 
 /// The file that says what a folder holds the results of, and whether they are complete.

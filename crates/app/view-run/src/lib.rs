@@ -7,6 +7,7 @@ mod error;
 mod exhibit;
 mod features;
 mod follow;
+#[cfg(feature = "command")]
 mod live;
 mod server;
 
@@ -14,6 +15,7 @@ pub use error::Error;
 pub use exhibit::{Exhibit, Gallery, Moving};
 pub use features::Features;
 pub use follow::{DrawingOf, FilmOf, Followed, SceneOf, Showing};
+#[cfg(feature = "command")]
 pub use live::live;
 pub use server::{Listener, Server, Visitors};
 

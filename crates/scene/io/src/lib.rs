@@ -13,6 +13,7 @@ mod files;
 mod gaussians;
 mod info;
 mod lidar;
+mod observe;
 mod pictures;
 mod tensors;
 
@@ -28,7 +29,7 @@ pub use files::file::{file_length, read_bytes, read_part, read_text, write_text}
 pub use files::folder::{
     check_writable, create_folder, is_taken, list_files, list_folders, path_in_utf8, relative_path,
 };
-pub use files::memory::{available_memory, peak_mb};
+pub use files::memory::{TooLittleMemory, available_memory, check_memory, peak_mb};
 pub use files::natural_order::natural_order;
 pub use files::output_folder::{OutputFolder, check_output_file, check_output_folder};
 pub use files::shell::ShellCommand;
@@ -44,6 +45,7 @@ pub use gaussians::{
 pub use info::info;
 pub use lidar::poses::{TrajectoryFile, TrajectoryFormat};
 pub use lidar::scan::{LIDAR_FORMATS, LidarScan, read_lidar_scan, write_lidar_scan};
+pub use observe::{Observe, Part, Stage, duration};
 pub use pictures::bitmap::Bitmap;
 pub use pictures::color::{false_color, label_color};
 pub use pictures::exif::focal_35mm;

@@ -3,7 +3,6 @@
 mod json;
 mod run;
 
-use crate::clip;
 use clap::Args;
 use json::of_json;
 use run::{SETTINGS, of_run_folder};
@@ -62,7 +61,7 @@ fn described(path: &Path) -> Result<String, Failure> {
         "bin" if !["cameras.bin", "images.bin", "points3d.bin"].contains(&name.as_str()) => of_bin(path),
         "json" if is_of_results(path)? => of_json(path),
         "wgi" => weaver_image_run::info(path),
-        _ if path.is_file() && clip::is_clip(path) => clip::info(path),
+        _ if path.is_file() && weaver_clip::is_clip(path) => Ok(weaver_clip::info(path)?),
         _ => Ok(weaver_io::info(path)?),
     }
 }

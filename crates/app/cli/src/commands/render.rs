@@ -2,15 +2,12 @@
 
 mod path;
 
-use crate::film::Film;
 use crate::flags::rate;
-use crate::gif::Gif;
-use crate::video::{VIDEOS, Video};
-use crate::webp::WebP;
 use clap::{ArgGroup, Args};
 use path::{PathKind, along};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use weaver_clip::{Film, Gif, VIDEOS, Video, WebP};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{
     Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, device, in_pool, memory,
@@ -184,7 +181,7 @@ impl<'a> Sink<'a> {
             pictures.par_iter().try_for_each(write)?;
         }
         let push = |film: &mut Box<dyn Film>| pictures.iter().try_for_each(|(_, image)| film.push(image));
-        self.films.par_iter_mut().try_for_each(push)
+        Ok(self.films.par_iter_mut().try_for_each(push)?)
     }
 
     /// Prints where the results are.

@@ -5,9 +5,9 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Interrupt, Output, Threads, in_pool};
-use weaver_fit_run::{Coverage, Outcome};
 use weaver_io::{Drawing, SceneFile, SceneFormat, read_scene, write_text};
 use weaver_lift_run::LiftedFile;
+use weaver_reconstruct::{Coverage, Outcome};
 use weaver_view::{HtmlOptions, Look};
 use weaver_view_run::{Exhibit, Features, Listener, Moving, Server, Visitors};
 

@@ -3,7 +3,6 @@
 use crate::Error;
 use std::io::ErrorKind;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
-use weaver_command::LiveFlag;
 
 /// Who may ask a server.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,8 +49,21 @@ impl Listener {
     ///
     /// # Errors
     /// When the port is not to be had.
-    pub fn of(flag: LiveFlag) -> Result<Option<Self>, Error> {
+    #[cfg(feature = "command")]
+    pub fn of(flag: weaver_command::LiveFlag) -> Result<Option<Self>, Error> {
         flag.live.then(|| Self::bind(Visitors::Here, flag.port)).transpose()
+    }
+
+    /// The same port once more.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn try_clone(&self) -> Result<Self, Error> {
+        let refused = |error: std::io::Error| {
+            let address = SocketAddr::from((Ipv4Addr::LOCALHOST, self.port)).to_string();
+            Error::Bind { address, message: error.to_string() }
+        };
+        Ok(Self { socket: self.socket.try_clone().map_err(refused)?, port: self.port, visitors: self.visitors })
     }
 
     /// The next client, if one waits.

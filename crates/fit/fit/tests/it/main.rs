@@ -1,5 +1,7 @@
 //! Integration tests.
 
+#[cfg(feature = "align")]
+mod align;
 mod allocation;
 mod bits;
 mod cameras;

@@ -1,10 +1,9 @@
 //! `splatweaver dynamic render`.
 
-use crate::film::Film;
 use crate::flags::rate;
-use crate::video::{VIDEOS, Video};
 use clap::Args;
 use std::path::PathBuf;
+use weaver_clip::{Film, VIDEOS, Video};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{Console, Failure, Output, Progress, Threads, memory};
 use weaver_dynamic_run::Run;
