@@ -151,7 +151,8 @@ fn estimate(
         duration(start.elapsed().as_secs_f64())
     ));
     remark(&found, options.shared, observe);
-    // All is said before anything is written: an observer that unwinds, as nobody waits for the work any longer, leaves nothing written.
+    // All is said before anything is written: an observer that unwinds, as nobody waits for the work any longer,
+    // leaves nothing written.
     let part = Part { label: COMMAND, done: placed, total: photos.len(), note: sureness(&found) };
     let _ = observe.progress(&part);
     let photos = found.write(out)?;

@@ -10,11 +10,13 @@ use weaver_scene::Gaussians;
 /// The file.
 pub(crate) const FILE: &str = "scene.wsz";
 
-/// Part of the run from which on the scene is drawn as the file will hold it: behind the last new Gaussians, and while rates fall. With those of
+/// Part of the run from which on the scene is drawn as the file will hold it: behind the last new Gaussians, and while
+/// rates fall. With those of
 /// the middle of a run, numbers move by more than the steps of the file.
 const FROM: f64 = 0.8;
 
-/// Least cost of removing a Gaussian that stays, over the mean error that rounding gives one. Chosen on fern, banana and workshop.
+/// Least cost of removing a Gaussian that stays, over the mean error that rounding gives one. Chosen on fern, banana
+/// and workshop.
 const WORTH: f64 = 4.0;
 
 /// Rounding of the codec.
@@ -31,7 +33,8 @@ impl Rounding for Lite {
     }
 }
 
-/// Draws the last fifth of a fit with the rounding of a level of [`Quality::level`], without Gaussians that are not worth their bits.
+/// Draws the last fifth of a fit with the rounding of a level of [`Quality::level`], without Gaussians that are not
+/// worth their bits.
 pub(crate) fn train_for(fit: &mut Fit, level: f64) {
     fit.set_rounding(FROM, Box::new(Lite(Quality::level(level))));
 }

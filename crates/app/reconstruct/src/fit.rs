@@ -32,7 +32,8 @@ pub struct FitRequest {
     pub out: PathBuf,
     /// The run, with the capture.
     pub settings: RunSettings,
-    /// The most Gaussians, in place of the number in [`settings`](Self::settings); `None` follows the size of the photos.
+    /// The most Gaussians, in place of the number in [`settings`](Self::settings); `None` follows the size of the
+    /// photos.
     pub gaussians: Option<usize>,
     /// Estimates the cameras of the capture's photos, with these options.
     pub estimate: Option<EstimatePhotosOptions>,

@@ -19,7 +19,8 @@ pub(crate) struct Fitting {
     pub judge: Judge,
     /// The processes that share the steps.
     pub ranks: Arc<dyn Ranks>,
-    /// The pace, where the run is to end in its time. One that goes on after a stop leaves out what it has written down, and no more.
+    /// The pace, where the run is to end in its time. One that goes on after a stop leaves out what it has written
+    /// down, and no more.
     pub keeping: Option<Keeping>,
     /// Seconds of earlier sessions.
     before: f64,

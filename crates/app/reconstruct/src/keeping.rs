@@ -29,10 +29,12 @@ impl Keeping {
         Self { rehearsal, seconds, results, least, began, expected: 0.0, compared: 0 }
     }
 
-    /// Steps to take of those that are left, where these are too many or too few for the time that is left: `now` is the time of the run after
+    /// Steps to take of those that are left, where these are too many or too few for the time that is left: `now` is
+    /// the time of the run after
     /// `done` of its steps.
     ///
-    /// A machine that is slower than it was rehearsed to be makes fewer steps, and more again once it is faster; never more than were planned.
+    /// A machine that is slower than it was rehearsed to be makes fewer steps, and more again once it is faster; never
+    /// more than were planned.
     pub fn kept(&mut self, settings: &FitSettings, done: usize, now: f64) -> Option<usize> {
         let (steps, moment) = (settings.steps, |step: usize| step * MOMENTS / settings.steps.max(1));
         if done >= steps || moment(done) == moment(self.compared) {
@@ -60,7 +62,8 @@ impl Keeping {
 mod tests {
     use super::*;
 
-    /// A run of 1000 steps at a second of a machine that is `slower(second)` times as slow as rehearsed, and its seconds.
+    /// A run of 1000 steps at a second of a machine that is `slower(second)` times as slow as rehearsed, and its
+    /// seconds.
     fn run(least: usize, slower: impl Fn(f64) -> f64) -> (FitSettings, f64) {
         let mut settings = FitSettings { steps: 1000, ..FitSettings::default() };
         let rehearsal = Rehearsal::even(0.01, 1.0);
@@ -80,7 +83,8 @@ mod tests {
         (settings, now + slower(now))
     }
 
-    /// promise: a run on a machine that is as fast as rehearsed takes all its steps; a slower one leaves out as many as end it in time.
+    /// promise: a run on a machine that is as fast as rehearsed takes all its steps; a slower one leaves out as many
+    /// as end it in time.
     #[test]
     fn slower_machines_leave_out_steps() {
         let (settings, seconds) = run(1, |_| 1.0);

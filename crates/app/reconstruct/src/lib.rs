@@ -3,7 +3,8 @@
 //! - [`reconstruct()`] makes a scene from photos, clips or a capture: cameras, size of the photos, fit and results.
 //! - [`cameras()`] estimates cameras alone, [`fit()`] fits a capture, and [`resume`] goes on with a fit.
 //! - [`Run`] is a fit of a capture on disk, [`RunSettings`] its settings, [`plan`](fn@plan) its memory.
-//! - [`blocks`] cuts a large capture into captures that are fitted apart, and joins their fits; [`partition`] is the geometry of that.
+//! - [`blocks`] cuts a large capture into captures that are fitted apart, and joins their fits; [`partition`] is the
+//!   geometry of that.
 //!
 //! Work is watched by a [`weaver_io::Observe`]. A fit has a folder to itself:
 //!

@@ -33,7 +33,8 @@ pub(crate) struct Loaded {
     pub matching: Option<Matching>,
     /// True if photos agree about colors.
     pub colors: ColorAgreement,
-    /// Gaussians that the run begins with, where they were found by looking at the photos: they are stored, so that it goes on from them.
+    /// Gaussians that the run begins with, where they were found by looking at the photos: they are stored, so that it
+    /// goes on from them.
     pub found: Option<Gaussians>,
     pub coverage: Coverage,
     /// Checksums of the inputs.
@@ -42,7 +43,8 @@ pub(crate) struct Loaded {
     pub remarks: Vec<String>,
 }
 
-/// Loads what a run fits, and decides [what the photos decide](crate::ByPhotos). `given` are the Gaussians of [`Initial::Given`].
+/// Loads what a run fits, and decides [what the photos decide](crate::ByPhotos). `given` are the Gaussians of
+/// [`Initial::Given`].
 pub(crate) fn load(
     settings: &mut RunSettings,
     given: Option<&Gaussians>,

@@ -13,7 +13,8 @@ pub struct Outcome {
     pub steps: usize,
     /// Steps of the whole run.
     pub planned: usize,
-    /// Those of the steps that were left out, so that the run ended in its time ([`FitSettings::thinned`](weaver_fit::FitSettings::thinned)).
+    /// Those of the steps that were left out, so that the run ended in its time
+    /// ([`FitSettings::thinned`](weaver_fit::FitSettings::thinned)).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub left_out: usize,
     /// Seconds from the start to the written scene, loading included.
@@ -37,11 +38,13 @@ pub struct Outcome {
     pub alpha_max: f64,
     /// The color behind everything.
     pub background: [f32; 3],
-    /// Color correction of each photo, `[A | b]` row by row, if photos have them; of held-out ones that of their neighbors
+    /// Color correction of each photo, `[A | b]` row by row, if photos have them; of held-out ones that of their
+    /// neighbors
     /// ([`Fit::exposure_at`](weaver_fit::Fit::exposure_at)), with which they are judged.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub exposures: BTreeMap<String, [f32; 12]>,
-    /// Part of each training photo that was left out, since no other photo shows what is there; photos with nothing of the kind are not
+    /// Part of each training photo that was left out, since no other photo shows what is there; photos with nothing of
+    /// the kind are not
     /// named.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub transients: BTreeMap<String, f64>,
@@ -62,7 +65,8 @@ fn is_zero(count: &usize) -> bool {
 }
 
 impl Outcome {
-    /// The color correction that a photo of this name is judged with: of the same name, or of the only one whose file is called so.
+    /// The color correction that a photo of this name is judged with: of the same name, or of the only one whose file
+    /// is called so.
     pub fn exposure_of(&self, photo: &str) -> Option<Exposure> {
         let file = |name: &str| Path::new(name).file_name().map(ToOwned::to_owned);
         let mut alike = self.exposures.iter().filter(|(name, _)| file(name) == file(photo)).map(|(_, matrix)| matrix);

@@ -1,4 +1,5 @@
-//! A capture too large for one fit, cut into blocks that are fitted apart and joined. Geometry alone: no photos, no files.
+//! A capture too large for one fit, cut into blocks that are fitted apart and joined. Geometry alone: no photos, no
+//! files.
 //!
 //! ```
 //! use weaver_reconstruct::partition::{BlockOptions, Sight, Sights, blocks};

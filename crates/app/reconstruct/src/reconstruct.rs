@@ -19,9 +19,11 @@ use weaver_io::{Advice, Observe, OutputFolder, ShellCommand};
 use weaver_splat::CpuRasterizer;
 use weaver_view_run::Listener;
 
-/// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain nothing from more.
+/// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain
+/// nothing from more.
 const MOST_ROUNDS: usize = 200;
-/// Passes through photos that are larger than the least: time for more of them is better spent on larger photos, by the same page, and more
+/// Passes through photos that are larger than the least: time for more of them is better spent on larger photos, by
+/// the same page, and more
 /// gain nothing.
 const ENOUGH_ROUNDS: usize = 40;
 
@@ -63,7 +65,8 @@ pub struct Request {
     pub out: PathBuf,
     /// Time and size of the photos.
     pub quality: Quality,
-    /// Time for all of it, minutes, which is used up; `None` is the quality's, of which a fit ends early once it has used each photo often enough.
+    /// Time for all of it, minutes, which is used up; `None` is the quality's, of which a fit ends early once it has
+    /// used each photo often enough.
     pub minutes: Option<f64>,
     /// The most Gaussians; `None` follows the size of the photos.
     pub gaussians: Option<usize>,
@@ -105,13 +108,15 @@ impl Request {
     }
 }
 
-/// Makes a scene from photos: takes a capture's cameras or estimates them, fits Gaussians, and writes scene, cameras, summary and report into a
+/// Makes a scene from photos: takes a capture's cameras or estimates them, fits Gaussians, and writes scene, cameras,
+/// summary and report into a
 /// folder.
 ///
 /// An observer that answers a part of the stage `fit` with a break ends the fit, with results.
 ///
 /// # Errors
-/// When photos cannot be read or give no cameras, a setting is out of range, memory does not suffice, or a file cannot be written; when the
+/// When photos cannot be read or give no cameras, a setting is out of range, memory does not suffice, or a file cannot
+/// be written; when the
 /// folder has a fit already.
 pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe) -> Result<Outcome, Error> {
     let start = Instant::now();
@@ -153,7 +158,8 @@ pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe
     Ok(outcome)
 }
 
-/// The capture of photos, whose cameras may have to be estimated into the folder of the results, and the photos of it that are held out.
+/// The capture of photos, whose cameras may have to be estimated into the folder of the results, and the photos of it
+/// that are held out.
 fn capture_of(
     photos: &Photos,
     request: &Request,

@@ -24,7 +24,8 @@ const OUTLIER: f64 = 8.0;
 const LOCATE: usize = 30;
 
 impl Run {
-    /// Writes scene, cameras, summary and report, then the page to look at the scene and further formats, which take nothing of the others with them
+    /// Writes scene, cameras, summary and report, then the page to look at the scene and further formats, which take
+    /// nothing of the others with them
     /// if they cannot be written. A scene that no page can hold has none, which [`Outcome::missing`] says.
     ///
     /// # Errors
@@ -153,7 +154,8 @@ impl Fitting {
         }
     }
 
-    /// The cameras that held-out photos are judged with: as given; where cameras were refined, as matched, carried along
+    /// The cameras that held-out photos are judged with: as given; where cameras were refined, as matched, carried
+    /// along
     /// with those of the training photos, and located in the scene, which is frozen.
     fn held_out_cameras(&mut self) -> Result<Vec<Camera>, Error> {
         let given: Vec<Camera> = self.capture.held_out.iter().map(|photo| photo.camera).collect();
@@ -238,7 +240,8 @@ impl Fitting {
         held_out.iter().zip(cameras).enumerate().map(judged).collect()
     }
 
-    /// Seconds that looks and that results will take, from judging one photo now; with a budget full of Gaussians and pictures for the
+    /// Seconds that looks and that results will take, from judging one photo now; with a budget full of Gaussians and
+    /// pictures for the
     /// report it takes longer than with the few that there are.
     pub(crate) fn seconds_of_results(&mut self) -> Result<[f64; 2], Error> {
         let camera = self.fit().camera(0);

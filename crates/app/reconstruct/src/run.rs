@@ -54,7 +54,8 @@ impl Run {
         Ok(folder)
     }
 
-    /// Claims a folder and begins a run in it: [`claim`](Self::claim), with the capture as what is read, and [`begin`](Self::begin).
+    /// Claims a folder and begins a run in it: [`claim`](Self::claim), with the capture as what is read, and
+    /// [`begin`](Self::begin).
     ///
     /// # Errors
     /// As these two.
@@ -68,14 +69,19 @@ impl Run {
         Self::begin(Self::claim(folder, [&settings.capture])?, settings, given, judge, rasterizer)
     }
 
-    /// Begins a run in a folder that was [claimed](Self::claim). `given` are the Gaussians of [`Initial::Given`](crate::Initial::Given); `rasterizer` draws.
+    /// Begins a run in a folder that was [claimed](Self::claim). `given` are the Gaussians of
+    /// [`Initial::Given`](crate::Initial::Given); `rasterizer` draws.
     ///
-    /// With [`RunSettings::minutes`], the number of steps is chosen now, such that the run, results included, ends in time if
-    /// the machine goes on as fast, but for [`RunSettings::least_steps`] and [`RunSettings::most_rounds`]. Where the machine turns out to be
-    /// slower, steps are [left out](weaver_fit::FitSettings::thinned). Both are written down, so that the run can be repeated to the same bits.
+    /// With [`RunSettings::minutes`], the number of steps is chosen now, such that the run, results included, ends in
+    /// time if
+    /// the machine goes on as fast, but for [`RunSettings::least_steps`] and [`RunSettings::most_rounds`]. Where the
+    /// machine turns out to be
+    /// slower, steps are [left out](weaver_fit::FitSettings::thinned). Both are written down, so that the run can be
+    /// repeated to the same bits.
     ///
     /// # Errors
-    /// When the capture cannot be read or gives nothing to fit, a setting is out of range, or a file cannot be written; nothing is then
+    /// When the capture cannot be read or gives nothing to fit, a setting is out of range, or a file cannot be
+    /// written; nothing is then
     /// left behind.
     pub fn begin(
         folder: Folder,
@@ -133,12 +139,14 @@ impl Run {
     /// Goes on with a run from its last checkpoint, or from the start if there is none.
     ///
     /// # Errors
-    /// When there is no run or it is under way elsewhere, its files or its capture cannot be read, or they no longer belong together.
+    /// When there is no run or it is under way elsewhere, its files or its capture cannot be read, or they no longer
+    /// belong together.
     pub fn resume(folder: &Path, judge: Judge, rasterizer: Arc<dyn FitRasterizer>) -> Result<Self, Error> {
         Self::resume_shared(folder, judge, rasterizer, Arc::new(Alone))
     }
 
-    /// [Goes on](Self::resume) with a run whose steps several processes share, whatever their number was before; the others
+    /// [Goes on](Self::resume) with a run whose steps several processes share, whatever their number was before; the
+    /// others
     /// [take part](Self::take_part).
     ///
     /// # Errors
@@ -162,7 +170,8 @@ impl Run {
         Ok(Self(run))
     }
 
-    /// The part of a process that is not the first of those that share a run, of which it knows nothing yet: reads what the first one has begun, in
+    /// The part of a process that is not the first of those that share a run, of which it knows nothing yet: reads
+    /// what the first one has begun, in
     /// its folder, and takes part in every step until the first one has no more. Writes nothing.
     ///
     /// # Errors
@@ -232,7 +241,8 @@ impl Run {
         &self.0.job.capture.held_out
     }
 
-    /// The cameras of the photos as they are now, held-out ones first as they were given, and the photos of some of them: for a page to look at.
+    /// The cameras of the photos as they are now, held-out ones first as they were given, and the photos of some of
+    /// them: for a page to look at.
     ///
     /// # Errors
     /// When a photo cannot be encoded.
@@ -251,11 +261,13 @@ impl Run {
         self.0.folder.follow();
     }
 
-    /// Runs to the last step, or until `stop` is set, and leaves a checkpoint. `observe` is called after every step. Other processes have then done
+    /// Runs to the last step, or until `stop` is set, and leaves a checkpoint. `observe` is called after every step.
+    /// Other processes have then done
     /// their part.
     ///
     /// # Errors
-    /// As [`Fit::step`](weaver_fit::Fit::step), and when a file cannot be written; the last checkpoint then stays as it was.
+    /// As [`Fit::step`](weaver_fit::Fit::step), and when a file cannot be written; the last checkpoint then stays as
+    /// it was.
     pub fn advance(&mut self, stop: &AtomicBool, mut observe: impl FnMut(&StepReport)) -> Result<(), Error> {
         self.0.advance(stop, |report| {
             observe(report);

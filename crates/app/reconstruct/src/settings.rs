@@ -11,7 +11,8 @@ use weaver_io::SceneFormat;
 
 /// The largest count.
 const MOST: usize = u32::MAX as usize;
-/// The most Gaussians of a run, which the command line takes, too: where they begin at random, a part of these is made at once.
+/// The most Gaussians of a run, which the command line takes, too: where they begin at random, a part of these is made
+/// at once.
 const MOST_GAUSSIANS: usize = 100_000_000;
 
 /// Settings of a run.
@@ -28,7 +29,8 @@ pub struct RunSettings {
     pub views: Option<usize>,
     /// True if masks are read.
     pub masks: bool,
-    /// True if the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor for
+    /// True if the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor
+    /// for
     /// all photos; it stays as given where a lens is a fisheye.
     pub focal: bool,
     /// Settings that the photos decide.
@@ -41,7 +43,8 @@ pub struct RunSettings {
     /// With [`minutes`](Self::minutes), at least so many steps, however long they take.
     #[serde(default)]
     pub least_steps: usize,
-    /// With [`minutes`](Self::minutes), at most so many passes through the photos, though there be time for more: what they bring is met in the
+    /// With [`minutes`](Self::minutes), at most so many passes through the photos, though there be time for more: what
+    /// they bring is met in the
     /// fitted photos alone. `None` uses the time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub most_rounds: Option<usize>,
@@ -49,7 +52,8 @@ pub struct RunSettings {
     pub save_every: f64,
     /// Further files of the scene, beside `scene.ply`.
     pub formats: Vec<SceneFormat>,
-    /// Level of a compressed file that the end of the run is made for, 0 to 3 ([`Quality::level`](weaver_codec::lite::Quality::level)); `None`
+    /// Level of a compressed file that the end of the run is made for, 0 to 3
+    /// ([`Quality::level`](weaver_codec::lite::Quality::level)); `None`
     /// writes none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compress: Option<f64>,
@@ -65,22 +69,27 @@ fn written() -> bool {
     true
 }
 
-/// Settings of the fit that follow from the photos, since nobody named them. Once they are decided, they are in [`RunSettings::fit`], and
+/// Settings of the fit that follow from the photos, since nobody named them. Once they are decided, they are in
+/// [`RunSettings::fit`], and
 /// this is all false.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct ByPhotos {
-    /// The colors of photos are corrected ([`FitSettings::exposure`]) where the photos differ in exposure or white balance
+    /// The colors of photos are corrected ([`FitSettings::exposure`]) where the photos differ in exposure or white
+    /// balance
     /// ([`ColorAgreement::differ`](weaver_fit::ColorAgreement::differ)).
     pub exposure: bool,
-    /// The background is the [mean color](weaver_fit::mean_color) of the photos that are fitted; where photos have transparent parts,
+    /// The background is the [mean color](weaver_fit::mean_color) of the photos that are fitted; where photos have
+    /// transparent parts,
     /// it stays what these are laid over.
     pub background: bool,
     /// [`FitSettings::dropout`] is the larger the fewer photos there are ([`FitSettings::dropout_for`]).
     pub dropout: bool,
-    /// Gaussians begin on what photos agree about ([`Initial::Dense`]) where that is most of what they show, and is found in a small part of the
+    /// Gaussians begin on what photos agree about ([`Initial::Dense`]) where that is most of what they show, and is
+    /// found in a small part of the
     /// time; with [`Initial::Auto`] alone.
     pub start: bool,
-    /// Where Gaussians begin so, their means move the more slowly the larger the photos are ([`Rates::means_on_surfaces`](weaver_fit::Rates::means_on_surfaces)).
+    /// Where Gaussians begin so, their means move the more slowly the larger the photos are
+    /// ([`Rates::means_on_surfaces`](weaver_fit::Rates::means_on_surfaces)).
     pub means: bool,
 }
 
@@ -237,7 +246,8 @@ impl RunFile {
         Ok(file)
     }
 
-    /// The text of the file in a folder: a capture that lies in it, as estimated cameras do, is named relative to it, so that both may be
+    /// The text of the file in a folder: a capture that lies in it, as estimated cameras do, is named relative to it,
+    /// so that both may be
     /// moved; so is one whose whole path is not UTF-8.
     ///
     /// # Errors

@@ -35,7 +35,8 @@ pub struct Ffmpeg {
     complaints: Option<JoinHandle<String>>,
 }
 
-/// Words in which ffmpeg passes on the system's errors, and their kinds: where the machine is at fault, another one may do better.
+/// Words in which ffmpeg passes on the system's errors, and their kinds: where the machine is at fault, another one
+/// may do better.
 const PASSING: [(&str, ErrorKind); 3] = [
     ("No space left on device", ErrorKind::StorageFull),
     ("Disk quota exceeded", ErrorKind::QuotaExceeded),
@@ -50,7 +51,8 @@ pub struct Ended {
 }
 
 impl Ffmpeg {
-    /// Starts ffmpeg with the arguments of a command line that `command` begins; `missing` is said where there is none on the PATH.
+    /// Starts ffmpeg with the arguments of a command line that `command` begins; `missing` is said where there is none
+    /// on the PATH.
     pub fn start(mut command: Command, missing: &str) -> Result<Self, Error> {
         // Locked before it starts, so that a Ctrl-C just then ends it, too.
         let mut running = locked(&RUNNING);

@@ -21,7 +21,8 @@ pub(crate) const FRAMES: &str = "frames";
 const MEASURED: usize = 640;
 /// Largest number of frames when none is given.
 const MOST: usize = 120;
-/// Least movement of the picture between two frames, over its longer side: when nothing is said, and where a number is asked for.
+/// Least movement of the picture between two frames, over its longer side: when nothing is said, and where a number is
+/// asked for.
 const APART: f32 = 0.04;
 const CLOSEST: f32 = 0.01;
 /// From this movement on two frames hardly have enough in common.
@@ -180,7 +181,8 @@ fn write(
     Ok(names)
 }
 
-/// Writes a frame, and returns what it is called: another name where one of another clip has its own, which earlier cameras may be of.
+/// Writes a frame, and returns what it is called: another name where one of another clip has its own, which earlier
+/// cameras may be of.
 fn write_frame(bitmap: &Bitmap, name: &str, out: &OutputFolder) -> Result<String, Error> {
     let bytes = bitmap.to_jpeg(QUALITY).map_err(|error| Error::input(format!("{name}: {error}")))?;
     let stem = name.strip_suffix(".jpg").unwrap_or(name);

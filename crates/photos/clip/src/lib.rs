@@ -1,9 +1,11 @@
 //! Clips to photos, and pictures to videos.
 //!
-//! - [`PhotoFiles`] lists photos, opens folders of them, and chooses frames of clips: sharp ones, evenly spread over the way of the camera.
+//! - [`PhotoFiles`] lists photos, opens folders of them, and chooses frames of clips: sharp ones, evenly spread over
+//!   the way of the camera.
 //! - [`Film`] is a file of moving pictures that is being written: [`Video`], [`Gif`], [`WebP`].
 //!
-//! Clips and videos go through an ffmpeg on the PATH, a process of its own that ends no later than this one ([`end_all`]).
+//! Clips and videos go through an ffmpeg on the PATH, a process of its own that ends no later than this one
+//! ([`end_all`]).
 
 mod choice;
 mod error;

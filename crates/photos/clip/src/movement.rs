@@ -23,7 +23,8 @@ const TEXTURE: f32 = 9.0;
 const DIFFERENT: f32 = 0.5;
 /// Mean square of differences that are noise, values of 255.
 const NOISE: f32 = 4.0;
-/// Once points have moved so far in the median, over the longer side, others are followed. A camera that is held still moves less.
+/// Once points have moved so far in the median, over the longer side, others are followed. A camera that is held still
+/// moves less.
 const STEP: f32 = 0.02;
 /// Movement that stands for one too fast to be followed, and for a cut.
 const JUMP: f32 = 0.08;
@@ -52,7 +53,8 @@ pub fn sharpness(picture: &Picture) -> f32 {
 
 /// Follows what pictures show from one to the next.
 ///
-/// Points are followed from the picture in which they were chosen for as long as they can be, so that small errors do not add up and a
+/// Points are followed from the picture in which they were chosen for as long as they can be, so that small errors do
+/// not add up and a
 /// camera that trembles does not seem to travel.
 #[derive(Debug, Default)]
 pub struct Follower {
@@ -117,7 +119,8 @@ impl Anchor {
         Self { versions, points }
     }
 
-    /// The median of how far its points have moved, over the longer side; `None` when fewer than half of them are there.
+    /// The median of how far its points have moved, over the longer side; `None` when fewer than half of them are
+    /// there.
     fn moved_to(&mut self, now: &[Picture]) -> Option<f32> {
         let same = |(a, b): (&Picture, &Picture)| (a.width, a.height) == (b.width, b.height);
         if self.points.len() < FEW || !self.versions.iter().zip(now).all(same) {
@@ -140,7 +143,8 @@ impl Anchor {
 }
 
 impl Anchor {
-    /// By how much more most points have moved in the smallest version: alone a point may be taken for one that looks alike.
+    /// By how much more most points have moved in the smallest version: alone a point may be taken for one that looks
+    /// alike.
     fn common(&self, now: &Picture) -> [i32; 2] {
         let smallest = self.versions.len() - 1;
         let patch = |point: &Point| {
@@ -189,7 +193,8 @@ fn half(picture: &Picture) -> Picture {
     Picture { width, height, pixels }
 }
 
-/// The point of each cell of a picture that is most like a corner, where there is any, at least so far from its borders.
+/// The point of each cell of a picture that is most like a corner, where there is any, at least so far from its
+/// borders.
 fn points(picture: &Picture, border: i32) -> Vec<Point> {
     let (width, height) = (picture.width as i32, picture.height as i32);
     let cell = (width.max(height) / POINTS as i32).max(4);
@@ -209,7 +214,8 @@ fn points(picture: &Picture, border: i32) -> Vec<Point> {
     points
 }
 
-/// The smaller eigenvalue of the mean product of slopes around a point, as Shi and Tomasi (1994) rate what can be followed.
+/// The smaller eigenvalue of the mean product of slopes around a point, as Shi and Tomasi (1994) rate what can be
+/// followed.
 fn corner(picture: &Picture, [x, y]: [i32; 2]) -> f32 {
     let width = picture.width;
     let (mut xx, mut xy, mut yy) = (0, 0, 0);
@@ -273,7 +279,8 @@ impl Patch {
             .min_by_key(|(difference, _)| *difference)
     }
 
-    /// The variance of the difference to a square that has moved so far, times the square of its number of pixels; `None` beyond the
+    /// The variance of the difference to a square that has moved so far, times the square of its number of pixels;
+    /// `None` beyond the
     /// picture. What became brighter as a whole does not differ.
     fn difference(&self, picture: &Picture, [x, y]: [i32; 2]) -> Option<i32> {
         let corner = corner_of(picture, [self.at[0] + x, self.at[1] + y])?;

@@ -20,11 +20,13 @@ pub struct PhotoFiles {
 }
 
 impl PhotoFiles {
-    /// Photos by their files, folders of photos, and clips, of which frames are written to the folder `frames` of a result: `most` of each, spread
+    /// Photos by their files, folders of photos, and clips, of which frames are written to the folder `frames` of a
+    /// result: `most` of each, spread
     /// over the way of its camera, or as many as show something new.
     ///
     /// # Errors
-    /// When a path is not there or a folder has no photos; when a clip cannot be decoded, or its camera stands still; when a number of frames is given
+    /// When a path is not there or a folder has no photos; when a clip cannot be decoded, or its camera stands still;
+    /// when a number of frames is given
     /// and there is no clip.
     pub fn collect(
         paths: &[PathBuf],
@@ -54,7 +56,8 @@ impl PhotoFiles {
         Ok(Self { paths: photos, sequence, frames: (clips > 0).then_some(written) })
     }
 
-    /// Removes the frames of an earlier choice. To be called once cameras are written: until then the earlier ones name them.
+    /// Removes the frames of an earlier choice. To be called once cameras are written: until then the earlier ones
+    /// name them.
     ///
     /// # Errors
     /// When a file cannot be removed.
@@ -63,7 +66,8 @@ impl PhotoFiles {
     }
 }
 
-/// A photo, or those in a folder. Photos in folders below it are not taken; a warning or the error names these folders, unless they are
+/// A photo, or those in a folder. Photos in folders below it are not taken; a warning or the error names these
+/// folders, unless they are
 /// among the paths that are given.
 fn in_folder(path: &Path, given: &[PathBuf], observe: &mut dyn Observe) -> Result<Vec<PathBuf>, Error> {
     if !path.exists() {

@@ -84,7 +84,8 @@ impl Pictures {
     }
 }
 
-/// An expression of ffmpeg that is not 0 where `n` is one of some rising numbers. A tree, for a sum of a hundred terms is too deep for ffmpeg.
+/// An expression of ffmpeg that is not 0 where `n` is one of some rising numbers. A tree, for a sum of a hundred terms
+/// is too deep for ffmpeg.
 fn one_of(numbers: &[usize]) -> String {
     match numbers {
         [] => "0".into(),

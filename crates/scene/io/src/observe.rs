@@ -53,7 +53,8 @@ pub trait Observe {
     /// A stage begins.
     fn begin(&mut self, _stage: &Stage) {}
 
-    /// A part of a stage is done. [`ControlFlow::Break`] ends a stage that [leaves results](Stage::stops_after), and has no effect on others.
+    /// A part of a stage is done. [`ControlFlow::Break`] ends a stage that [leaves results](Stage::stops_after), and
+    /// has no effect on others.
     fn progress(&mut self, _part: &Part) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }

@@ -28,7 +28,8 @@ pub struct Sight<'a> {
 pub struct BlockOptions {
     /// Number of blocks.
     pub count: usize,
-    /// The part of the points that a photo sees which lies in the block, from which on the photo is the block's: from 0 to 1.
+    /// The part of the points that a photo sees which lies in the block, from which on the photo is the block's: from
+    /// 0 to 1.
     pub share: f64,
 }
 
@@ -39,7 +40,8 @@ pub struct Block {
     pub region: Region,
     /// Numbers of its photos, ascending.
     pub photos: Vec<usize>,
-    /// Numbers of the points that its photos to fit to see, and of its own, ascending: what lies outside of the region is the frame.
+    /// Numbers of the points that its photos to fit to see, and of its own, ascending: what lies outside of the region
+    /// is the frame.
     pub points: Vec<usize>,
     /// Number of the points that lie in the region.
     pub own: usize,

@@ -11,12 +11,16 @@ const ROUNDS: usize = 30;
 /// Maps of a smaller determinant are not inverted: they lose a color.
 const LEAST_DETERMINANT: f64 = 1e-3;
 
-/// For each block the map that brings its colors to those that all blocks have in common; `None` for a block that shares no photo with the others, or whose
+/// For each block the map that brings its colors to those that all blocks have in common; `None` for a block that
+/// shares no photo with the others, or whose
 /// corrections lose a color.
 ///
-/// A fit corrects the colors of its photos, `photo = E(scene)`, and keeps the colors of its average photo, so that blocks with other photos
-/// have other colors. A photo that two blocks have tells how they differ: with `E_bp` the correction of photo p in block b, maps `T_b` and corrections `E_p` are sought for
-/// which `E_bp T_b = E_p`, by alternating least squares from the block with the most photos outward. The mean of all `E_p` is the identity, as in one fit of
+/// A fit corrects the colors of its photos, `photo = E(scene)`, and keeps the colors of its average photo, so that
+/// blocks with other photos
+/// have other colors. A photo that two blocks have tells how they differ: with `E_bp` the correction of photo p in
+/// block b, maps `T_b` and corrections `E_p` are sought for
+/// which `E_bp T_b = E_p`, by alternating least squares from the block with the most photos outward. The mean of all
+/// `E_p` is the identity, as in one fit of
 /// the whole. What is returned is the inverse of `T_b`.
 ///
 /// ```
@@ -46,7 +50,8 @@ pub fn color_maps(corrections: &[BTreeMap<String, ColorMap>]) -> Vec<Option<Colo
     maps.iter().map(|map| map.as_ref().and_then(inverse)).collect()
 }
 
-/// Maps of the blocks that can be reached from the one with the most photos over photos that blocks share: first guesses.
+/// Maps of the blocks that can be reached from the one with the most photos over photos that blocks share: first
+/// guesses.
 fn joined(blocks: &[BTreeMap<&str, Affine>]) -> Vec<Option<Affine>> {
     let mut maps = vec![None; blocks.len()];
     let Some(first) = (0..blocks.len()).max_by_key(|b| (blocks[*b].len(), std::cmp::Reverse(*b))) else { return maps };
@@ -71,7 +76,8 @@ fn means<'n>(blocks: &[BTreeMap<&'n str, Affine>], maps: &[Option<Affine>]) -> B
     all.into_iter().filter_map(|(name, found)| Some((name, Affine::mean(&found)?))).collect()
 }
 
-/// The map T with the least sum of `|E_bp T - E_p|^2` over the photos that the block shares; `None` if there are none, or colors are lost.
+/// The map T with the least sum of `|E_bp T - E_p|^2` over the photos that the block shares; `None` if there are none,
+/// or colors are lost.
 fn fitted(block: &BTreeMap<&str, Affine>, photos: &BTreeMap<&str, Affine>) -> Option<Affine> {
     let (mut square, mut linear, mut offset) = (DMat3::ZERO, DMat3::ZERO, DVec3::ZERO);
     for (own, common) in block.iter().filter_map(|(name, own)| Some((own, photos.get(name)?))) {

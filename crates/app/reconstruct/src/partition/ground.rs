@@ -8,7 +8,8 @@ const UPRIGHT: f64 = 0.5;
 
 /// Two orthogonal unit vectors along the ground: first the one along which camera centers spread most.
 ///
-/// Upward is the mean of the cameras' upward axes. Where photos were taken every way around, the ground is the plane of x and y.
+/// Upward is the mean of the cameras' upward axes. Where photos were taken every way around, the ground is the plane
+/// of x and y.
 ///
 /// ```
 /// use weaver_reconstruct::partition::ground_axes;

@@ -3,7 +3,8 @@
 use super::Region;
 use weaver_scene::Gaussians;
 
-/// The Gaussians of each fit whose centers lie in its region, one fit after the other, with harmonics up to the largest degree among them.
+/// The Gaussians of each fit whose centers lie in its region, one fit after the other, with harmonics up to the
+/// largest degree among them.
 ///
 /// ```
 /// use weaver_reconstruct::partition::{Cut, Region, merged};

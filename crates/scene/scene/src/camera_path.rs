@@ -1,18 +1,17 @@
 //! Paths of a camera along those of a capture.
 
-use clap::ValueEnum;
+use crate::Frame;
 use weaver_geometry::glam::{DMat3, DQuat, DVec3};
 use weaver_geometry::{Camera, Pose, trajectory};
-use weaver_scene::Frame;
 
-/// A path of a camera.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum PathKind {
-    /// Around what the cameras look at, as far away and as high as they are
+/// A path of a camera along those of a capture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CameraPath {
+    /// Around the point that the cameras look at, as far away and as high as they are.
     Ellipse,
-    /// Through the cameras in their order, smoothed
+    /// Through the cameras in their order, smoothed.
     Spline,
-    /// From behind the middle camera toward what it looks at, and back
+    /// From behind the middle camera toward the point that it looks at, and back.
     Dolly,
 }
 
@@ -23,19 +22,22 @@ const RADIUS: f64 = 0.75;
 /// Parts of the distance to the target that a dolly goes backward and forward.
 const DOLLY: [f64; 2] = [0.25, 0.35];
 
-/// `count` cameras of a path, with the lens of the first camera. `middle` is a point of the scene to look at where cameras do not agree
-/// on one. No cameras where none are given.
-pub fn along(kind: PathKind, cameras: &[Frame], count: usize, middle: DVec3) -> Vec<Frame> {
-    let Some(first) = cameras.first() else { return Vec::new() };
-    let poses: Vec<Pose> = cameras.iter().map(|frame| frame.camera.pose).collect();
-    let target = looked_at(&poses).unwrap_or(middle);
-    let poses = match kind {
-        PathKind::Ellipse => ellipse(&poses, target, count),
-        PathKind::Spline => spline(&poses, count),
-        PathKind::Dolly => dolly(&poses, target, count),
-    };
-    let named = |(i, pose)| Frame::new(format!("{i:04}"), Camera { pose, ..first.camera });
-    poses.into_iter().enumerate().map(named).collect()
+impl CameraPath {
+    /// `count` cameras of the path, with the lens of the first camera. `middle` is a point of the scene to look at
+    /// where cameras do not agree
+    /// on one. No cameras where none are given.
+    pub fn along(self, cameras: &[Frame], count: usize, middle: DVec3) -> Vec<Frame> {
+        let Some(first) = cameras.first() else { return Vec::new() };
+        let poses: Vec<Pose> = cameras.iter().map(|frame| frame.camera.pose).collect();
+        let target = looked_at(&poses).unwrap_or(middle);
+        let poses = match self {
+            Self::Ellipse => ellipse(&poses, target, count),
+            Self::Spline => spline(&poses, count),
+            Self::Dolly => dolly(&poses, target, count),
+        };
+        let named = |(i, pose)| Frame::new(format!("{i:04}"), Camera { pose, ..first.camera });
+        poses.into_iter().enumerate().map(named).collect()
+    }
 }
 
 /// The point nearest to all optical axes, if it lies before most cameras.
@@ -141,7 +143,7 @@ mod tests {
     #[test]
     fn an_ellipse_looks_where_cameras_look() {
         let (frames, target) = ring(40, std::f64::consts::TAU);
-        for frame in along(PathKind::Ellipse, &frames, 30, DVec3::ZERO) {
+        for frame in CameraPath::Ellipse.along(&frames, 30, DVec3::ZERO) {
             let seen = frame.camera.pose.apply(target);
             assert!(seen.x.abs() < 1e-9 && seen.y.abs() < 1e-9, "{seen}");
             assert!((2.0..3.6).contains(&seen.z), "{seen}");
@@ -152,7 +154,7 @@ mod tests {
     #[test]
     fn a_spline_stays_near_the_cameras() {
         let (frames, target) = ring(20, 2.0);
-        let path = along(PathKind::Spline, &frames, 100, DVec3::ZERO);
+        let path = CameraPath::Spline.along(&frames, 100, DVec3::ZERO);
         assert_eq!(path.len(), 100);
         let centers: Vec<DVec3> = path.iter().map(|frame| frame.camera.pose.center()).collect();
         assert!(centers.windows(2).all(|two| two[0].distance(two[1]) < 0.12));
@@ -164,7 +166,7 @@ mod tests {
     #[test]
     fn a_dolly_goes_straight_and_comes_back() {
         let (frames, target) = ring(9, 1.0);
-        let path = along(PathKind::Dolly, &frames, 40, DVec3::ZERO);
+        let path = CameraPath::Dolly.along(&frames, 40, DVec3::ZERO);
         let depth = |i: usize| path[i].camera.pose.apply(target).z;
         assert!(depth(0) > depth(10) && depth(10) > depth(20) && depth(20) < depth(30) && depth(20) > 0.5);
         assert!(path.iter().all(|frame| frame.camera.pose.rotation == path[0].camera.pose.rotation));
@@ -178,9 +180,9 @@ mod tests {
             Frame::new(i.to_string(), Camera { pose, intrinsics, width: 64, height: 48 })
         };
         let frames: Vec<Frame> = (0..5).map(frame).collect();
-        let path = along(PathKind::Ellipse, &frames, 8, DVec3::new(0.2, 0.0, 4.0));
+        let path = CameraPath::Ellipse.along(&frames, 8, DVec3::new(0.2, 0.0, 4.0));
         assert!(path.iter().all(|frame| frame.camera.pose.apply(DVec3::new(0.2, 0.0, 4.0)).x.abs() < 1e-9));
-        assert!(along(PathKind::Spline, &frames[..1], 3, DVec3::ZERO).len() == 3);
-        assert!(along(PathKind::Ellipse, &[], 3, DVec3::ZERO).is_empty());
+        assert!(CameraPath::Spline.along(&frames[..1], 3, DVec3::ZERO).len() == 3);
+        assert!(CameraPath::Ellipse.along(&[], 3, DVec3::ZERO).is_empty());
     }
 }
