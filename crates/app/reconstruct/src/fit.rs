@@ -3,6 +3,7 @@
 use crate::cameras::{estimated_capture, held_out_of_estimated};
 use crate::live::advance;
 use crate::plan::planned;
+use crate::run::TRANSIENTS;
 use crate::time_budget::TimeBudget;
 use crate::{Error, Initial, Outcome, Plan, Run, RunSettings};
 use std::fmt;
@@ -13,7 +14,7 @@ use weaver_clip::PhotoFiles;
 use weaver_data::EstimatePhotosOptions;
 use weaver_data::posed::CaptureCameras;
 use weaver_fit::{FitRasterizer, Judge};
-use weaver_io::{Observe, check_memory, duration};
+use weaver_io::{Observe, ShellCommand, check_memory, duration, peak_mb};
 use weaver_kernels::ranks::{Alone, Ranks};
 use weaver_run::Folder;
 use weaver_scene::Gaussians;
@@ -130,6 +131,7 @@ pub fn fit(request: FitRequest, context: FitContext, observe: &mut dyn Observe) 
     if let Some(time) = time {
         time.note_excess(observe);
     }
+    remark_outcome(&outcome, &request.out, observe);
     Ok(outcome)
 }
 
@@ -140,7 +142,36 @@ pub fn fit(request: FitRequest, context: FitContext, observe: &mut dyn Observe) 
 pub fn resume(folder: &Path, context: FitContext, observe: &mut dyn Observe) -> Result<Outcome, Error> {
     let FitContext { rasterizer, judge, ranks, live, .. } = context;
     let run = Run::resume_shared(folder, judge, rasterizer, ranks)?;
-    finish(run, folder, live, observe)
+    let outcome = finish(run, folder, live, observe)?;
+    remark_outcome(&outcome, folder, observe);
+    Ok(outcome)
+}
+
+/// Remarks about the outcome of a fit in a folder, for an observer who is not shown its figures.
+pub(crate) fn remark_outcome(outcome: &Outcome, folder: &Path, observe: &mut dyn Observe) {
+    let memory = peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.0} MB of memory"));
+    let left_out = match outcome.left_out {
+        0 => String::new(),
+        count => format!(", of which {count} were left out to end in time"),
+    };
+    observe.note(&format!("{} steps{left_out}, {}{memory}", outcome.steps, duration(outcome.seconds)));
+    outcome.missing.iter().for_each(|missing| observe.warning(&format!("not written: {missing}")));
+    for name in &outcome.outliers {
+        observe.warning(&format!("{name} is met far worse than the other photos; it may show something else"));
+    }
+    if !outcome.transients.is_empty() {
+        let most = 100.0 * outcome.transients.values().fold(0.0, |a: f64, b| a.max(*b));
+        let count = outcome.transients.len();
+        observe.note(&format!(
+            "in {count} photos something was left out that no other photo shows, at most {most:.0} % of a photo: {}",
+            folder.join(TRANSIENTS).display()
+        ));
+    }
+    if outcome.steps < outcome.planned {
+        let (done, planned) = (outcome.steps, outcome.planned);
+        let resume = ShellCommand::new("splatweaver fit --resume").path(folder);
+        observe.note(&format!("ended at step {done} of {planned}; to go on: {resume}"));
+    }
 }
 
 /// Fits a capture with these cameras, into a folder that was claimed.

@@ -1,7 +1,7 @@
 //! From photos to a scene.
 
 use crate::cameras::{estimated_capture, held_out_of_estimated};
-use crate::fit::{FitContext, begin};
+use crate::fit::{FitContext, begin, remark_outcome};
 use crate::pace::Sides;
 use crate::plan::planned;
 use crate::time_budget::TimeBudget;
@@ -155,6 +155,7 @@ pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe
     let context = FitContext { rasterizer: request.rasterizer.clone(), live, ..FitContext::default() };
     let outcome = begin(settings, &cameras, context, out, observe)?;
     time.note_excess(observe);
+    remark_outcome(&outcome, &request.out, observe);
     Ok(outcome)
 }
 
