@@ -10,7 +10,7 @@ use weaver_io::safetensors::Tensors;
 use weaver_scene::forms::harmonic;
 use weaver_scene::{ActivatedGaussians, Gaussians};
 use weaver_view::{Look, Shot};
-use weaver_view_run::Exhibit;
+use weaver_view_run::ScenePage;
 
 /// Points of the first scan that are shown, at most.
 const POINTS: usize = 20_000;
@@ -20,7 +20,7 @@ const POINT: f32 = 0.05;
 const VIEW: [DVec3; 2] = [DVec3::new(-14.0, 0.0, 9.0), DVec3::new(4.0, 0.0, 0.0)];
 
 /// The points of the first scan, which are all that is known at the beginning, seen from behind and above.
-pub(crate) fn beginning(job: &LidarJob, title: String) -> Result<Exhibit, LidarRunError> {
+pub(crate) fn beginning(job: &LidarJob, title: String) -> Result<ScenePage, LidarRunError> {
     let points = read(&job.files()[0])?.points;
     let shown: Vec<[f32; 3]> = points.iter().step_by(points.len().div_ceil(POINTS).max(1)).copied().collect();
     let n = shown.len();
@@ -33,7 +33,7 @@ pub(crate) fn beginning(job: &LidarJob, title: String) -> Result<Exhibit, LidarR
         sh: vec![harmonic(0.3); 3 * n],
         degree: 0,
     };
-    Ok(Exhibit { shots: vec![overview()], ..Exhibit::new(title, scene.to_stored(), look) })
+    Ok(ScenePage { shots: vec![overview()], ..ScenePage::new(title, scene.to_stored(), look) })
 }
 
 /// The view of a map to begin with: from behind and above where the first scan was taken, z upward.

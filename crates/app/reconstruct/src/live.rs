@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_fit::gaussians_of;
 use weaver_io::{Observe, Part, Stage};
 use weaver_view::Look;
-use weaver_view_run::{Exhibit, Followed, Listener, Server, Showing};
+use weaver_view_run::{Listener, LiveRun, LiveView, ScenePage, Server};
 
 /// Name of the stage.
 const LABEL: &str = "fit";
@@ -22,11 +22,11 @@ pub(crate) fn advance(
     observe: &mut dyn Observe,
 ) -> Result<(), Error> {
     let Some(listener) = live else { return steps(run, &AtomicBool::new(false), observe) };
-    let scene = exhibit(run, folder)?;
+    let scene = scene_page(run, folder)?;
     run.follow();
     let stop = AtomicBool::new(false);
     let of = run.settings().fit.steps;
-    let followed = Followed { folder, steps: of, names: &CURVES, showing: Showing::Scene(&gaussians_of), stop: &stop };
+    let followed = LiveRun { folder, steps: of, names: &CURVES, showing: LiveView::Scene(&gaussians_of), stop: &stop };
     let server = Server::new(&scene, Some(followed), listener)?;
     observe.note(&format!("live: {}", server.address()));
     server.during(|| steps(run, &stop, observe))
@@ -50,9 +50,9 @@ fn steps(run: &mut Run, stop: &AtomicBool, observe: &mut dyn Observe) -> Result<
 }
 
 /// The fit as it begins, to look at.
-fn exhibit(run: &Run, folder: &Path) -> Result<Exhibit, Error> {
+fn scene_page(run: &Run, folder: &Path) -> Result<ScenePage, Error> {
     let look =
         Look { background: run.settings().fit.background, settings: run.fit().raster_settings(), ..Look::default() };
-    let exhibit = Exhibit::new(folder.display().to_string(), run.fit().gaussians(), look);
-    Ok(Exhibit { shots: run.shots()?, ..exhibit })
+    let scene_page = ScenePage::new(folder.display().to_string(), run.fit().gaussians(), look);
+    Ok(ScenePage { shots: run.shots()?, ..scene_page })
 }

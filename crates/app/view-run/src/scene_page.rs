@@ -22,7 +22,7 @@ const LARGE: usize = 1600;
 
 /// A scene to look at, and what belongs to it.
 #[derive(Clone, Debug)]
-pub struct Exhibit {
+pub struct ScenePage {
     /// Title of the page.
     pub title: String,
     /// The scene.
@@ -72,7 +72,7 @@ pub struct Gallery {
     file: PathBuf,
 }
 
-impl Exhibit {
+impl ScenePage {
     /// A scene of this title without cameras.
     pub fn new(title: impl Into<String>, gaussians: Gaussians, look: Look) -> Self {
         let (title, shots) = (title.into(), Vec::new());

@@ -10,7 +10,7 @@ mod train;
 use clap::{Args, Subcommand};
 use distil::DynamicDistil;
 use eval::DynamicEval;
-pub use looks::exhibit;
+pub use looks::scene_page;
 use prune::DynamicPrune;
 use render::DynamicRender;
 use train::DynamicTrain;

@@ -196,7 +196,7 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     // A network without Gaussians leaves nothing to look at.
     let viewed = report.psnr.is_some() && !arguments.no_html;
     if viewed {
-        write_text(out.file(VIEW)?, &view::exhibit(&Seen::of(out.path()))?.html(HtmlOptions::default())?)?;
+        write_text(out.file(VIEW)?, &view::scene_page(&Seen::of(out.path()))?.html(HtmlOptions::default())?)?;
     }
     let PredictReport { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
     let figures =

@@ -6,10 +6,10 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 
 /// Who may ask a server.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Visitors {
+pub enum Access {
     /// Programs on this machine, which need the token to write.
     #[default]
-    Here,
+    Local,
     /// Everybody in the network who has the token.
     Network,
 }
@@ -19,7 +19,7 @@ pub enum Visitors {
 pub struct Listener {
     socket: TcpListener,
     pub(super) port: u16,
-    pub(super) visitors: Visitors,
+    pub(super) access: Access,
 }
 
 impl Listener {
@@ -27,8 +27,8 @@ impl Listener {
     ///
     /// # Errors
     /// When the port is not to be had.
-    pub fn bind(visitors: Visitors, port: Option<u16>) -> Result<Self, Error> {
-        let ip = if visitors == Visitors::Here { Ipv4Addr::LOCALHOST } else { Ipv4Addr::UNSPECIFIED };
+    pub fn bind(access: Access, port: Option<u16>) -> Result<Self, Error> {
+        let ip = if access == Access::Local { Ipv4Addr::LOCALHOST } else { Ipv4Addr::UNSPECIFIED };
         let address = SocketAddr::from((ip, port.unwrap_or(0)));
         let bound = || {
             let socket = TcpListener::bind(address)?;
@@ -42,7 +42,7 @@ impl Listener {
                 _ => error.to_string(),
             },
         })?;
-        Ok(Self { socket, port, visitors })
+        Ok(Self { socket, port, access })
     }
 
     /// The port of a run that a page follows, if one does.
@@ -51,7 +51,7 @@ impl Listener {
     /// When the port is not to be had.
     #[cfg(feature = "command")]
     pub fn of(flag: weaver_command::LiveFlag) -> Result<Option<Self>, Error> {
-        flag.live.then(|| Self::bind(Visitors::Here, flag.port)).transpose()
+        flag.live.then(|| Self::bind(Access::Local, flag.port)).transpose()
     }
 
     /// The same port once more.
@@ -63,7 +63,7 @@ impl Listener {
             let address = SocketAddr::from((Ipv4Addr::LOCALHOST, self.port)).to_string();
             Error::Bind { address, message: error.to_string() }
         };
-        Ok(Self { socket: self.socket.try_clone().map_err(refused)?, port: self.port, visitors: self.visitors })
+        Ok(Self { socket: self.socket.try_clone().map_err(refused)?, port: self.port, access: self.access })
     }
 
     /// The next client, if one waits.
@@ -75,7 +75,7 @@ impl Listener {
 
     /// This machine as others in its network call it: its address, else its name.
     pub(super) fn host(&self) -> Option<String> {
-        (self.visitors == Visitors::Network).then(|| address().map(|ip| ip.to_string()).or_else(name)).flatten()
+        (self.access == Access::Network).then(|| address().map(|ip| ip.to_string()).or_else(name)).flatten()
     }
 }
 

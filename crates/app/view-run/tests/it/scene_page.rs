@@ -1,11 +1,11 @@
-//! Photos of exhibits.
+//! Photos of pages.
 
-use crate::server::{exhibit, get, here};
+use crate::server::{get, here, scene_page};
 use std::path::Path;
 use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::{Image, Transforms};
 use weaver_scene::Frame;
-use weaver_view_run::{Exhibit, Server};
+use weaver_view_run::{ScenePage, Server};
 
 /// A transforms.json with a camera for each of these photos.
 fn transforms(folder: &Path, names: &[&str]) -> std::path::PathBuf {
@@ -32,8 +32,8 @@ fn a_pipe_as_a_photo_holds_nobody() {
     for pipe in ["a.png", "report.html"] {
         assert!(std::process::Command::new("mkfifo").arg(folder.path().join(pipe)).status().unwrap().success());
     }
-    let shown = exhibit(None).with_cameras(&file, None).unwrap();
-    let shown = Exhibit { report: Some(folder.path().join("report.html")), ..shown };
+    let shown = scene_page(None).with_cameras(&file, None).unwrap();
+    let shown = ScenePage { report: Some(folder.path().join("report.html")), ..shown };
     assert_eq!([0, 1].map(|i| shown.has_photo(i)), [false, true]);
     let server = Server::new(&shown, None, here()).unwrap();
     server.during(|| {
@@ -50,15 +50,15 @@ fn photos_of_one_name_are_told_by_their_folders() {
     let photos = folder.path().join("photos");
     photo(&photos.join("a/1.png"), [0.9, 0.1, 0.1]);
     photo(&photos.join("b/1.png"), [0.1, 0.1, 0.9]);
-    let shown = exhibit(None).with_cameras(&file, Some(&photos)).unwrap();
+    let shown = scene_page(None).with_cameras(&file, Some(&photos)).unwrap();
     let [a, b] = [0, 1].map(|i| shown.photo(i).unwrap());
     assert!(a != b);
     std::fs::remove_file(photos.join("b/1.png")).unwrap();
-    let shown = exhibit(None).with_cameras(&file, Some(&photos)).unwrap();
+    let shown = scene_page(None).with_cameras(&file, Some(&photos)).unwrap();
     assert_eq!([0, 1].map(|i| shown.photo(i)), [Some(a), None]);
     photo(&photos.join("1.png"), [0.1, 0.9, 0.1]);
     std::fs::remove_file(photos.join("a/1.png")).unwrap();
-    let error = exhibit(None).with_cameras(&file, Some(&photos)).unwrap_err().to_string();
+    let error = scene_page(None).with_cameras(&file, Some(&photos)).unwrap_err().to_string();
     for part in ["a/1.png and ", "b/1.png: expected a file for each of them, found ", "photos/1.png for both"] {
         assert!(error.contains(part), "{part}: {error}");
     }

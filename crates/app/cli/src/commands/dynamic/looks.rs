@@ -6,7 +6,7 @@ use weaver_data::film;
 use weaver_dynamic_run::Run;
 use weaver_io::{Bitmap, Image};
 use weaver_view::{Look, Shot, ViewError, photo_file};
-use weaver_view_run::Exhibit;
+use weaver_view_run::ScenePage;
 
 /// The moment of the film that a page shows, or begins with.
 const MOMENT: f64 = 0.5;
@@ -14,7 +14,7 @@ const MOMENT: f64 = 0.5;
 const SHOTS: usize = 100;
 
 /// An expert of a run as it is now, with the photos taken nearest to the moment; held-out ones come first.
-pub fn exhibit(run: &Run, expert: usize, folder: &Path) -> Result<Exhibit, Failure> {
+pub fn scene_page(run: &Run, expert: usize, folder: &Path) -> Result<ScenePage, Failure> {
     let film = run.film();
     let shot = |shot: &film::Shot| -> Result<Shot, Failure> {
         let image = shot.image(film.size)?;
@@ -27,5 +27,5 @@ pub fn exhibit(run: &Run, expert: usize, folder: &Path) -> Result<Exhibit, Failu
     shots.sort_by_key(|shot| shot.held_out.trained());
     let shots = shots.into_iter().take(SHOTS).map(shot).collect::<Result<_, _>>()?;
     let look = Look { background: film.background, ..Look::default() };
-    Ok(Exhibit { shots, ..Exhibit::new(folder.display().to_string(), run.moments(expert)(MOMENT), look) })
+    Ok(ScenePage { shots, ..ScenePage::new(folder.display().to_string(), run.moments(expert)(MOMENT), look) })
 }
