@@ -1,6 +1,7 @@
 //! Compression of scenes of Gaussians: to a wanted quality of their pictures, and by the methods of others; nothing is read from or written to disk.
 //!
-//! - [`Judge`] draws a scene and compares what is left of it. [`compress`] chooses the steps of [`lite`](weaver_codec::lite).
+//! - [`Judge`] draws a scene and compares what is left of it. [`compress`] chooses the steps of [`lite`](weaver_codec::lite);
+//!   [`compress_judged`] judges them by other pictures.
 //! - [`Surface`] compares surfaces: meshes of the drawn depth.
 //! - [`Method`] is a way to compress: real bytes of a scene, and a scene of these bytes alone. [`METHODS`] is the table of them, [`formats()`] the
 //!   formats of files as methods.
@@ -12,6 +13,7 @@ mod gaussian_bits;
 mod geometry;
 mod hash_grid;
 mod judge;
+mod judged;
 mod method;
 mod methods;
 mod payload;
@@ -28,6 +30,7 @@ pub use gaussian_bits::{binary_through, gaussian_bits};
 pub use geometry::Surface;
 pub use hash_grid::{HashGrid, HashLevel};
 pub use judge::{Judge, Pictures};
+pub use judged::{Judged, compress_judged};
 pub use method::{Method, Point, Task};
 pub use methods::{C3dgs, Format, HacLite, Half, LightGaussian, Lite, MesonGs, SpeedySplat, Zstd};
 pub use schedule::Schedule;
