@@ -11,8 +11,7 @@ use weaver_scene::Gaussians;
 pub(crate) const FILE: &str = "scene.wsz";
 
 /// Part of the run from which on the scene is drawn as the file will hold it: behind the last new Gaussians, and while
-/// rates fall. With those of
-/// the middle of a run, numbers move by more than the steps of the file.
+/// rates fall. With those of the middle of a run, numbers move by more than the steps of the file.
 const FROM: f64 = 0.8;
 
 /// Least cost of removing a Gaussian that stays, over the mean error that rounding gives one. Chosen on fern, banana

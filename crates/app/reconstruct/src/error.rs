@@ -1,4 +1,4 @@
-//! What can go wrong on the way from photos to a scene.
+//! Errors on the way from photos to a scene.
 
 use crate::partition::BlockError;
 use std::path::PathBuf;

@@ -30,8 +30,7 @@ impl Keeping {
     }
 
     /// Steps to take of those that are left, where these are too many or too few for the time that is left: `now` is
-    /// the time of the run after
-    /// `done` of its steps.
+    /// the time of the run after `done` of its steps.
     ///
     /// A machine that is slower than it was rehearsed to be makes fewer steps, and more again once it is faster; never
     /// more than were planned.

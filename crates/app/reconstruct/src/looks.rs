@@ -14,8 +14,7 @@ const PHOTOS: usize = 4;
 
 impl Fitting {
     /// Photos that are looked at: some of those that are held out. Where cameras are refined there are none, since
-    /// held-out photos would have to
-    /// be located in the scene first.
+    /// held-out photos would have to be located in the scene first.
     fn looked_at(&self) -> Vec<usize> {
         let photos = if self.settings.fit.poses.refine { 0 } else { self.capture.held_out.len() };
         weaver_data::uniform(photos, photos.min(PHOTOS))

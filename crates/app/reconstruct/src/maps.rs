@@ -1,4 +1,4 @@
-//! Pictures of what a scene does at a view.
+//! Maps of a scene at a view.
 
 use crate::Error;
 use std::sync::atomic::{AtomicU32, Ordering};

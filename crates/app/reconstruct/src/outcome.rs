@@ -1,4 +1,4 @@
-//! What came of a run.
+//! The outcome of a run.
 
 use crate::Coverage;
 use serde::{Deserialize, Serialize};
@@ -39,13 +39,11 @@ pub struct Outcome {
     /// The color behind everything.
     pub background: [f32; 3],
     /// Color correction of each photo, `[A | b]` row by row, if photos have them; of held-out ones that of their
-    /// neighbors
-    /// ([`Fit::exposure_at`](weaver_fit::Fit::exposure_at)), with which they are judged.
+    /// neighbors ([`Fit::exposure_at`](weaver_fit::Fit::exposure_at)), with which they are judged.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub exposures: BTreeMap<String, [f32; 12]>,
     /// Part of each training photo that was left out, since no other photo shows what is there; photos with nothing of
-    /// the kind are not
-    /// named.
+    /// the kind are not named.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub transients: BTreeMap<String, f64>,
     /// Part of training photos whose depth two others agree about, where they were asked.

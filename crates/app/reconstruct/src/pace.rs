@@ -64,13 +64,12 @@ impl Pace {
         Ok(Self { loading, steps, results })
     }
 
-    /// The longest side of photos, of those that may be, at which so many minutes are enough for so many passes
-    /// through them, and memory for
-    /// the run.
+    /// The longest side of photos, of those that may be, at which so many minutes are enough for so many passes through
+    /// them, and memory for the run.
     ///
     /// `cameras` are the capture's. Steps are timed with a few photos of the least side, and take as much longer as
-    /// larger photos have more pixels. Nothing is timed where
-    /// photos are no larger than that. `settings` are those of the run. Writes nothing.
+    /// larger photos have more pixels. Nothing is timed where photos are no larger than that. `settings` are those of
+    /// the run. Writes nothing.
     ///
     /// # Errors
     /// As [`Run::begin`](crate::Run::begin).

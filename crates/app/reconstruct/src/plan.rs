@@ -1,4 +1,4 @@
-//! What a run will take, before it begins.
+//! Memory of a run, before it begins.
 
 use crate::start::{FEWEST, PHOTOS};
 use crate::{Error, Initial, RunSettings};

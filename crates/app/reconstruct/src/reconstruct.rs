@@ -22,9 +22,8 @@ use weaver_view_run::Listener;
 /// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain
 /// nothing from more.
 const MOST_ROUNDS: usize = 200;
-/// Passes through photos that are larger than the least: time for more of them is better spent on larger photos, by
-/// the same page, and more
-/// gain nothing.
+/// Passes through photos that are larger than the least: time for more of them is better spent on larger photos, by the
+/// same page, and more gain nothing.
 const ENOUGH_ROUNDS: usize = 40;
 
 /// The purpose of a reconstruction, which decides about time and the size of photos.
@@ -109,15 +108,13 @@ impl Request {
 }
 
 /// Makes a scene from photos: takes a capture's cameras or estimates them, fits Gaussians, and writes scene, cameras,
-/// summary and report into a
-/// folder.
+/// summary and report into a folder.
 ///
 /// An observer that answers a part of the stage `fit` with a break ends the fit, with results.
 ///
 /// # Errors
 /// When photos cannot be read or give no cameras, a setting is out of range, memory does not suffice, or a file cannot
-/// be written; when the
-/// folder has a fit already.
+/// be written; when the folder has a fit already.
 pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe) -> Result<Outcome, Error> {
     let start = Instant::now();
     let out = match Run::claim(&request.out, photos.paths()) {

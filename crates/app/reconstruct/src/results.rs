@@ -25,8 +25,8 @@ const LOCATE: usize = 30;
 
 impl Run {
     /// Writes scene, cameras, summary and report, then the page to look at the scene and further formats, which take
-    /// nothing of the others with them
-    /// if they cannot be written. A scene that no page can hold has none, which [`Outcome::missing`] says.
+    /// nothing of the others with them if they cannot be written. A scene that no page can hold has none, which
+    /// [`Outcome::missing`] says.
     ///
     /// # Errors
     /// When a file cannot be written, or the rasterizer refuses.
@@ -155,8 +155,7 @@ impl Fitting {
     }
 
     /// The cameras that held-out photos are judged with: as given; where cameras were refined, as matched, carried
-    /// along
-    /// with those of the training photos, and located in the scene, which is frozen.
+    /// along with those of the training photos, and located in the scene, which is frozen.
     fn held_out_cameras(&mut self) -> Result<Vec<Camera>, Error> {
         let given: Vec<Camera> = self.capture.held_out.iter().map(|photo| photo.camera).collect();
         if !self.settings.fit.poses.refine {
@@ -241,8 +240,7 @@ impl Fitting {
     }
 
     /// Seconds that looks and that results will take, from judging one photo now; with a budget full of Gaussians and
-    /// pictures for the
-    /// report it takes longer than with the few that there are.
+    /// pictures for the report it takes longer than with the few that there are.
     pub(crate) fn seconds_of_results(&mut self) -> Result<[f64; 2], Error> {
         let camera = self.fit().camera(0);
         let mut seconds = 0.0;

@@ -73,16 +73,13 @@ impl Run {
     /// [`Initial::Given`](crate::Initial::Given); `rasterizer` draws.
     ///
     /// With [`RunSettings::minutes`], the number of steps is chosen now, such that the run, results included, ends in
-    /// time if
-    /// the machine goes on as fast, but for [`RunSettings::least_steps`] and [`RunSettings::most_rounds`]. Where the
-    /// machine turns out to be
-    /// slower, steps are [left out](weaver_fit::FitSettings::thinned). Both are written down, so that the run can be
-    /// repeated to the same bits.
+    /// time if the machine goes on as fast, but for [`RunSettings::least_steps`] and [`RunSettings::most_rounds`].
+    /// Where the machine turns out to be slower, steps are [left out](weaver_fit::FitSettings::thinned). Both are
+    /// written down, so that the run can be repeated to the same bits.
     ///
     /// # Errors
-    /// When the capture cannot be read or gives nothing to fit, a setting is out of range, or a file cannot be
-    /// written; nothing is then
-    /// left behind.
+    /// When the capture cannot be read or gives nothing to fit, a setting is out of range, or a file cannot be written;
+    /// nothing is then left behind.
     pub fn begin(
         folder: Folder,
         settings: RunSettings,
@@ -146,8 +143,7 @@ impl Run {
     }
 
     /// [Goes on](Self::resume) with a run whose steps several processes share, whatever their number was before; the
-    /// others
-    /// [take part](Self::take_part).
+    /// others [take part](Self::take_part).
     ///
     /// # Errors
     /// As [`resume`](Self::resume), and as [`Fit::share`].
@@ -170,9 +166,9 @@ impl Run {
         Ok(Self(run))
     }
 
-    /// The part of a process that is not the first of those that share a run, of which it knows nothing yet: reads
-    /// what the first one has begun, in
-    /// its folder, and takes part in every step until the first one has no more. Writes nothing.
+    /// The part of a process that is not the first of those that share a run, of which it knows nothing yet: reads what
+    /// the first one has begun, in its folder, and takes part in every step until the first one has no more. Writes
+    /// nothing.
     ///
     /// # Errors
     /// When run, capture or checkpoint cannot be read or are others than those of the first process; as [`Fit::step`].
@@ -262,8 +258,7 @@ impl Run {
     }
 
     /// Runs to the last step, or until `stop` is set, and leaves a checkpoint. `observe` is called after every step.
-    /// Other processes have then done
-    /// their part.
+    /// Other processes have then done their part.
     ///
     /// # Errors
     /// As [`Fit::step`](weaver_fit::Fit::step), and when a file cannot be written; the last checkpoint then stays as

@@ -1,4 +1,4 @@
-//! What is asked of a run.
+//! Settings of a run.
 
 use crate::sources::Sources;
 use crate::{Coverage, Error};
@@ -30,8 +30,7 @@ pub struct RunSettings {
     /// True if masks are read.
     pub masks: bool,
     /// True if the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor
-    /// for
-    /// all photos; it stays as given where a lens is a fisheye.
+    /// for all photos; it stays as given where a lens is a fisheye.
     pub focal: bool,
     /// Settings that the photos decide.
     #[serde(skip)]
@@ -44,8 +43,7 @@ pub struct RunSettings {
     #[serde(default)]
     pub least_steps: usize,
     /// With [`minutes`](Self::minutes), at most so many passes through the photos, though there be time for more: what
-    /// they bring is met in the
-    /// fitted photos alone. `None` uses the time.
+    /// they bring is met in the fitted photos alone. `None` uses the time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub most_rounds: Option<usize>,
     /// Seconds between checkpoints, at least.
@@ -53,8 +51,7 @@ pub struct RunSettings {
     /// Further files of the scene, beside `scene.ply`.
     pub formats: Vec<SceneFormat>,
     /// Level of a compressed file that the end of the run is made for, 0 to 3
-    /// ([`Quality::level`](weaver_codec::lite::Quality::level)); `None`
-    /// writes none.
+    /// ([`Quality::level`](weaver_codec::lite::Quality::level)); `None` writes none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compress: Option<f64>,
     /// True if the scene is also written as a page to look at, `view.html`.
@@ -70,23 +67,19 @@ fn written() -> bool {
 }
 
 /// Settings of the fit that follow from the photos, since nobody named them. Once they are decided, they are in
-/// [`RunSettings::fit`], and
-/// this is all false.
+/// [`RunSettings::fit`], and this is all false.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct ByPhotos {
     /// The colors of photos are corrected ([`FitSettings::exposure`]) where the photos differ in exposure or white
-    /// balance
-    /// ([`ColorAgreement::differ`](weaver_fit::ColorAgreement::differ)).
+    /// balance ([`ColorAgreement::differ`](weaver_fit::ColorAgreement::differ)).
     pub exposure: bool,
     /// The background is the [mean color](weaver_fit::mean_color) of the photos that are fitted; where photos have
-    /// transparent parts,
-    /// it stays what these are laid over.
+    /// transparent parts, it stays what these are laid over.
     pub background: bool,
     /// [`FitSettings::dropout`] is the larger the fewer photos there are ([`FitSettings::dropout_for`]).
     pub dropout: bool,
     /// Gaussians begin on what photos agree about ([`Initial::Dense`]) where that is most of what they show, and is
-    /// found in a small part of the
-    /// time; with [`Initial::Auto`] alone.
+    /// found in a small part of the time; with [`Initial::Auto`] alone.
     pub start: bool,
     /// Where Gaussians begin so, their means move the more slowly the larger the photos are
     /// ([`Rates::means_on_surfaces`](weaver_fit::Rates::means_on_surfaces)).
@@ -247,8 +240,7 @@ impl RunFile {
     }
 
     /// The text of the file in a folder: a capture that lies in it, as estimated cameras do, is named relative to it,
-    /// so that both may be
-    /// moved; so is one whose whole path is not UTF-8.
+    /// so that both may be moved; so is one whose whole path is not UTF-8.
     ///
     /// # Errors
     /// When no such path is UTF-8.

@@ -1,4 +1,4 @@
-//! What a run has read, recognized by its content.
+//! The inputs of a run, recognized by their content.
 
 use crate::Error;
 use serde::{Deserialize, Serialize};

@@ -33,9 +33,8 @@ pub(crate) const FEWEST: usize = 13;
 const COVERAGE: f64 = 0.4;
 
 impl Start {
-    /// The start that the settings ask for. What they leave to the photos is written to them. `given` are the
-    /// Gaussians of a file, or
-    /// those that the run began with before.
+    /// The start that the settings ask for. What they leave to the photos is written to them. `given` are the Gaussians
+    /// of a file, or those that the run began with before.
     ///
     /// # Errors
     /// When there is nothing to begin with.

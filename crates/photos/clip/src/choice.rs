@@ -13,12 +13,10 @@ pub struct Measured {
 const REACH: f32 = 0.45;
 
 /// Chooses at most `most` frames that are evenly spread over the way of the camera, at least `closest` apart, and the
-/// sharp ones among
-/// those near each place.
+/// sharp ones among those near each place.
 ///
 /// A frame that is `u` times half a step away from its place counts with its sharpness times `1 - u^2 / 2`. Returns
-/// rising numbers: one where the way is shorter than
-/// `closest`, none of no frames.
+/// rising numbers: one where the way is shorter than `closest`, none of no frames.
 ///
 /// # Panics
 /// If `most` is 0.

@@ -1,4 +1,4 @@
-//! What can go wrong with photos and clips.
+//! Errors of photos, clips and videos.
 
 use weaver_io::Advice;
 

@@ -54,8 +54,7 @@ pub fn sharpness(picture: &Picture) -> f32 {
 /// Follows what pictures show from one to the next.
 ///
 /// Points are followed from the picture in which they were chosen for as long as they can be, so that small errors do
-/// not add up and a
-/// camera that trembles does not seem to travel.
+/// not add up and a camera that trembles does not seem to travel.
 #[derive(Debug, Default)]
 pub struct Follower {
     anchor: Option<Anchor>,
@@ -280,8 +279,7 @@ impl Patch {
     }
 
     /// The variance of the difference to a square that has moved so far, times the square of its number of pixels;
-    /// `None` beyond the
-    /// picture. What became brighter as a whole does not differ.
+    /// `None` beyond the picture. What became brighter as a whole does not differ.
     fn difference(&self, picture: &Picture, [x, y]: [i32; 2]) -> Option<i32> {
         let corner = corner_of(picture, [self.at[0] + x, self.at[1] + y])?;
         let (mut sum, mut squares) = (0, 0);

@@ -21,13 +21,11 @@ pub struct PhotoFiles {
 
 impl PhotoFiles {
     /// Photos by their files, folders of photos, and clips, of which frames are written to the folder `frames` of a
-    /// result: `most` of each, spread
-    /// over the way of its camera, or as many as show something new.
+    /// result: `most` of each, spread over the way of its camera, or as many as show something new.
     ///
     /// # Errors
     /// When a path is not there or a folder has no photos; when a clip cannot be decoded, or its camera stands still;
-    /// when a number of frames is given
-    /// and there is no clip.
+    /// when a number of frames is given and there is no clip.
     pub fn collect(
         paths: &[PathBuf],
         most: Option<usize>,
@@ -66,9 +64,8 @@ impl PhotoFiles {
     }
 }
 
-/// A photo, or those in a folder. Photos in folders below it are not taken; a warning or the error names these
-/// folders, unless they are
-/// among the paths that are given.
+/// A photo, or those in a folder. Photos in folders below it are not taken; a warning or the error names these folders,
+/// unless they are among the paths that are given.
 fn in_folder(path: &Path, given: &[PathBuf], observe: &mut dyn Observe) -> Result<Vec<PathBuf>, Error> {
     if !path.exists() {
         return Err(Error::Missing(path.display().to_string()));

@@ -1,6 +1,5 @@
-//! Pictures as a WebP that repeats, without another program: each is coded without loss by image-webp, which leaves
-//! the frame of a moving file
-//! to others.
+//! Pictures as a WebP that repeats, without another program: each is coded without loss by image-webp, which leaves the
+//! frame of a moving file to others.
 
 use crate::{Error, Film};
 use image_webp::{ColorType, WebPEncoder};

@@ -24,8 +24,7 @@ const DOLLY: [f64; 2] = [0.25, 0.35];
 
 impl CameraPath {
     /// `count` cameras of the path, with the lens of the first camera. `middle` is a point of the scene to look at
-    /// where cameras do not agree
-    /// on one. No cameras where none are given.
+    /// where cameras do not agree on one. No cameras where none are given.
     pub fn along(self, cameras: &[Frame], count: usize, middle: DVec3) -> Vec<Frame> {
         let Some(first) = cameras.first() else { return Vec::new() };
         let poses: Vec<Pose> = cameras.iter().map(|frame| frame.camera.pose).collect();

@@ -28,8 +28,7 @@ pub struct Merged {
 const AS_IT_IS: ColorMap = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
 /// Joins the fits of the blocks in a folder that [`split`](super::split) wrote: of each the Gaussians in its region.
-/// Where fits corrected the colors of
-/// photos, their colors are [brought together](color_maps) first.
+/// Where fits corrected the colors of photos, their colors are [brought together](color_maps) first.
 ///
 /// # Errors
 /// When the folder holds no blocks, or not all of one split; when a block has no complete fit; and when a file cannot

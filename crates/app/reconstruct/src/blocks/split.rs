@@ -15,8 +15,7 @@ use weaver_scene::Frame;
 /// The most blocks that are tried for a bound on memory.
 const MOST: usize = 1000;
 /// Part of all photos above which a block of its own saves little: the blocks of a fox, seen from all around, have 0.8
-/// to 1 of them, those along
-/// a street a third.
+/// to 1 of them, those along a street a third.
 const NEARLY_ALL: f64 = 0.75;
 
 /// Options of a cut.
@@ -62,8 +61,7 @@ pub struct Split {
 ///
 /// # Errors
 /// When the capture cannot be read, has no points or too few, or a block would have no photo; when no number of blocks
-/// is small enough
-/// for the memory; and when a file cannot be written.
+/// is small enough for the memory; and when a file cannot be written.
 pub fn split(options: &SplitOptions, out: &OutputFolder) -> Result<Split, Error> {
     let survey = survey(&options.capture, options.hold_out, options.masks)?;
     if survey.points.is_empty() {

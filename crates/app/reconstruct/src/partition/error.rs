@@ -1,4 +1,4 @@
-//! What can go wrong when a capture is cut.
+//! Errors of cutting a capture.
 
 /// Why a capture cannot be cut.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

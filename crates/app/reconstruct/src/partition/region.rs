@@ -54,8 +54,8 @@ fn along(axis: DVec3, point: [f32; 3]) -> f64 {
 /// Cuts space into `count` regions of equally many points, give or take one for each cut.
 ///
 /// A region is halved across the axis along which the middle 80 % of its points spread most, and so are its halves (a
-/// k-d tree); where an odd number of
-/// regions is left, in that proportion. Every point of space lies in exactly one region.
+/// k-d tree); where an odd number of regions is left, in that proportion. Every point of space lies in exactly one
+/// region.
 ///
 /// # Errors
 /// When there are fewer than 8 points for each region.

@@ -1,4 +1,4 @@
-//! What a report says of cameras that were estimated.
+//! The section of a report about estimated cameras.
 
 use std::path::Path;
 use weaver_data::{CameraSummary, CamerasSummary};

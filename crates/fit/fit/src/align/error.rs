@@ -1,4 +1,4 @@
-//! What can be wrong with a call.
+//! Errors of a call.
 
 use weaver_splat::RasterError;
 

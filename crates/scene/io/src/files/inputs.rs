@@ -57,8 +57,7 @@ mod tests {
     use std::fs;
 
     /// Inputs are compared by their ordinary files, as large as they may be; pipes, and links that lead nowhere or
-    /// back,
-    /// have no say.
+    /// back, have no say.
     #[cfg(unix)]
     #[test]
     fn inputs_are_compared_by_their_files() {
