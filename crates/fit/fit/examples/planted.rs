@@ -1,4 +1,4 @@
-//! From how far cameras come back: `cargo run --release -p weaver-align --example planted [DRAWS [SCENE.ply TRANSFORMS.json]]`.
+//! From how far cameras come back: `cargo run --release -p weaver-fit --features align --example planted [DRAWS [SCENE.ply TRANSFORMS.json]]`.
 //!
 //! The photo is a render of the scene itself, 300 random Gaussians or those of a file; the guess is off by r degrees about a random axis,
 //! and by r/60 of the mean depth. For each method: the share of draws that ends within 0.3 degrees and 0.005 of the depth / within 0.05
