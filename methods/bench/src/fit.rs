@@ -10,10 +10,10 @@ use std::time::Duration;
 use weaver_command::device::{self, Device};
 use weaver_command::{Console, Failure, Progress};
 use weaver_fit::{Fit, FitRasterizer, FitSettings, Photo, StepTimings};
-use weaver_fit_run::{Run, RunSettings};
 use weaver_geometry::sh::coefficients;
 use weaver_kernels::peak;
 use weaver_kernels::random::Stream;
+use weaver_reconstruct::{Run, RunSettings};
 use weaver_splat::{CpuRasterizer, Images, RasterSettings, Workspace, rasterize};
 
 /// Vector operations per lane that a part needs about: of a Gaussian at a pixel forward (the exponent, its exponential, the

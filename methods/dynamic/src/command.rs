@@ -7,7 +7,6 @@ mod film;
 mod prune;
 mod render;
 mod train;
-mod video;
 
 use clap::{Args, Subcommand};
 use distil::DynamicDistil;
@@ -16,7 +15,6 @@ pub use film::film;
 use prune::DynamicPrune;
 use render::DynamicRender;
 use train::DynamicTrain;
-pub use video::{StartVideo, Video};
 use weaver_command::{Console, Failure, Interrupt, in_pool};
 
 /// Scenes that move: several models of moving Gaussians, and a router that says which to believe, pixel by pixel
@@ -50,16 +48,11 @@ enum DynamicCommand {
 ///
 /// Fails where files cannot be read or do not belong together, where training diverges, and where results cannot be
 /// written.
-pub fn run(
-    arguments: &Dynamic,
-    start_video: StartVideo<'_>,
-    console: &mut Console,
-    interrupt: &Interrupt,
-) -> Result<(), Failure> {
+pub fn run(arguments: &Dynamic, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match &arguments.command {
         DynamicCommand::Train(it) => in_pool(it.threads.count(), || train::run(it, console, interrupt)),
         DynamicCommand::Eval(it) => in_pool(it.threads.count(), || eval::run(it, console)),
-        DynamicCommand::Render(it) => in_pool(it.threads.count(), || render::run(it, start_video, console)),
+        DynamicCommand::Render(it) => in_pool(it.threads.count(), || render::run(it, console)),
         DynamicCommand::Prune(it) => in_pool(it.threads.count(), || prune::run(it, console, interrupt)),
         DynamicCommand::Distil(it) => in_pool(it.threads.count(), || distil::run(it, console, interrupt)),
     }

@@ -47,7 +47,7 @@ fn of_library(error: &(dyn Error + 'static)) -> Option<FailureKind> {
     use weaver_splat::RasterError;
     if error.is::<weaver_io::Error>() || error.is::<std::io::Error>() {
         Some(FailureKind::File)
-    } else if error.is::<weaver_command::memory::TooLittle>() {
+    } else if error.is::<weaver_io::TooLittleMemory>() {
         Some(FailureKind::Memory)
     } else if let Some(error) = error.downcast_ref::<FitError>() {
         Some(if let FitError::Diverged { .. } = error { FailureKind::Numeric } else { FailureKind::Input })
@@ -63,7 +63,7 @@ fn of_library(error: &(dyn Error + 'static)) -> Option<FailureKind> {
 
 /// Errors of runs, which pass on those of others.
 fn of_run(error: &(dyn Error + 'static)) -> Option<FailureKind> {
-    use weaver_fit_run::RunError as Fit;
+    use weaver_reconstruct::Error as Fit;
     use weaver_run::Error as Run;
     if let Some(error) = error.downcast_ref::<Fit>() {
         return match error {
@@ -71,13 +71,32 @@ fn of_run(error: &(dyn Error + 'static)) -> Option<FailureKind> {
             Fit::Raster(inner) => of_library(inner),
             Fit::Capture(inner) => of_library(inner),
             Fit::Run(inner) => of_run(inner),
-            Fit::View(_) | Fit::Photos { .. } | Fit::Blocks { .. } => Some(FailureKind::Input),
+            Fit::Clip(inner) => of_clip(inner),
+            Fit::Given(inner) => Some(of_error(inner.as_ref())),
+            Fit::Memory(_) => Some(FailureKind::Memory),
+            Fit::AlreadyThere { .. } | Fit::View(_) | Fit::Photos { .. } | Fit::Blocks { .. } => {
+                Some(FailureKind::Input)
+            }
+            Fit::Cameras(_) | Fit::Compared { .. } | Fit::Page(_) => Some(FailureKind::Other),
             _ => Some(FailureKind::File),
         };
+    }
+    if let Some(error) = error.downcast_ref() {
+        return of_clip(error);
     }
     match error.downcast_ref::<Run>()? {
         Run::File(_) => Some(FailureKind::File),
         _ => Some(FailureKind::Input),
+    }
+}
+
+/// Errors of photos and clips.
+fn of_clip(error: &weaver_clip::Error) -> Option<FailureKind> {
+    use weaver_clip::Error as Clip;
+    match error {
+        Clip::File(_) | Clip::Missing(_) => Some(FailureKind::File),
+        Clip::Setting { .. } => Some(FailureKind::Input),
+        _ => None,
     }
 }
 
@@ -102,14 +121,14 @@ mod tests {
     fn failures_have_the_kind_of_their_innermost_error() {
         let missing = weaver_io::read_text("nothing/here").unwrap_err();
         let diverged = weaver_fit::FitError::Diverged { step: 1, photo: "a".into(), loss: f64::NAN };
-        let little = weaver_command::memory::TooLittle { needed: 2, available: 1, advice: String::new() };
+        let little = weaver_io::TooLittleMemory { needed: 2, available: 1, advice: String::new() };
         let complete = weaver_run::Error::complete("a");
         for (failure, kind) in [
             (Failure::Usage("x".into()), FailureKind::Input),
             (Failure::message("x"), FailureKind::Other),
-            (weaver_fit_run::RunError::File(missing).into(), FailureKind::File),
-            (weaver_fit_run::RunError::Fit(diverged).into(), FailureKind::Numeric),
-            (weaver_fit_run::RunError::Run(complete).into(), FailureKind::Input),
+            (weaver_reconstruct::Error::File(missing).into(), FailureKind::File),
+            (weaver_reconstruct::Error::Fit(diverged).into(), FailureKind::Numeric),
+            (weaver_reconstruct::Error::Run(complete).into(), FailureKind::Input),
             (little.into(), FailureKind::Memory),
         ] {
             assert_eq!(FailureKind::of(&failure), kind, "{failure:?}");

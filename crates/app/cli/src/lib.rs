@@ -2,16 +2,10 @@
 //!
 //! [`run`] is the whole program except for signals and panics, so that tests can call it.
 
-mod clip;
 mod command_line;
 mod commands;
-mod demo;
-mod estimate;
 mod failure_kind;
-mod ffmpeg;
-mod film;
 mod flags;
-mod gif;
 mod methods;
 mod models;
 mod old_names;
@@ -22,8 +16,6 @@ mod refine;
 mod request;
 mod table;
 mod units;
-mod video;
-mod webp;
 
 pub use weaver_command::{Console, Interrupt, printable};
 
@@ -59,7 +51,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
 
 /// Ends programs that were started and removes files that were begun: to be called before the process ends without unwinding.
 pub fn leave() {
-    ffmpeg::end_all();
+    weaver_clip::end_all();
     weaver_io::remove_unfinished();
 }
 

@@ -21,9 +21,7 @@ table! {
         #[cfg(feature = "lift")]
         Query(weaver_lift::command::Query) => |it, console, _| weaver_lift::command::query(it, console),
         #[cfg(feature = "dynamic")]
-        Dynamic(weaver_dynamic::command::Dynamic) => |it, console, interrupt| {
-            weaver_dynamic::command::run(it, &video::start, console, interrupt)
-        },
+        Dynamic(weaver_dynamic::command::Dynamic) => weaver_dynamic::command::run,
         #[cfg(feature = "vad")]
         Vad(weaver_vad::command::Vad) => weaver_vad::command::run,
         #[cfg(feature = "lidar")]
@@ -41,31 +39,6 @@ table! {
     }
 }
 
-/// Videos of `dynamic render`, which ffmpeg writes.
-#[cfg(feature = "dynamic")]
-mod video {
-    use crate::film::Film;
-    use crate::video;
-    use std::path::{Path, PathBuf};
-    use weaver_command::Failure;
-    use weaver_dynamic::command::Video;
-    use weaver_io::Image;
-
-    pub fn start(file: &Path, size: (usize, usize), rate: f64) -> Result<Box<dyn Video>, Failure> {
-        Ok(Box::new(video::Video::create(file, size, rate)?))
-    }
-
-    impl Video for video::Video {
-        fn push(&mut self, image: &Image) -> Result<(), Failure> {
-            Film::push(self, image)
-        }
-
-        fn finish(self: Box<Self>) -> Result<PathBuf, Failure> {
-            Film::finish(self)
-        }
-    }
-}
-
 /// In place of methods that the program was built without.
 #[cfg(not(feature = "dynamic"))]
 pub fn film(
@@ -73,7 +46,7 @@ pub fn film(
     _: Option<&str>,
     _: weaver_command::DrawingOptions,
     _: Option<f64>,
-) -> Result<weaver_view_run::Exhibit, Failure> {
+) -> Result<weaver_view_run::ScenePage, Failure> {
     Err(left_out(folder, "dynamic"))
 }
 

@@ -3,16 +3,13 @@
 use crate::commands::{Command, Unit};
 use crate::processes::Processes;
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use weaver_command::{Console, Failure, Interrupt};
-use weaver_fit_run::Run;
-use weaver_io::{Checksum, OutputFolder, read_text, write_text, written};
+use weaver_io::{OutputFolder, input_checksum, read_text, write_text};
+use weaver_reconstruct::Run;
 use weaver_run::Folder;
+use weaver_run::unit::{MARK, recorded, results};
 
-/// The file that says what a folder holds the results of, and whether they are complete.
-const MARK: &str = "unit.json";
-/// Folders in that of a unit which have a record of their own: the cameras that it estimated.
-const PARTS: [&str; 1] = ["cameras"];
 /// Beginnings of names of results that a fit reads: one that goes on cannot make them again.
 const READ_BY_FITS: [&str; 2] = ["cameras/", "frames/"];
 
@@ -35,7 +32,7 @@ struct Mark {
 /// As the command's; when the folder belongs to a unit with other inputs or settings.
 pub fn run(command: &Command, settings: &str, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let Some(unit) = command.unit()? else { return command.run(console, interrupt) };
-    let checksum = checksum(settings, &unit.inputs)?;
+    let checksum = input_checksum(settings, &unit.inputs)?;
     let mark = Mark::read(&unit.out)?;
     if let Some(Mark { unit: theirs, .. }) = mark.as_ref().filter(|mark| mark.unit != checksum) {
         return Err(Failure::Usage(format!(
@@ -118,117 +115,5 @@ impl Mark {
         files.extend(unit.json.then(|| unit.figures.to_string()));
         files.retain(|name| !unit.out.join(name).exists());
         Ok(files)
-    }
-}
-
-/// The results in a folder, by its record: those that are there.
-fn results(out: &Path) -> Result<Vec<String>, Failure> {
-    let mut files = recorded(out)?;
-    files.retain(|name| out.join(name).exists());
-    Ok(files)
-}
-
-/// The results of a folder, by its record. A checkpoint is none: it may be removed to save space.
-fn recorded(out: &Path) -> Result<Vec<String>, Failure> {
-    let mut files: Vec<String> = written(out)?.into_keys().collect();
-    for part in PARTS {
-        files.extend(written(out.join(part))?.into_keys().map(|name| format!("{part}/{name}")));
-    }
-    files.retain(|name| ![MARK, Folder::CHECKPOINT].contains(&name.as_str()));
-    Ok(files)
-}
-
-/// Checksum of settings and of the content of all files, with their places in the folders that were named.
-fn checksum(settings: &str, inputs: &[PathBuf]) -> Result<String, Failure> {
-    let mut sum = Checksum::default();
-    sum.bytes(settings.as_bytes());
-    for input in inputs {
-        let mut files = Vec::new();
-        list(input, &mut Vec::new(), &mut files)?;
-        files.sort_unstable();
-        sum.word(files.len() as u64);
-        for file in files {
-            let place = file.strip_prefix(input).unwrap_or(&file);
-            sum.bytes(place.to_string_lossy().as_bytes());
-            sum.file(&file)?;
-        }
-    }
-    Ok(sum.to_string())
-}
-
-/// Adds the files in a folder and in its folders, or a file. A pipe or a device has no content to compare. `above` are
-/// the folders that lead to this one, without links; one that leads back to them is no folder of its own.
-fn list(path: &Path, above: &mut Vec<PathBuf>, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
-    // What was named itself has to be there; in a folder there may be links to nowhere.
-    let about = match std::fs::metadata(path) {
-        Err(_) if !above.is_empty() && path.is_symlink() => return Ok(()),
-        about => about.map_err(failed(path))?,
-    };
-    if about.is_file() {
-        files.push(path.into());
-    }
-    if !about.is_dir() {
-        return Ok(());
-    }
-    let place = path.canonicalize().map_err(failed(path))?;
-    if above.contains(&place) {
-        return Ok(());
-    }
-    above.push(place);
-    for entry in std::fs::read_dir(path).map_err(failed(path))? {
-        list(&entry.map_err(failed(path))?.path(), above, files)?;
-    }
-    above.pop();
-    Ok(())
-}
-
-fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> weaver_io::Error {
-    let path = path.to_path_buf();
-    |source| weaver_io::Error::Io { path, source }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::fs;
-
-    /// Inputs are compared by their ordinary files, as large as they may be; pipes, and links that lead nowhere or back,
-    /// have no say.
-    ///
-    /// Promise (files): inputs are compared by their ordinary files, a part at a time; pipes, broken links and
-    /// circular links do not count.
-    /// Promise (files): a unit of work is of all files that it reads: photos, `--config`, `--init`, `--weights`, a
-    /// run's checkpoint, `--cameras`.
-    #[cfg(unix)]
-    #[test]
-    fn inputs_are_compared_by_their_files() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = |name: &str| folder.path().join(name);
-        fs::create_dir_all(path("a/b")).unwrap();
-        fs::create_dir(path("elsewhere")).unwrap();
-        fs::write(path("elsewhere/d.bin"), [3; 70_001]).unwrap();
-        fs::write(path("a/b/c.bin"), [7; 200_003]).unwrap();
-        std::os::unix::fs::symlink(path("elsewhere"), path("a/link")).unwrap();
-        let of = |inputs: &[PathBuf]| checksum("fit\n", inputs).unwrap();
-        let before = of(&[path("a")]);
-        // The sum of marks that are there already.
-        let mut sum = Checksum::default();
-        sum.bytes(b"fit\n");
-        sum.word(2);
-        for (name, bytes) in [("b/c.bin", vec![7; 200_003]), ("link/d.bin", vec![3; 70_001])] {
-            sum.bytes(name.as_bytes());
-            sum.bytes(&bytes);
-        }
-        assert_eq!(before, sum.to_string());
-        std::os::unix::fs::symlink(".", path("a/b/here")).unwrap();
-        std::os::unix::fs::symlink("..", path("a/b/above")).unwrap();
-        std::os::unix::fs::symlink("nowhere", path("a/gone")).unwrap();
-        std::os::unix::fs::symlink("itself", path("a/itself")).unwrap();
-        let made = std::process::Command::new("mkfifo").arg(path("a/pipe")).status();
-        assert!(made.is_ok_and(|status| status.success()));
-        assert_eq!(of(&[path("a")]), before);
-        fs::write(path("a/b/c.bin"), [8; 200_003]).unwrap();
-        assert_ne!(of(&[path("a")]), before);
-        assert!(checksum("fit\n", &[path("none")]).is_err());
     }
 }

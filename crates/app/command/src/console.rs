@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use crate::printable::printable;
 use std::io::Write;
+use weaver_io::Part;
 
 /// The two streams of a command. What is printed by its methods is [printable].
 pub struct Console<'a> {
@@ -14,19 +15,6 @@ pub struct Console<'a> {
     pub terminal: bool,
     /// Told of each part of a job that is done, in place of a bar or of lines.
     pub watcher: Option<&'a mut (dyn FnMut(&Part) + Send + 'a)>,
-}
-
-/// A part of a job that is done.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Part {
-    /// Name of the job.
-    pub label: &'static str,
-    /// Parts that are done.
-    pub done: usize,
-    /// Parts of the whole job, as far as it is known.
-    pub total: usize,
-    /// Remark of the job about its state.
-    pub note: String,
 }
 
 impl<'a> Console<'a> {

@@ -1,10 +1,9 @@
 //! Failures of a command: a one-line message and an exit code.
 
 use crate::printable::{one_line, printable};
-use crate::too_little::TooLittle;
 use std::error::Error;
 use std::io;
-use weaver_io::Advice;
+use weaver_io::{Advice, TooLittleMemory};
 
 /// Why a command stopped.
 #[derive(Debug)]
@@ -34,7 +33,7 @@ fn is_of_machine(error: &(dyn Error + 'static)) -> bool {
         Kind::ResourceBusy,
     ];
     kind.is_some_and(|kind| passing.contains(&kind))
-        || error.is::<TooLittle>()
+        || error.is::<TooLittleMemory>()
         || error.source().is_some_and(is_of_machine)
 }
 
@@ -200,7 +199,7 @@ mod tests {
         }
         let code = |kind: io::ErrorKind| Failure::from(Writing { source: kind.into() }).exit_code();
         assert_eq!([io::ErrorKind::StorageFull, io::ErrorKind::NotFound].map(code), [75, 1]);
-        let little = TooLittle { needed: 2, available: 1, advice: String::new() };
+        let little = TooLittleMemory { needed: 2, available: 1, advice: String::new() };
         assert_eq!(Failure::from(little).exit_code(), 75);
     }
 

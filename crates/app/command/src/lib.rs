@@ -12,24 +12,25 @@ mod flags;
 mod interrupt;
 mod lifted_file;
 pub mod memory;
+mod observer;
 mod output;
 mod printable;
 mod progress;
 mod threads;
-mod too_little;
 
-pub use console::{Console, Part};
+pub use console::Console;
 pub use drawing::DrawingOptions;
 pub use drawing_flags::{DrawingFlags, Rgb, background, distance, fraction};
 pub use failure::Failure;
 pub use flags::{DeviceFlag, LiveFlag, MOST_SEED, MOST_THREADS, Threads, choice, rate, rows_and_columns};
 pub use interrupt::Interrupt;
 pub use lifted_file::LiftedFile;
+pub use observer::ConsoleObserver;
 pub use output::Output;
 pub use printable::printable;
-pub use progress::{Progress, duration};
+pub use progress::Progress;
 pub use threads::{cores, fewer_threads, in_pool, pool_size};
-pub use weaver_io::ShellCommand;
+pub use weaver_io::{Part, ShellCommand, duration};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -1,16 +1,12 @@
 //! Whether there is enough memory, asked before it is taken: an allocation that fails ends the process.
 
 use crate::Failure;
-pub use crate::too_little::TooLittle;
 use weaver_geometry::Camera;
 use weaver_scene::Frame;
 
 /// Refuses what would not fit into memory; `advice` says what would take less.
 pub fn check(needed: u64, advice: &str) -> Result<(), Failure> {
-    match weaver_io::available_memory() {
-        Some(available) if available < needed => Err(TooLittle { needed, available, advice: advice.into() }.into()),
-        _ => Ok(()),
-    }
+    Ok(weaver_io::check_memory(needed, advice)?)
 }
 
 /// Bytes of a pixel while a picture is drawn, and while it waits to be written: a little more than docs/results/benchmarks.md measured.

@@ -5,6 +5,7 @@ use crate::{Console, Part};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt::Write;
 use std::time::{Duration, Instant};
+use weaver_io::duration;
 
 /// Time between lines where there is no terminal.
 const PAUSE: Duration = Duration::from_secs(5);
@@ -68,15 +69,6 @@ fn rate(state: &ProgressState, out: &mut dyn Write) {
     let _ = write!(out, "{:.2}/s", state.per_sec());
 }
 
-/// A duration in seconds, minutes or hours.
-pub fn duration(seconds: f64) -> String {
-    match seconds {
-        s if s < 90.0 => format!("{s:.0} s"),
-        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
-        s => format!("{:.1} h", s / 3600.0),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -106,10 +98,5 @@ mod tests {
         progress.finish();
         assert_eq!(told, ["render 1/2 part 1", "render 2/2 part 2"]);
         assert!(err.is_empty());
-    }
-
-    #[test]
-    fn durations_are_short() {
-        assert_eq!([5.0, 600.0, 36000.0].map(duration), ["5 s", "10 min", "10.0 h"]);
     }
 }

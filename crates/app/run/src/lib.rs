@@ -6,6 +6,7 @@
 //! built from headings, tables, pictures and curves.
 
 mod curve;
+pub mod description;
 mod error;
 mod folder;
 mod job;
@@ -18,6 +19,7 @@ pub mod settings;
 pub mod state;
 mod step_report;
 mod tensorboard;
+pub mod unit;
 
 pub use error::Error;
 pub use folder::{Folder, Kind};

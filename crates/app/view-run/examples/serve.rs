@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use weaver_view::Look;
-use weaver_view_run::{Exhibit, Listener, Server, Visitors};
+use weaver_view_run::{Access, Listener, ScenePage, Server};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -11,12 +11,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let file = weaver_io::read_scene(&scene)?;
     let mut look = Look::default();
     look.settings.antialiased = file.drawing.antialiased;
-    let mut exhibit = Exhibit::new(&scene, file.gaussians, look);
-    exhibit.file = Some(scene.into());
+    let mut scene_page = ScenePage::new(&scene, file.gaussians, look);
+    scene_page.file = Some(scene.into());
     if let Some(cameras) = arguments.next() {
-        exhibit = exhibit.with_cameras(Path::new(&cameras), None)?;
+        scene_page = scene_page.with_cameras(Path::new(&cameras), None)?;
     }
-    let server = Server::new(&exhibit, None, Listener::bind(Visitors::Here, None)?)?;
+    let server = Server::new(&scene_page, None, Listener::bind(Access::Local, None)?)?;
     println!("{}", server.address());
     server.run(&AtomicBool::new(false));
     Ok(())

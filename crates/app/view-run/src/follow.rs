@@ -22,7 +22,7 @@ pub type DrawingOf<'a> = &'a (dyn Fn(&Tensors) -> weaver_io::Result<Image> + Syn
 
 /// A part of a run that a page shows beside its curves.
 #[derive(Clone, Copy)]
-pub enum Showing<'a> {
+pub enum LiveView<'a> {
     /// The scene of its last checkpoint.
     Scene(SceneOf<'a>),
     /// The scene of its last checkpoint, which moves.
@@ -35,7 +35,7 @@ pub enum Showing<'a> {
     Curves,
 }
 
-impl fmt::Debug for Showing<'_> {
+impl fmt::Debug for LiveView<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Scene(_) => f.write_str("Scene"),
@@ -49,7 +49,7 @@ impl fmt::Debug for Showing<'_> {
 
 /// A run whose log and checkpoints a page follows. The run itself does nothing for it: files are read when a page asks.
 #[derive(Clone, Copy, Debug)]
-pub struct Followed<'a> {
+pub struct LiveRun<'a> {
     /// The run's folder.
     pub folder: &'a Path,
     /// Steps of the whole run.
@@ -57,12 +57,12 @@ pub struct Followed<'a> {
     /// Better names of its curves than those of the log.
     pub names: &'a [(&'a str, &'a str)],
     /// The part that is shown beside the curves.
-    pub showing: Showing<'a>,
+    pub showing: LiveView<'a>,
     /// Ends the run after its step where it is set, as Ctrl-C does.
     pub stop: &'a AtomicBool,
 }
 
-impl Followed<'_> {
+impl LiveRun<'_> {
     /// The number of what is shown: when it was written, milliseconds; 0 where there is nothing yet.
     pub fn version(&self) -> u64 {
         let since = self.shown().and_then(|(written, _)| written.duration_since(UNIX_EPOCH).ok());
@@ -73,9 +73,11 @@ impl Followed<'_> {
     fn shown(&self) -> Option<(SystemTime, PathBuf)> {
         let dated = |path: PathBuf| Some((path.metadata().ok()?.modified().ok()?, path));
         match self.showing {
-            Showing::Scene(_) | Showing::Film(_) | Showing::Drawing(_) => dated(self.folder.join(Folder::CHECKPOINT)),
-            Showing::Pictures(folder) => dated(weaver_io::list_files(folder, &["png"]).ok()?.pop()?),
-            Showing::Curves => None,
+            LiveView::Scene(_) | LiveView::Film(_) | LiveView::Drawing(_) => {
+                dated(self.folder.join(Folder::CHECKPOINT))
+            }
+            LiveView::Pictures(folder) => dated(weaver_io::list_files(folder, &["png"]).ok()?.pop()?),
+            LiveView::Curves => None,
         }
     }
 
@@ -86,9 +88,9 @@ impl Followed<'_> {
     pub fn gaussians(&self, time: f64) -> Result<Option<Gaussians>, Error> {
         let Some((_, path)) = self.shown() else { return Ok(None) };
         Ok(match self.showing {
-            Showing::Scene(scene) => Some(scene(&Tensors::read(&path)?)?),
-            Showing::Film(film) => Some(film(&Tensors::read(&path)?, time)?),
-            Showing::Pictures(_) | Showing::Drawing(_) | Showing::Curves => None,
+            LiveView::Scene(scene) => Some(scene(&Tensors::read(&path)?)?),
+            LiveView::Film(film) => Some(film(&Tensors::read(&path)?, time)?),
+            LiveView::Pictures(_) | LiveView::Drawing(_) | LiveView::Curves => None,
         })
     }
 
@@ -99,9 +101,9 @@ impl Followed<'_> {
     pub fn picture(&self) -> Result<Option<Vec<u8>>, Error> {
         let Some((_, path)) = self.shown() else { return Ok(None) };
         Ok(match self.showing {
-            Showing::Pictures(_) => Some(weaver_io::read_bytes(&path)?),
-            Showing::Drawing(drawing) => Some(drawing(&Tensors::read(&path)?)?.to_png()),
-            Showing::Scene(_) | Showing::Film(_) | Showing::Curves => None,
+            LiveView::Pictures(_) => Some(weaver_io::read_bytes(&path)?),
+            LiveView::Drawing(drawing) => Some(drawing(&Tensors::read(&path)?)?.to_png()),
+            LiveView::Scene(_) | LiveView::Film(_) | LiveView::Curves => None,
         })
     }
 

@@ -7,9 +7,9 @@ mod listener;
 mod request;
 mod visit;
 
-pub use listener::{Listener, Visitors};
+pub use listener::{Access, Listener};
 
-use crate::{Error, Exhibit, Followed, Showing};
+use crate::{Error, LiveRun, LiveView, ScenePage};
 use answer::Answer;
 use clients::{Clients, Limits};
 use guard::Guard;
@@ -36,8 +36,8 @@ const SOON: Duration = Duration::from_secs(1);
 pub struct Server<'a> {
     listener: Listener,
     guard: Guard,
-    exhibit: Option<&'a Exhibit>,
-    followed: Option<Followed<'a>>,
+    scene_page: Option<&'a ScenePage>,
+    followed: Option<LiveRun<'a>>,
     page: String,
     policy: String,
     saving: Mutex<()>,
@@ -50,39 +50,39 @@ impl std::fmt::Debug for Server<'_> {
 }
 
 impl<'a> Server<'a> {
-    /// A server that shows an exhibit, and follows a run if that is said. Nothing is answered before [`run`](Self::run).
+    /// A server that shows a scene, and follows a run if that is said. Nothing is answered before [`run`](Self::run).
     ///
     /// # Errors
     /// When the page cannot be made.
-    pub fn new(exhibit: &'a Exhibit, followed: Option<Followed<'a>>, listener: Listener) -> Result<Self, Error> {
+    pub fn new(scene_page: &'a ScenePage, followed: Option<LiveRun<'a>>, listener: Listener) -> Result<Self, Error> {
         let (guard, nonce) = (Guard::of(&listener)?, random()?);
-        let photo = |i: usize| exhibit.has_photo(i).then(|| format!("photo/{i}?token={}", guard.token));
-        let report = exhibit.report.as_ref().map(|_| format!("report?token={}", guard.token));
+        let photo = |i: usize| scene_page.has_photo(i).then(|| format!("photo/{i}?token={}", guard.token));
+        let report = scene_page.report.as_ref().map(|_| format!("report?token={}", guard.token));
         let page = ServedPage {
             nonce: &nonce,
             scene: "scene",
             photo: &photo,
-            formats: if exhibit.file.is_some() { &FORMATS } else { &[] },
+            formats: if scene_page.file.is_some() { &FORMATS } else { &[] },
             report: report.as_deref(),
             live: followed.is_some(),
-            features: exhibit.features.is_some(),
-            beginning: followed.is_none() && exhibit.has_beginning(),
-            moves: exhibit.moving.is_some()
-                || followed.is_some_and(|followed| matches!(followed.showing, Showing::Film(_))),
+            features: scene_page.features.is_some(),
+            beginning: followed.is_none() && scene_page.has_beginning(),
+            moves: scene_page.moving.is_some()
+                || followed.is_some_and(|followed| matches!(followed.showing, LiveView::Film(_))),
         };
-        let (html, policy) = (page.html(&exhibit.subject(), &exhibit.shots)?, page.policy());
-        Ok(Self { listener, guard, exhibit: Some(exhibit), followed, page: html, policy, saving: Mutex::new(()) })
+        let (html, policy) = (page.html(&scene_page.subject(), &scene_page.shots)?, page.policy());
+        Ok(Self { listener, guard, scene_page: Some(scene_page), followed, page: html, policy, saving: Mutex::new(()) })
     }
 
     /// A server that follows a run without a scene: curves and the newest picture under a title.
     ///
     /// # Errors
     /// When the system has no random numbers.
-    pub fn of_run(title: &str, followed: Followed<'a>, listener: Listener) -> Result<Self, Error> {
+    pub fn of_run(title: &str, followed: LiveRun<'a>, listener: Listener) -> Result<Self, Error> {
         let (guard, nonce) = (Guard::of(&listener)?, random()?);
         let page = RunPage { title, nonce: &nonce };
         let (page, policy) = (page.html(), page.policy());
-        Ok(Self { listener, guard, exhibit: None, followed: Some(followed), page, policy, saving: Mutex::new(()) })
+        Ok(Self { listener, guard, scene_page: None, followed: Some(followed), page, policy, saving: Mutex::new(()) })
     }
 
     /// The address to open on this machine, with the token.
@@ -161,8 +161,8 @@ impl<'a> Server<'a> {
     fn check(&self, request: &Request) -> Result<(), Answer> {
         let (path, query) = request.parts();
         self.guard.check(request, query, request.method == "POST")?;
-        let savable = self.exhibit.filter(|exhibit| exhibit.file.is_some() && path == "/save");
-        let expected = savable.map_or(0, |exhibit| exhibit.gaussians.len() as u64);
+        let savable = self.scene_page.filter(|scene_page| scene_page.file.is_some() && path == "/save");
+        let expected = savable.map_or(0, |scene_page| scene_page.gaussians.len() as u64);
         if request.length == expected {
             return Ok(());
         }
@@ -188,15 +188,15 @@ impl<'a> Server<'a> {
 
     fn scene(&self, query: &str) -> Result<Answer, Error> {
         let time = guard::value(query, "time").and_then(|time| time.parse::<f64>().ok()).filter(|t| t.is_finite());
-        let moving = self.exhibit.and_then(|exhibit| exhibit.moving.as_ref());
+        let moving = self.scene_page.and_then(|scene_page| scene_page.moving.as_ref());
         let at = time.unwrap_or(0.5).clamp(0.0, 1.0);
         let latest = match (&self.followed, moving) {
             (Some(followed), _) => followed.gaussians(at)?,
             (None, Some(moving)) if time.is_some() => Some(moving.at(at)),
-            _ if guard::value(query, "part") == Some("beginning") => self.exhibit.map(Exhibit::beginning),
+            _ if guard::value(query, "part") == Some("beginning") => self.scene_page.map(ScenePage::beginning),
             _ => None,
         };
-        let Some(scene) = latest.as_ref().or(self.exhibit.map(|exhibit| &exhibit.gaussians)) else {
+        let Some(scene) = latest.as_ref().or(self.scene_page.map(|scene_page| &scene_page.gaussians)) else {
             return Ok(Answer::nothing());
         };
         let mut bytes = Vec::new();
@@ -206,26 +206,26 @@ impl<'a> Server<'a> {
     }
 
     fn alike(&self, query: &str) -> Answer {
-        let features = self.exhibit.and_then(|exhibit| exhibit.features.as_ref());
+        let features = self.scene_page.and_then(|scene_page| scene_page.features.as_ref());
         let gaussian = guard::value(query, "gaussian").and_then(|number| number.parse().ok());
         let alike = features.zip(gaussian).and_then(|(features, gaussian)| features.alike(gaussian));
         alike.map_or_else(Answer::nothing, |bytes| Answer::new("application/octet-stream", bytes))
     }
 
     fn photo(&self, number: &str) -> Answer {
-        let photo = self.exhibit.zip(number.parse().ok()).and_then(|(exhibit, i)| exhibit.photo(i));
+        let photo = self.scene_page.zip(number.parse().ok()).and_then(|(scene_page, i)| scene_page.photo(i));
         photo.map_or_else(Answer::nothing, |bytes| {
             Answer::new(if bytes.starts_with(b"\x89PNG") { "image/png" } else { "image/jpeg" }, bytes)
         })
     }
 
     fn picture(&self) -> Result<Answer, Error> {
-        let picture = self.followed.as_ref().map(Followed::picture).transpose()?.flatten();
+        let picture = self.followed.as_ref().map(LiveRun::picture).transpose()?.flatten();
         Ok(picture.map_or_else(Answer::nothing, |bytes| Answer::new("image/png", bytes)))
     }
 
     fn report(&self) -> Result<Answer, Error> {
-        let path = self.exhibit.and_then(|exhibit| exhibit.report.as_ref()).filter(|path| path.is_file());
+        let path = self.scene_page.and_then(|scene_page| scene_page.report.as_ref()).filter(|path| path.is_file());
         Ok(path.map_or_else(|| Ok(Answer::nothing()), |path| weaver_io::read_text(path).map(Answer::report))?)
     }
 
@@ -243,7 +243,7 @@ impl<'a> Server<'a> {
 
     /// Saves what is left: the body has a byte for each Gaussian, 1 where it is deleted.
     fn save(&self, dropped: &[u8], query: &str) -> Result<Answer, Error> {
-        let Some(exhibit) = self.exhibit.filter(|exhibit| exhibit.file.is_some()) else {
+        let Some(scene_page) = self.scene_page.filter(|scene_page| scene_page.file.is_some()) else {
             return Ok(Answer::text(400, "this scene has no file to save beside"));
         };
         let name = guard::value(query, "format").unwrap_or_default();
@@ -256,7 +256,7 @@ impl<'a> Server<'a> {
         if let Err(TryLockError::WouldBlock) = one {
             return Ok(Answer::text(409, "something else is being saved"));
         }
-        let path = exhibit.save(dropped, format)?;
+        let path = scene_page.save(dropped, format)?;
         let kept = dropped.iter().filter(|byte| **byte == 0).count();
         Ok(Answer::text(200, format!("Saved {kept} Gaussians in {}.", path.display())))
     }

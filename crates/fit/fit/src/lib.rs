@@ -10,10 +10,12 @@
 //! - [`Transients`] are the things that one photo alone shows; they are found and left out on request.
 //! - Several processes share the photos of a step, if it looks at more than one: [`Fit::share`].
 //! - [`init`] makes the Gaussians to start from.
+//! - `align` (feature `align`) finds where photos of a finished scene were taken.
 //!
 //! Everything is on slices, without a tape and without files. The same seed gives the same bits at any number of
 //! threads.
 
+pub mod align;
 mod cameras;
 mod color_agreement;
 mod comparison;

@@ -8,6 +8,7 @@ pub(crate) mod content;
 pub(crate) mod file;
 pub(crate) mod folder;
 pub(crate) mod inner_folders;
+pub(crate) mod inputs;
 pub(crate) mod json;
 pub(crate) mod mapped_file;
 pub(crate) mod memory;

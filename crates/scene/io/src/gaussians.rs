@@ -1,6 +1,7 @@
 //! Files of Gaussians: the formats as a table, and reading and writing by it.
 
 mod blocks;
+mod convert;
 pub(crate) mod fields;
 mod format;
 mod gltf;
@@ -14,6 +15,7 @@ mod spz;
 mod wsz;
 
 pub use blocks::{Blocks, Chained, Changed};
+pub use convert::{Conversion, ConvertError, Converted, Keep, Loss, Score, ScoreOf, convert};
 pub use format::{SCENE_FORMATS, SceneFormat};
 pub use scene_file::{Drawing, OpenScene, SceneFile};
 pub use spz::spz_step;

@@ -14,6 +14,7 @@ mod files;
 mod gaussians;
 mod info;
 mod lidar;
+mod observe;
 mod pictures;
 mod tensors;
 
@@ -29,7 +30,8 @@ pub use files::file::{file_length, read_bytes, read_part, read_text, write_text}
 pub use files::folder::{
     check_writable, create_folder, is_taken, list_files, list_folders, path_in_utf8, relative_path,
 };
-pub use files::memory::{available_memory, peak_mb};
+pub use files::inputs::input_checksum;
+pub use files::memory::{TooLittleMemory, available_memory, check_memory, peak_mb};
 pub use files::natural_order::natural_order;
 pub use files::output_folder::{OutputFolder, check_output_file, check_output_folder};
 pub use files::shell::ShellCommand;
@@ -38,13 +40,15 @@ pub use files::unfinished::{UnfinishedFile, remove_unfinished};
 pub use files::written::written;
 pub use gaussians::ply;
 pub use gaussians::{
-    Blocks, Chained, Changed, Drawing, OpenScene, SCENE_FORMATS, SceneFile, SceneFormat, WrittenScene, open_scene,
-    read_gaussians, read_gaussians_from, read_scene, scene_bytes, spz_step, write_blocks, write_blocks_checked,
-    write_gaussians, write_gaussians_to, write_scene,
+    Blocks, Chained, Changed, Conversion, ConvertError, Converted, Drawing, Keep, Loss, OpenScene, SCENE_FORMATS,
+    SceneFile, SceneFormat, Score, ScoreOf, WrittenScene, convert, open_scene, read_gaussians, read_gaussians_from,
+    read_scene, scene_bytes, spz_step, write_blocks, write_blocks_checked, write_gaussians, write_gaussians_to,
+    write_scene,
 };
 pub use info::info;
 pub use lidar::poses::{TrajectoryFile, TrajectoryFormat};
 pub use lidar::scan::{LIDAR_FORMATS, LidarScan, read_lidar_scan, write_lidar_scan};
+pub use observe::{Observe, Part, Stage, duration};
 pub use pictures::bitmap::Bitmap;
 pub use pictures::color::{false_color, label_color};
 pub use pictures::exif::focal_35mm;

@@ -2,12 +2,12 @@
 //!
 //! A scene of Gaussians is known, and a photo of it, but the camera only roughly: 8 degrees and a tenth of the distance
 //! off. Gradient descent through the rasterizer moves the camera, field of view included, until the render is the
-//! photo: on a tape, where the camera may be any function of anything, and by `weaver_align` without one. Writes
+//! photo: on a tape, where the camera may be any function of anything, and by `weaver_fit::align` without one. Writes
 //! refine_pose.png (the photo, the render from the first guess, those from both ends) and prints the errors.
 
 use std::time::Instant;
-use weaver_align::{AlignError, Aligned, Method, Options, Photo, Scene, align, mean_square};
 use weaver_autograd::{Params, Tape, Var};
+use weaver_fit::align::{AlignError, Aligned, Method, Options, Photo, Scene, align, mean_square};
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose, fov, trajectory::look_at};
 use weaver_io::Image;
@@ -71,7 +71,7 @@ fn errors(code: &[f32], truth: &Pose, fov: f64) -> [f64; 3] {
     [pose.angle_to(truth).to_degrees(), distance, (c[8] - fov).abs().to_degrees()]
 }
 
-/// The same by `weaver_align`: no tape, no codes.
+/// The same by `weaver_fit::align`: no tape, no codes.
 fn without_a_tape(scene: &[Vec<f32>; 5], photo: &[f32], guess: &Pose) -> Result<Aligned<f32>, AlignError> {
     let [means, quats, scales, opacities, colors] = scene;
     let gaussians =

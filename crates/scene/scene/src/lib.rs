@@ -14,6 +14,7 @@
 //! wxyz, spherical harmonics as in the reference 3DGS implementation.
 
 mod activated;
+mod camera_path;
 mod cameras;
 mod difference;
 pub mod forms;
@@ -28,6 +29,7 @@ mod slices;
 mod transform;
 
 pub use activated::ActivatedGaussians;
+pub use camera_path::CameraPath;
 pub use cameras::{CameraRows, CameraSlices, Model, intrinsics_row, viewmat};
 pub use difference::{Difference, Errors};
 pub use frame::Frame;

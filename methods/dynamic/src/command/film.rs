@@ -6,7 +6,7 @@ use weaver_command::{DrawingOptions, Failure};
 use weaver_data::film;
 use weaver_io::{Bitmap, Drawing, Image};
 use weaver_view::{Look, Shot, ViewError, photo_file};
-use weaver_view_run::{Exhibit, Moving};
+use weaver_view_run::{Moving, ScenePage};
 
 /// The moment of the film that a page shows, or begins with.
 const MOMENT: f64 = 0.5;
@@ -22,7 +22,7 @@ pub fn film(
     expert: Option<&str>,
     drawing: DrawingOptions,
     meters: Option<f64>,
-) -> Result<Exhibit, Failure> {
+) -> Result<ScenePage, Failure> {
     let run = Run::open(folder)?;
     let expert = match expert {
         Some(name) => run.settings().expert(name)?,
@@ -33,11 +33,11 @@ pub fn film(
     let (background, settings) = asked.beside(&folder.join(MODEL), Drawing::default())?;
     let look = Look { background, settings, meters };
     let moving = Some(Moving::new(run.moments(expert)));
-    Ok(Exhibit { look, moving, report, ..exhibit(&run, expert, folder)? })
+    Ok(ScenePage { look, moving, report, ..scene_page(&run, expert, folder)? })
 }
 
 /// An expert of a run as it is now, with the photos taken nearest to the moment; held-out ones come first.
-pub(super) fn exhibit(run: &Run, expert: usize, folder: &Path) -> Result<Exhibit, Failure> {
+pub(super) fn scene_page(run: &Run, expert: usize, folder: &Path) -> Result<ScenePage, Failure> {
     let film = run.film();
     let shot = |shot: &film::Shot| -> Result<Shot, Failure> {
         let image = shot.image(film.size)?;
@@ -50,5 +50,5 @@ pub(super) fn exhibit(run: &Run, expert: usize, folder: &Path) -> Result<Exhibit
     shots.sort_by_key(|shot| shot.held_out.trained());
     let shots = shots.into_iter().take(SHOTS).map(shot).collect::<Result<_, _>>()?;
     let look = Look { background: film.background, ..Look::default() };
-    Ok(Exhibit { shots, ..Exhibit::new(folder.display().to_string(), run.moments(expert)(MOMENT), look) })
+    Ok(ScenePage { shots, ..ScenePage::new(folder.display().to_string(), run.moments(expert)(MOMENT), look) })
 }

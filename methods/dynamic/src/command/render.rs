@@ -1,9 +1,9 @@
 //! `splatweaver dynamic render`.
 
-use super::video::{StartVideo, VIDEOS};
 use crate::run::Run;
 use clap::Args;
 use std::path::PathBuf;
+use weaver_clip::{Film as _, VIDEOS, Video};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{Console, Failure, Output, Progress, Threads, memory, rate};
 use weaver_geometry::Camera;
@@ -64,7 +64,7 @@ impl Times {
     }
 }
 
-pub fn run(arguments: &DynamicRender, start_video: StartVideo<'_>, console: &mut Console) -> Result<(), Failure> {
+pub fn run(arguments: &DynamicRender, console: &mut Console) -> Result<(), Failure> {
     let read: Vec<&PathBuf> = std::iter::once(&arguments.run).chain(&arguments.cameras).collect();
     let out = arguments.out.as_ref().map(|out| OutputFolder::claim(out, "dynamic render", &read)).transpose()?;
     let run = Run::open(&arguments.run)?;
@@ -85,7 +85,7 @@ pub fn run(arguments: &DynamicRender, start_video: StartVideo<'_>, console: &mut
     let names = |i: usize| [format!("{i:04}.png"), format!("gate-{i:04}.png")];
     out.as_ref().map_or(Ok(()), |out| out.check((0..count).flat_map(names)))?;
     let mut video = match &arguments.video {
-        Some(file) => Some(start_video(file, (first.width, first.height), arguments.fps)?),
+        Some(file) => Some(Box::new(Video::create(file, (first.width, first.height), arguments.fps)?)),
         None => None,
     };
     let mut progress = Progress::new("render", 0, count, console);

@@ -1,7 +1,7 @@
 //! `splatweaver dynamic train`, and what every run of it does.
 
 use super::eval;
-use super::film::exhibit;
+use super::film::scene_page;
 use crate::run::{DerivedFrom, ExpertKind, FilmSource, Preset, Run, RunSettings, Stage};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use weaver_command::{
 };
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
-use weaver_view_run::{Followed, Listener, Server, Showing, live};
+use weaver_view_run::{Listener, LiveRun, LiveView, Server, live};
 
 /// Trains experts one after the other, then their router, and writes a run folder: model.safetensors, logs,
 /// report.html.
@@ -160,10 +160,10 @@ fn finish(
 ) -> Result<(), Failure> {
     let [done, steps] = run.steps();
     let (scenes, stop) = (run.scenes(), interrupt.watch_after("this step"));
-    let exhibit = listener.is_some().then(|| exhibit(&run, run.expert_at_hand(), folder)).transpose()?;
-    let followed = Followed { folder, steps, names: &[], showing: Showing::Film(&scenes), stop };
-    let shown = exhibit.as_ref().zip(listener);
-    let server = shown.map(|(exhibit, listener)| Server::new(exhibit, Some(followed), listener)).transpose()?;
+    let scene_page = listener.is_some().then(|| scene_page(&run, run.expert_at_hand(), folder)).transpose()?;
+    let followed = LiveRun { folder, steps, names: &[], showing: LiveView::Film(&scenes), stop };
+    let shown = scene_page.as_ref().zip(listener);
+    let server = shown.map(|(scene_page, listener)| Server::new(scene_page, Some(followed), listener)).transpose()?;
     if server.is_some() {
         run.follow();
     }

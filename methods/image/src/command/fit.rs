@@ -13,7 +13,7 @@ use weaver_command::{Console, Failure, Interrupt, Progress, ShellCommand};
 use weaver_io::safetensors::Tensors;
 use weaver_io::{atomic_write, list_photos};
 use weaver_run::{Folder, Job, Run};
-use weaver_view_run::{Followed, Listener, Server, Showing, live};
+use weaver_view_run::{Listener, LiveRun, LiveView, Server, live};
 
 pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let live = Listener::of(arguments.live)?;
@@ -98,8 +98,8 @@ fn one(
     let trace = traces.as_ref().map(|traces| Trace::new(traces, [method.steps, trials], stop)).transpose()?;
     let folder = traces.as_ref().map_or(out, TraceFolder::path);
     let drawing = |state: &Tensors| under_way(state, path, method);
-    let (steps, names, showing) = (method.steps * trials, &report::CURVES, Showing::Drawing(&drawing));
-    let followed = Followed { folder, steps, names, showing, stop };
+    let (steps, names, showing) = (method.steps * trials, &report::CURVES, LiveView::Drawing(&drawing));
+    let followed = LiveRun { folder, steps, names, showing, stop };
     let server =
         listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
     let (judged, early) = live(server, console, |console| {
@@ -136,8 +136,8 @@ fn go_on(
     let (settings, path) = (run.job.settings().clone(), run.folder.path().to_path_buf());
     let stop = interrupt.watch_after("this step");
     let drawing = |state: &Tensors| settings.drawn(state, &path);
-    let (names, showing) = (&report::CURVES, Showing::Drawing(&drawing));
-    let followed = Followed { folder: &path, steps: of, names, showing, stop };
+    let (names, showing) = (&report::CURVES, LiveView::Drawing(&drawing));
+    let followed = LiveRun { folder: &path, steps: of, names, showing, stop };
     if listener.is_some() {
         run.folder.follow();
     }

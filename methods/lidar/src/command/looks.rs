@@ -8,14 +8,14 @@ use weaver_io::safetensors::Tensors;
 use weaver_scene::forms::harmonic;
 use weaver_scene::{ActivatedGaussians, Gaussians};
 use weaver_view::Look;
-use weaver_view_run::{Exhibit, overview};
+use weaver_view_run::{ScenePage, overview};
 
 /// Points of the first scan that are shown, at most.
 const POINTS: usize = 20_000;
 /// Their size, meters.
 const POINT: f32 = 0.05;
 /// The points of the first scan, which are all that is known at the beginning, seen from behind and above.
-pub(crate) fn beginning(job: &LidarJob, title: String) -> Result<Exhibit, LidarRunError> {
+pub(crate) fn beginning(job: &LidarJob, title: String) -> Result<ScenePage, LidarRunError> {
     let points = read(&job.files()[0])?.points;
     let shown: Vec<[f32; 3]> = points.iter().step_by(points.len().div_ceil(POINTS).max(1)).copied().collect();
     let n = shown.len();
@@ -28,7 +28,7 @@ pub(crate) fn beginning(job: &LidarJob, title: String) -> Result<Exhibit, LidarR
         sh: vec![harmonic(0.3); 3 * n],
         degree: 0,
     };
-    Ok(Exhibit { shots: vec![overview()], ..Exhibit::new(title, scene.to_stored(), look) })
+    Ok(ScenePage { shots: vec![overview()], ..ScenePage::new(title, scene.to_stored(), look) })
 }
 
 /// All maps of a state as one scene.

@@ -10,7 +10,7 @@ use clap::{Args, Command};
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, Progress, ShellCommand, Threads, in_pool};
 use weaver_run::{Folder, Job, Kind, Run};
-use weaver_view_run::{Followed, Listener, Server, Showing, live};
+use weaver_view_run::{Listener, LiveRun, LiveView, Server, live};
 
 /// The folders of these runs.
 pub const KIND: Kind = Kind { command: "lidar", settings: "run.json", results: &[TRAJECTORY, KEYFRAMES, MAP] };
@@ -102,10 +102,10 @@ fn advance(
 ) -> Result<(), Failure> {
     let [before, of] = run.job.steps();
     let (path, stop) = (run.folder.path().to_path_buf(), interrupt.watch_after("this scan"));
-    let exhibit = listener.is_some().then(|| beginning(&run.job, path.display().to_string())).transpose()?;
-    let followed = Followed { folder: &path, steps: of, names: &CURVES, showing: Showing::Scene(&scene_of), stop };
-    let shown = exhibit.as_ref().zip(listener);
-    let server = shown.map(|(exhibit, listener)| Server::new(exhibit, Some(followed), listener)).transpose()?;
+    let scene_page = listener.is_some().then(|| beginning(&run.job, path.display().to_string())).transpose()?;
+    let followed = LiveRun { folder: &path, steps: of, names: &CURVES, showing: LiveView::Scene(&scene_of), stop };
+    let shown = scene_page.as_ref().zip(listener);
+    let server = shown.map(|(scene_page, listener)| Server::new(scene_page, Some(followed), listener)).transpose()?;
     if server.is_some() {
         run.folder.follow();
     }

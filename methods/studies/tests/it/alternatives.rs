@@ -134,7 +134,9 @@ proptest! {
     }
 }
 
-/// Squared errors at each pixel: the best convex blend's is the least, whatever the gate.
+/// Squared errors at each pixel: the best convex blend's is the least, at any gate.
+///
+/// Promise of `half_of_the_picture_needs_weights_alone`.
 #[test]
 fn no_gate_passes_the_best_convex_blend() {
     let shots = shots(&[-20.0, 0.0, 20.0], &[0.25, 0.75]);

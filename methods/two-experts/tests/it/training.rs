@@ -197,7 +197,10 @@ fn held_out_photos_are_drawn_from_either_camera() {
 fn aligned_cameras_are_judged_by_the_datas() {
     let (mut predictor, scenes) = untrained();
     let mut aligned = |loss: AlignLoss| {
-        let steps = weaver_align::Options { steps: 4, ..weaver_align::Options::of(weaver_align::Method::NoPoSplat) };
+        let steps = weaver_fit::align::Options {
+            steps: 4,
+            ..weaver_fit::align::Options::of(weaver_fit::align::Method::NoPoSplat)
+        };
         let align = Some(Alignment { options: steps, loss });
         let options = Options { context_views: 2, cameras: CameraMode::Given, align, ..Options::default() };
         let found = evaluate(&mut predictor, &scenes, &options, None, &mut |_, _| {}).unwrap();

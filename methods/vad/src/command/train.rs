@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, Progress, ShellCommand};
 use weaver_io::safetensors::Tensors;
 use weaver_run::{Folder, Kind, Log, Recorder, Rhythm, Save};
-use weaver_view_run::{Followed, Listener, Server, Showing, live};
+use weaver_view_run::{Listener, LiveRun, LiveView, Server, live};
 
 /// The folders of these runs.
 pub const KIND: Kind = Kind { command: "vad", settings: "run.json", results: &[MODEL] };
@@ -122,7 +122,7 @@ impl Job {
         console.note(&format!("{normal} normal and {abnormal} abnormal videos, {classes} classes; {total} steps"));
         let done = from.as_ref().map_or(0, |(.., done)| *done);
         let (path, stop) = (folder.path(), interrupt.watch_after("this step"));
-        let followed = Followed { folder: path, steps: total, names: &[], showing: Showing::Curves, stop };
+        let followed = LiveRun { folder: path, steps: total, names: &[], showing: LiveView::Curves, stop };
         let server =
             listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
         let recorder = Recorder::open(folder, done, RHYTHM, stop)?;

@@ -6,11 +6,11 @@ mod results;
 use clap::Args;
 use results::{Results, Row};
 use std::path::PathBuf;
-use weaver_align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
 use weaver_command::{
     Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, in_pool,
 };
 use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
+use weaver_fit::align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_io::{SceneFile, read_scene};

@@ -1,12 +1,11 @@
 //! `splatweaver cameras`.
 
-use crate::clip;
-use crate::estimate::{COMMAND, Estimated, compared, estimated};
 use crate::flags::{ClipFlags, CompleteFlag, MatchingFlags};
 use clap::Args;
-use std::path::PathBuf;
-use weaver_command::{Console, Failure, Output, Threads, in_pool};
-use weaver_data::OutputFolder;
+use std::path::{Path, PathBuf};
+use weaver_command::{Console, ConsoleObserver, Failure, Output, Threads, in_pool};
+use weaver_data::{EstimatedPhotos, some_of};
+use weaver_reconstruct::{CameraComparison, CamerasRequest, cameras};
 
 /// Estimates the cameras of photos by matching them.
 ///
@@ -43,22 +42,42 @@ pub struct Cameras {
 }
 
 pub fn run(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || cameras(arguments, console))
+    in_pool(arguments.threads.count(), || estimate(arguments, console))
 }
 
-fn cameras(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
-    let compare = arguments.compare.as_slice();
-    let claimed = OutputFolder::claim(&arguments.out, COMMAND, arguments.photos.iter().chain(compare))?;
-    let photos = clip::photos(&arguments.photos, arguments.clip, &claimed, console)?;
-    let located = vec![false; photos.paths.len()];
-    let Estimated { found, .. } = estimated(&photos, &located, arguments.matching, &claimed, console)?;
-    photos.settle(&claimed)?;
-    let out = |name: &str| arguments.out.join(name).display().to_string();
+fn estimate(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
+    let request = CamerasRequest {
+        frames: arguments.clip.most(),
+        matching: arguments.matching.into(),
+        read: Vec::from_iter(arguments.compare.clone()),
+        ..CamerasRequest::new(&*arguments.out)
+    };
+    let found = cameras(&arguments.photos, &request, &mut ConsoleObserver::new(console))?;
     if arguments.json {
         return console.print(&serde_json::to_string_pretty(&found.summary())?);
     }
     if let Some(file) = &arguments.compare {
         console.print(&compared(&found, file)?)?;
     }
+    let out = |name: &str| arguments.out.join(name).display().to_string();
     console.print(&format!("cameras: {}\npoints: {}", out("transforms.json"), out("points.png")))
+}
+
+/// Estimated cameras beside others, in a line.
+fn compared(found: &EstimatedPhotos, file: &Path) -> Result<String, Failure> {
+    let CameraComparison { photos, rotation, center, focal, elsewhere } = CameraComparison::of(found, file)?;
+    let names: Vec<String> = elsewhere.iter().map(|path| path.display().to_string()).collect();
+    let named = match names.as_slice() {
+        [] => String::new(),
+        names => format!("; more than {} degrees apart: {}", CameraComparison::ELSEWHERE, some_of(names)),
+    };
+    Ok(format!(
+        "beside {}: {photos} of {} photos; rotation {:.3} degrees in the median, {:.2} at most; center {:.2} % of the cameras' spread, {:.1} at most; focal length {focal:+.2} %{named}",
+        file.display(),
+        found.paths.len(),
+        rotation[0],
+        rotation[1],
+        center[0],
+        center[1]
+    ))
 }

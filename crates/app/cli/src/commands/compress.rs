@@ -4,8 +4,8 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, in_pool};
-use weaver_compress::{Compressed, Judge, MOST_DECIBELS, Pictures, compress};
+use weaver_command::{Console, ConsoleObserver, DrawingFlags, DrawingOptions, Failure, Output, Threads, in_pool};
+use weaver_compress::{Compressed, Judged, MOST_DECIBELS, Pictures, compress_judged};
 use weaver_geometry::Camera;
 use weaver_io::{SceneFile, atomic_write, read_scene, scene_bytes};
 
@@ -79,42 +79,24 @@ fn compress_scene(arguments: &Compress, console: &mut Console) -> Result<(), Fai
             }
         }
     };
-    let [choosing, judging] = halves(&cameras);
-    console.note(&format!(
-        "{} Gaussians; {} pictures choose the steps, {} others judge",
-        gaussians.len(),
-        choosing.len(),
-        judging.len()
-    ));
-    let judge = |cameras: &[Camera]| {
-        Judge::new(&gaussians, &Pictures { cameras, background, settings }).map_err(|error| named(&error))
-    };
-    let mut chooser = judge(&choosing)?;
-    let mut progress = Progress::new("compress", 0, 0, console);
-    let compressed = compress(&gaussians, arguments.psnr, &mut chooser, |round| {
-        let said = || round.psnr.map_or("measuring steps".into(), |psnr| format!("{psnr:.2} dB"));
-        progress.at(round.done, round.of, said, console);
-    });
-    progress.finish();
-    let compressed = compressed.map_err(|error| named(&error))?;
-    let Compressed { bytes, psnr: chosen, .. } = &compressed;
-    atomic_write(out, |file| std::io::Write::write_all(file, bytes))?;
-    // Of a single camera there is no other.
-    let judged = (!judging.is_empty()).then(|| judge(&judging)).transpose()?;
-    let judged = judged.map(|mut judge| compressed.judged_by(&mut judge)).transpose().map_err(|error| named(&error))?;
+    let pictures = Pictures { cameras: &cameras, background, settings };
+    let judged = compress_judged(&gaussians, &pictures, arguments.psnr, &mut ConsoleObserver::new(console))
+        .map_err(|error| named(&error))?;
+    let Judged { compressed: Compressed { bytes, psnr: chosen, .. }, choosing, judging, psnr } = judged;
+    atomic_write(out, |file| std::io::Write::write_all(file, &bytes))?;
     let (before, after) = (scene_bytes(scene)?, bytes.len());
     let bits = 8.0 * after as f64 / gaussians.len().max(1) as f64;
     if arguments.json {
         let result = json!({
             "gaussians": gaussians.len(), "bytes": after, "bytes_before": before, "bits_per_gaussian": bits,
-            "psnr": judged, "pictures": judging.len(),
-            "chosen_by": { "psnr": chosen, "pictures": choosing.len() },
+            "psnr": psnr, "pictures": judging,
+            "chosen_by": { "psnr": chosen, "pictures": choosing },
         });
         return console.print(&serde_json::to_string_pretty(&result)?);
     }
-    let of_choosing = format!("{chosen:.2} dB in {} that the steps were chosen by", choosing.len());
-    let quality = match judged {
-        Some(judged) => format!("{judged:.2} dB beside the scene in {} pictures, {of_choosing}", judging.len()),
+    let of_choosing = format!("{chosen:.2} dB in {choosing} that the steps were chosen by");
+    let quality = match psnr {
+        Some(psnr) => format!("{psnr:.2} dB beside the scene in {judging} pictures, {of_choosing}"),
         None => format!("beside the scene {of_choosing}, and no other to judge"),
     };
     console.print(&format!(
@@ -122,11 +104,6 @@ fn compress_scene(arguments: &Compress, console: &mut Console) -> Result<(), Fai
         before as f64 / after.max(1) as f64,
         out.display()
     ))
-}
-
-/// Every other camera, and those between them.
-fn halves(cameras: &[Camera]) -> [Vec<Camera>; 2] {
-    [0, 1].map(|first| cameras.iter().skip(first).step_by(2).copied().collect())
 }
 
 /// Some of the cameras of a file, evenly spread, for pictures of a size that is drawn fast.

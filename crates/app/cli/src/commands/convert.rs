@@ -6,16 +6,12 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use contribution::contributions;
 use serde_json::{Value, json};
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure, Output};
+use weaver_command::{Console, ConsoleObserver, Failure, Output};
 use weaver_geometry::Similarity;
 use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_io::{
-    Blocks, Chained, Changed, Drawing, SCENE_FORMATS, SceneFormat, WrittenScene, open_scene, scene_bytes,
-    write_blocks_checked,
-};
-use weaver_scene::{Difference, Gaussians, Region, forms};
+use weaver_io::{Conversion, ConvertError, Converted, Keep, Loss, SCENE_FORMATS, SceneFormat, Score, convert};
+use weaver_scene::{Difference, Gaussians, Region};
 
 /// Writes files of Gaussians in another format; the names of files select the formats.
 ///
@@ -50,7 +46,7 @@ pub struct Convert {
     pub keep: Option<Keep>,
     /// The score that they are judged by
     #[arg(long, value_enum, value_name = "SCORE", default_value_t, requires = "keep")]
-    pub by: Score,
+    pub by: ScoreName,
     /// Cameras of the scene as it is read, for --by contribution: transforms.json, a folder with a COLMAP model, or a RealEstate10K file
     #[arg(long, value_name = "FILE", required_if_eq("by", "contribution"), requires = "keep", conflicts_with_all = ["rotate", "scale", "translate"])]
     pub cameras: Option<PathBuf>,
@@ -63,15 +59,24 @@ pub struct Convert {
 }
 
 impl Convert {
-    /// True if what stays of a scene depends on more than each Gaussian alone, or their number is not known before.
-    fn chooses(&self) -> bool {
-        self.crop.is_some() || self.drop_floaters || self.keep.is_some()
+    /// The movement of all Gaussians, if there is any.
+    fn movement(&self) -> Option<Similarity> {
+        let Self { rotate, scale, translate, .. } = self;
+        (rotate.is_some() || scale.is_some() || translate.is_some()).then(|| {
+            let Triple([x, y, z]) = rotate.unwrap_or(Triple([0.0; 3]));
+            let [x, y, z] = [x, y, z].map(f64::to_radians);
+            Similarity {
+                scale: scale.unwrap_or(1.0),
+                rotation: DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x),
+                translation: translate.map_or(DVec3::ZERO, |Triple(by)| DVec3::from(by)),
+            }
+        })
     }
 }
 
 /// A score that Gaussians are judged by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Score {
+pub enum ScoreName {
     /// Opacity times the area seen from the broadest side
     #[default]
     Importance,
@@ -79,15 +84,6 @@ pub enum Score {
     Opacity,
     /// Weights in the pictures of --cameras, summed over all pixels
     Contribution,
-}
-
-/// Number of Gaussians that stay.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Keep {
-    /// So many, or all if there are fewer.
-    Count(usize),
-    /// This share of them.
-    Share(f64),
 }
 
 /// Three numbers; a type of its own, for the command line takes lists apart.
@@ -151,180 +147,68 @@ pub(super) fn scene_format() -> impl TypedValueParser<Value = SceneFormat> {
 
 pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
     let Convert { from, to, .. } = arguments;
-    let format = SceneFormat::of(to)?;
-    let (read, drawing) = joined(from, console)?;
-    let count = read.len();
-    let mut gaussians = turned(read, arguments);
-    // Where each Gaussian goes its own way, the scene passes through in blocks.
-    if arguments.chooses() || !format.writes_blocks() {
-        gaussians = Box::new(chosen(gaussians.into_all()?, drawing, arguments)?);
-    }
-    if gaussians.is_empty() {
-        console.note(&format!("warning: {}: a scene without Gaussians, as its inputs are", to.display()));
-    }
-    let loss = write_blocks_checked(to, &*gaussians, drawing, |written| loss(written, &*gaussians))?;
-    let written = Written { format, gaussians: gaussians.len(), bytes: scene_bytes(to)?, loss };
+    let contribution = |gaussians: &Gaussians, drawing| {
+        let cameras = arguments.cameras.as_deref().expect("clap requires cameras for this score");
+        contributions(gaussians, cameras, (&from[0], drawing)).map_err(|failure| match failure {
+            Failure::Error(error) => error,
+            other => other.line().unwrap_or_default().into(),
+        })
+    };
+    let conversion = Conversion {
+        moved: arguments.movement(),
+        crop: arguments.crop,
+        drop_floaters: arguments.drop_floaters,
+        keep: arguments.keep,
+        by: match arguments.by {
+            ScoreName::Importance => Score::Importance,
+            ScoreName::Opacity => Score::Opacity,
+            ScoreName::Contribution => Score::Of(&contribution),
+        },
+        degree: arguments.degree.map(usize::from),
+    };
+    let written = match convert(from, to, &conversion, &mut ConsoleObserver::new(console)) {
+        Err(error @ ConvertError::Nothing { .. }) => return Err(Failure::message(format!("--{error}"))),
+        Err(ConvertError::Score(error)) => return Err(Failure::Error(error)),
+        converted => converted?,
+    };
     if arguments.json {
-        let report = written.json(from, to, count);
-        return console.print(&serde_json::to_string_pretty(&report)?);
+        return console.print(&serde_json::to_string_pretty(&json(&written, from, to))?);
     }
-    if gaussians.len() != count {
-        console.note(&format!("{} of {count} Gaussians stay", gaussians.len()));
+    if written.gaussians != written.read {
+        console.note(&format!("{} of {} Gaussians stay", written.gaussians, written.read));
     }
-    console.print(&written.text(to))
+    console.print(&text(&written, to))
 }
 
-/// The Gaussians of all files, and how they are to be drawn if they agree on it.
-fn joined(files: &[impl AsRef<Path>], console: &mut Console) -> Result<(Box<dyn Blocks>, Drawing), Failure> {
-    let mut scenes = files.iter().map(open_scene).collect::<Result<Vec<_>, _>>()?;
-    let drawing = scenes[0].drawing;
-    if scenes.iter().any(|scene| scene.drawing != drawing) {
-        console
-            .note("warning: some inputs were trained antialiased and some were not; the result says nothing about it");
+fn text(written: &Converted, to: &Path) -> String {
+    let Converted { format, gaussians, bytes, loss, .. } = written;
+    let mut text = format!("{gaussians} Gaussians, {:.1} MB, {}: {}", *bytes as f64 / 1e6, format.keeps, to.display());
+    if let Some(Loss { difference: Difference { position, color }, left_out }) = loss {
+        let harmonics = left_out.map_or(String::new(), |degree| format!("; no harmonics beyond degree {degree}"));
+        text += &format!(
+            "\noff by (mean, largest): positions {:.2e}, {:.2e}; colors {:.4}, {:.4}{harmonics}",
+            position.mean, position.largest, color.mean, color.largest
+        );
     }
-    let agree = scenes.iter().all(|scene| scene.drawing == drawing);
-    let drawing = if agree { drawing } else { Drawing::default() };
-    if scenes.len() == 1 {
-        return Ok((scenes.remove(0).gaussians, drawing));
-    }
-    Ok((Box::new(Chained(scenes.into_iter().map(|scene| scene.gaussians).collect())), drawing))
+    text
 }
 
-/// The Gaussians after --rotate, --scale, --translate and --degree, which change each of them whatever the others are.
-fn turned(gaussians: Box<dyn Blocks>, arguments: &Convert) -> Box<dyn Blocks> {
-    let Convert { rotate, scale, translate, degree, .. } = arguments;
-    let moved = (rotate.is_some() || scale.is_some() || translate.is_some()).then(|| {
-        let Triple([x, y, z]) = rotate.unwrap_or(Triple([0.0; 3]));
-        let [x, y, z] = [x, y, z].map(f64::to_radians);
-        Similarity {
-            scale: scale.unwrap_or(1.0),
-            rotation: DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x),
-            translation: translate.map_or(DVec3::ZERO, |Triple(by)| DVec3::from(by)),
-        }
+fn json(written: &Converted, from: &[PathBuf], to: &Path) -> Value {
+    let path = |path: &Path| path.display().to_string();
+    let mut report = json!({
+        "inputs": from.iter().map(|file| path(file)).collect::<Vec<_>>(),
+        "output": path(to),
+        "format": written.format.name,
+        "read": written.read,
+        "gaussians": written.gaussians,
+        "bytes": written.bytes,
     });
-    let degree = degree.map_or(gaussians.degree(), |degree| gaussians.degree().min(degree.into()));
-    if moved.is_none() && degree == gaussians.degree() {
-        return gaussians;
+    if let Some(Loss { difference: Difference { position, color }, left_out }) = &written.loss {
+        report["position"] = json!({ "mean": position.mean, "largest": position.largest });
+        report["color"] = json!({ "mean": color.mean, "largest": color.largest });
+        report["degree"] = json!(left_out);
     }
-    let change = move |block: &Gaussians| match &moved {
-        Some(moved) => block.transformed(moved).with_degree(degree),
-        None => block.with_degree(degree),
-    };
-    Box::new(Changed { from: gaussians, degree, change: Box::new(change) })
-}
-
-/// Applies the flags that choose among all Gaussians, in the order that the help promises.
-fn chosen(mut gaussians: Gaussians, drawing: Drawing, arguments: &Convert) -> Result<Gaussians, Failure> {
-    let Convert { crop, drop_floaters, keep, by, .. } = arguments;
-    let nothing = |flag: &str, expected: &str, before: &Gaussians| {
-        let [min, max] = corners(before);
-        let found = format!("none of {}, which lie from {min:?} to {max:?}", before.len());
-        Failure::message(format!("{flag}: expected {expected}, found {found}"))
-    };
-    if let Some(region) = crop {
-        let inside = gaussians.inside(region);
-        if inside.is_empty() && !gaussians.is_empty() {
-            return Err(nothing("--crop", "Gaussians in the region", &gaussians));
-        }
-        gaussians = gaussians.select(&inside);
-    }
-    if *drop_floaters {
-        gaussians = gaussians.select(&gaussians.without_floaters());
-    }
-    if let Some(keep) = keep {
-        let count = match keep {
-            Keep::Count(count) => *count,
-            Keep::Share(share) => (share * gaussians.len() as f64).round() as usize,
-        };
-        let values = match by {
-            Score::Importance => gaussians.importance(),
-            Score::Opacity => gaussians.opacity_logits.iter().map(|logit| forms::opacity(*logit)).collect(),
-            Score::Contribution => {
-                let cameras = arguments.cameras.as_deref().expect("clap requires cameras for this score");
-                contributions(&gaussians, cameras, (&arguments.from[0], drawing))?
-            }
-        };
-        if count == 0 && !gaussians.is_empty() {
-            return Err(nothing("--keep", "a share that leaves Gaussians", &gaussians));
-        }
-        gaussians = gaussians.select(&gaussians.largest(&values, count));
-    }
-    Ok(gaussians)
-}
-
-/// The corners of the box of all centers.
-fn corners(gaussians: &Gaussians) -> [[f32; 3]; 2] {
-    let side = |from: f32, choose: fn(f32, f32) -> f32| {
-        std::array::from_fn(|axis| gaussians.means.iter().map(|mean| mean[axis]).fold(from, choose))
-    };
-    [side(f32::INFINITY, f32::min), side(f32::NEG_INFINITY, f32::max)]
-}
-
-/// The difference that writing made, found by reading: none of a format that keeps every bit.
-fn loss(written: WrittenScene, gaussians: &dyn Blocks) -> Result<Option<Loss>, weaver_io::Error> {
-    let WrittenScene { format, gaussians: back } = written;
-    if format.is_exact() {
-        return Ok(None);
-    }
-    let order = if format.writes_blocks() { None } else { Some(format.order(&*gaussians.all()?)) };
-    let mut parts = Vec::new();
-    for rows in back.blocks() {
-        let before = match &order {
-            Some(order) => Cow::Owned(gaussians.all()?.select(&order[rows.clone()])),
-            None => gaussians.block(rows.clone())?,
-        };
-        parts.push((rows.len(), before.difference(&*back.block(rows)?)));
-    }
-    let difference = Difference::of_parts(parts);
-    Ok(Some(Loss { difference, left_out: (gaussians.degree() > back.degree()).then_some(back.degree()) }))
-}
-
-struct Loss {
-    difference: Difference,
-    /// The degree beyond which harmonics are gone.
-    left_out: Option<usize>,
-}
-
-/// A file that was written.
-struct Written {
-    format: SceneFormat,
-    gaussians: usize,
-    bytes: u64,
-    loss: Option<Loss>,
-}
-
-impl Written {
-    fn text(&self, to: &Path) -> String {
-        let Self { format, gaussians, bytes, loss } = self;
-        let mut text =
-            format!("{gaussians} Gaussians, {:.1} MB, {}: {}", *bytes as f64 / 1e6, format.keeps, to.display());
-        if let Some(Loss { difference: Difference { position, color }, left_out }) = loss {
-            let harmonics = left_out.map_or(String::new(), |degree| format!("; no harmonics beyond degree {degree}"));
-            text += &format!(
-                "\noff by (mean, largest): positions {:.2e}, {:.2e}; colors {:.4}, {:.4}{harmonics}",
-                position.mean, position.largest, color.mean, color.largest
-            );
-        }
-        text
-    }
-
-    fn json(&self, from: &[impl AsRef<Path>], to: &Path, read: usize) -> Value {
-        let path = |path: &Path| path.display().to_string();
-        let mut report = json!({
-            "inputs": from.iter().map(|file| path(file.as_ref())).collect::<Vec<_>>(),
-            "output": path(to),
-            "format": self.format.name,
-            "read": read,
-            "gaussians": self.gaussians,
-            "bytes": self.bytes,
-        });
-        if let Some(Loss { difference: Difference { position, color }, left_out }) = &self.loss {
-            report["position"] = json!({ "mean": position.mean, "largest": position.largest });
-            report["color"] = json!({ "mean": color.mean, "largest": color.largest });
-            report["degree"] = json!(left_out);
-        }
-        report
-    }
+    report
 }
 
 #[cfg(test)]

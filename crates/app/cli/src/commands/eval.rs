@@ -7,8 +7,8 @@ use crate::refine::refined;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use weaver_align::Method;
 use weaver_command::{Console, DeviceFlag, Failure, Progress, ShellCommand, Threads, choice, device, in_pool};
+use weaver_fit::align::Method;
 use weaver_inference::RunFolder;
 use weaver_splat::Renderer;
 use weaver_trainer::{

@@ -1,29 +1,29 @@
 //! `splatweaver fit`.
 
-mod course;
 mod initial;
+mod outcome;
 
-pub use course::{Means, VIEW, begin, note_excess, print};
+pub use outcome::{conclude, print};
 
 use super::convert::scene_format;
-use crate::clip;
-use crate::estimate::{estimated_capture, minutes_of_fit, note_share};
-use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
+use crate::flags::{CameraChoice, CompleteFlag, MatchingFlags, hold_out, level, minutes};
 use crate::processes::{network, together};
 use clap::Args;
-use course::finish;
 use initial::Start;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
 use weaver_command::{
-    Console, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_THREADS, Output, Rgb, background, choice, device, in_pool,
+    Console, ConsoleObserver, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_THREADS, Output, Rgb, background, choice,
+    device, in_pool,
 };
 use weaver_data::capture::HoldOut;
-use weaver_fit::{FitSettings, Rates, StrategyKind, bytes_per_step};
-use weaver_fit_run::{ByPhotos, Folder, Pace, Run, RunSettings, plan};
+use weaver_fit::{FitSettings, Judge, StrategyKind, bytes_per_step};
 use weaver_io::SceneFormat;
-use weaver_ranks::Ranks;
+use weaver_ranks::{Alone, Ranks};
+use weaver_reconstruct::{ByPhotos, FitContext, FitRequest, Folder, Pace, Run, RunSettings, resume};
+use weaver_run::settings::{Layers, source};
+use weaver_trainer::evaluate::load_lpips;
+use weaver_view_run::Listener;
 
 /// Fits Gaussians to the photos of a capture: a scene in minutes.
 ///
@@ -169,6 +169,15 @@ fn pause(text: &str) -> Result<f64, String> {
 const MINUTES: f64 = 2.0;
 
 impl Fit {
+    /// True if cameras are to be estimated.
+    fn estimates(&self) -> Result<bool, Failure> {
+        match &self.cameras {
+            Some(CameraChoice::Estimated) => Ok(true),
+            None | Some(CameraChoice::Given) => self.matching.check_unused("given ones").map(|()| false),
+            Some(other) => Err(other.refused("given or estimated")),
+        }
+    }
+
     /// Files and folders that have a say in the results.
     pub fn read(&self) -> Vec<PathBuf> {
         let init = Start::of(self.init.as_deref()).ok().and_then(|start| start.file());
@@ -196,96 +205,54 @@ fn fit(
         }
         return Ok(());
     }
-    let start = Instant::now();
     if let Some(folder) = &arguments.resume {
-        let Means { judge, rasterizer, ranks, live, .. } = Means::of(arguments, ranks)?;
-        let run = Run::resume_shared(folder, judge, rasterizer, ranks)?;
-        let outcome = finish(run, (folder, live), console, interrupt)?;
+        let context = context(arguments, None, ranks)?;
+        let outcome = resume(folder, context, &mut ConsoleObserver::interruptible(console, interrupt))?;
+        conclude(&outcome, interrupt);
         return print(&outcome, folder, arguments.json, console);
     }
-    let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
-    let estimating = match &arguments.cameras {
-        None | Some(CameraChoice::Given) => false,
-        Some(CameraChoice::Estimated) => true,
-        Some(other) => return Err(other.refused("given or estimated")),
-    };
-    if !estimating {
-        arguments.matching.check_unused("given ones")?;
-    }
     if arguments.dry_run {
-        if estimating {
+        if arguments.estimates()? {
             return Err(Failure::Usage(
                 "--dry-run: expected cameras that are there; `splatweaver cameras` estimates them".into(),
             ));
         }
-        let initial = Start::of(arguments.init.as_deref())?;
-        let settings = settings(arguments, (capture, arguments.hold_out.unwrap_or_default()), &initial)?;
-        return tell(&settings, &Means::of(arguments, None)?, console);
+        return tell(arguments, console);
     }
-    let folder = arguments.out.as_deref().map_or_else(|| free_folder(&capture), Path::to_path_buf);
-    let init = arguments.init.as_deref().map(PathBuf::from).filter(|path| path.is_file());
-    let means = Means::of(arguments, ranks)?;
-    let out = Run::claim(&folder, std::iter::once(&capture).chain(&init).chain(&arguments.lpips))?;
-    let hold_out = arguments.hold_out.unwrap_or_default();
-    if !estimating {
-        let settings = settings(arguments, (capture, hold_out), &means.initial)?;
-        let minutes = settings.minutes;
-        let outcome = begin(settings, means, out, console, interrupt)?;
-        note_excess(minutes, start, console);
-        return print(&outcome, &folder, arguments.json, console);
-    }
-    let images = capture.join("images");
-    let images = [if images.is_dir() { images } else { capture }];
-    let photos = clip::photos(&images, ClipFlags::default(), out.out(), console)?;
-    let capture = estimated_capture(&photos, hold_out, arguments.matching, out.out(), console)?;
-    let mut settings = settings(arguments, (capture, listed(hold_out)), &means.initial)?;
-    let minutes = settings.minutes;
-    if let Some(minutes) = minutes {
-        note_share(minutes, start, console);
-        settings.minutes = Some(minutes_of_fit(minutes, start));
-    }
-    let outcome = begin(settings, means, out, console, interrupt)?;
-    note_excess(minutes, start, console);
+    let initial = Start::of(arguments.init.as_deref())?;
+    let request = request(arguments, &initial)?;
+    let context = context(arguments, Some(initial), ranks)?;
+    let folder = request.out.clone();
+    let outcome = weaver_reconstruct::fit(request, context, &mut ConsoleObserver::interruptible(console, interrupt))?;
+    conclude(&outcome, interrupt);
     print(&outcome, &folder, arguments.json, console)
 }
 
-/// Minutes of a fit, if its time is given or is to be measured, and bytes, if its cameras are there.
-pub fn estimate(arguments: &Fit, measure: bool) -> Result<(Option<f64>, Option<u64>), Failure> {
-    let minutes = arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES));
-    let given = matches!(arguments.cameras, None | Some(CameraChoice::Given));
-    let Some(capture) = arguments.capture.clone().filter(|_| given) else { return Ok((minutes, None)) };
-    let initial = Start::of(arguments.init.as_deref())?;
-    let settings = settings(arguments, (capture, arguments.hold_out.unwrap_or_default()), &initial)?;
-    let bytes = Some(plan(&settings)?.total());
-    if minutes.is_some() || !measure {
-        return Ok((minutes, bytes));
-    }
-    let pace = in_pool(arguments.threads.map(usize::from), || pace(&settings, &Means::of(arguments, None)?))?;
-    Ok((Some(pace.total(settings.fit.steps) / 60.0), bytes))
+/// Rasterizer, judge and start of a fit, opened before photos are matched: a missing file is then found at once.
+fn context(arguments: &Fit, initial: Option<Start>, ranks: Option<&Arc<dyn Ranks>>) -> Result<FitContext, Failure> {
+    Ok(FitContext {
+        judge: Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?),
+        rasterizer: device::rasterizer(&arguments.device)?,
+        live: Listener::of(arguments.live)?,
+        given: initial.and_then(Start::given),
+        ranks: ranks.cloned().unwrap_or_else(|| Arc::new(Alone)),
+    })
 }
 
-/// Rehearses a fit.
-fn pace(settings: &RunSettings, means: &Means) -> Result<Pace, Failure> {
-    let given = means.initial.gaussians(settings)?;
-    Ok(Pace::of(settings, given.as_ref(), means.rasterizer.clone())?)
-}
-
-/// The photos that are held out of an estimated capture, which lists its photos for testing.
-pub fn listed(hold_out: HoldOut) -> HoldOut {
-    match hold_out {
-        HoldOut::Nothing => HoldOut::Nothing,
-        HoldOut::Listed | HoldOut::Every(_) => HoldOut::Listed,
-    }
-}
-
-/// Settings of the run, from the arguments.
-fn settings(arguments: &Fit, (capture, hold_out): (PathBuf, HoldOut), initial: &Start) -> Result<RunSettings, Failure> {
+/// The fit that the arguments ask for.
+fn request(arguments: &Fit, initial: &Start) -> Result<FitRequest, Failure> {
+    let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
+    let estimates = arguments.estimates()?;
+    let out = arguments.out.as_deref().map_or_else(|| free_folder(&capture), Path::to_path_buf);
+    let init = arguments.init.as_deref().map(PathBuf::from).filter(|path| path.is_file());
+    let Named { fit, by_photos, gaussians } = fit_settings(arguments)?;
     let settings = RunSettings {
         long_side: arguments.long_side.map(|side| side as usize),
-        hold_out,
+        hold_out: arguments.hold_out.unwrap_or_default(),
         views: arguments.max_photos.map(|views| views as usize),
         masks: arguments.masks,
         focal: arguments.refine_focal,
+        by_photos,
         init: initial.kind(),
         minutes: arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES)),
         least_steps: arguments.least_steps as usize,
@@ -293,27 +260,56 @@ fn settings(arguments: &Fit, (capture, hold_out): (PathBuf, HoldOut), initial: &
         formats: arguments.formats.clone(),
         compress: arguments.compress,
         html: !arguments.no_html,
-        ..RunSettings::new(capture, FitSettings::default())
+        ..RunSettings::new(capture, fit)
     };
-    let usual = plan(&settings)?.usual();
-    let fit = fit_settings(arguments, &usual)?;
-    // What nobody named follows from what is usual.
-    let rates = Rates { means: 1.0, ..usual.rates.clone() };
-    let other = FitSettings { exposure: true, background: [0.5; 3], dropout: 0.5, rates, ..usual };
-    let other = fit_settings(arguments, &other)?;
-    let by_photos = ByPhotos {
-        exposure: fit.exposure != other.exposure,
-        background: fit.background != other.background,
-        dropout: fit.dropout != other.dropout,
-        start: arguments.init.is_none(),
-        means: fit.rates.means != other.rates.means,
-    };
-    Ok(RunSettings { by_photos, fit, ..settings })
+    let estimate = estimates.then(|| arguments.matching.into());
+    let read = init.into_iter().chain(arguments.lpips.clone()).collect();
+    Ok(FitRequest { out, settings, gaussians, estimate, read })
+}
+
+/// Minutes of a fit, if its time is given or is to be measured, and bytes, if its cameras are there.
+pub fn estimate(arguments: &Fit, measure: bool) -> Result<(Option<f64>, Option<u64>), Failure> {
+    let minutes = arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES));
+    let given = matches!(arguments.cameras, None | Some(CameraChoice::Given));
+    if arguments.capture.is_none() || !given {
+        return Ok((minutes, None));
+    }
+    let initial = Start::of(arguments.init.as_deref())?;
+    let (settings, plan) = request(arguments, &initial)?.plan()?;
+    let bytes = Some(plan.total());
+    if minutes.is_some() || !measure {
+        return Ok((minutes, bytes));
+    }
+    let pace = in_pool(arguments.threads.map(usize::from), || pace(&settings, initial, arguments))?;
+    Ok((Some(pace.total(settings.fit.steps) / 60.0), bytes))
+}
+
+/// Rehearses a fit.
+fn pace(settings: &RunSettings, initial: Start, arguments: &Fit) -> Result<Pace, Failure> {
+    let given = initial.given().map(|given| given(settings)).transpose().map_err(Failure::Error)?;
+    Ok(Pace::of(settings, given.as_ref(), device::rasterizer(&arguments.device)?)?)
+}
+
+/// Settings of a fit, and which of them nobody has given.
+struct Named {
+    fit: FitSettings,
+    by_photos: ByPhotos,
+    gaussians: Option<usize>,
 }
 
 /// The usual settings, then the file, then flags.
-fn fit_settings(arguments: &Fit, usual: &FitSettings) -> Result<FitSettings, Failure> {
-    let mut fit: FitSettings = weaver_run::settings::resolve(usual, arguments.config.as_deref(), &arguments.settings)?;
+fn fit_settings(arguments: &Fit) -> Result<Named, Failure> {
+    let (file, sets) = (arguments.config.as_deref(), arguments.settings.as_slice());
+    let layers = Layers::of(&RunSettings::usual_fit(), file, sets)?;
+    let by_photos = ByPhotos {
+        exposure: arguments.exposure.is_none() && !layers.gives("exposure"),
+        background: arguments.background.is_none() && !layers.gives("background"),
+        dropout: !layers.gives("dropout"),
+        start: arguments.init.is_none(),
+        means: !layers.gives("rates.means"),
+    };
+    let given = arguments.gaussians.is_some() || layers.gives("gaussians");
+    let mut fit = layers.finish(&source(file, sets))?;
     let set = |to: &mut usize, value: Option<u32>| *to = value.map_or(*to, |value| value as usize);
     set(&mut fit.gaussians, arguments.gaussians);
     set(&mut fit.steps, arguments.steps);
@@ -328,7 +324,8 @@ fn fit_settings(arguments: &Fit, usual: &FitSettings) -> Result<FitSettings, Fai
     }
     fit.density.strategy = arguments.strategy.unwrap_or(fit.density.strategy);
     fit.check()?;
-    Ok(fit)
+    let gaussians = given.then_some(fit.gaussians);
+    Ok(Named { fit, by_photos, gaussians })
 }
 
 /// The folder of a capture's fit that is given none.
@@ -339,8 +336,9 @@ fn free_folder(capture: &Path) -> PathBuf {
     Folder::free(Path::new("fits"), &name)
 }
 
-fn tell(settings: &RunSettings, means: &Means, console: &mut Console) -> Result<(), Failure> {
-    let plan = plan(settings)?;
+fn tell(arguments: &Fit, console: &mut Console) -> Result<(), Failure> {
+    let initial = Start::of(arguments.init.as_deref())?;
+    let (settings, plan) = request(arguments, &initial)?.plan()?;
     let mb = |bytes: u64| format!("{:>9.1} MB", bytes as f64 / 1e6);
     let time = settings.minutes.map_or(format!("{} steps", settings.fit.steps), |m| format!("{m} minutes"));
     let [width, height] = plan.size;
@@ -356,7 +354,7 @@ fn tell(settings: &RunSettings, means: &Means, console: &mut Console) -> Result<
         mb(plan.start),
         mb(plan.total())
     ))?;
-    let pace = pace(settings, means)?;
+    let pace = pace(&settings, initial, arguments)?;
     if settings.minutes.is_none() {
         console.print(&format!("{:<28}{:>9.1} s, by a rehearsal", "time", pace.total(settings.fit.steps)))?;
     }

@@ -1,9 +1,6 @@
 //! `splatweaver infer`.
 
-use super::fit::VIEW;
 use super::view::{self, Seen};
-use crate::clip;
-use crate::estimate::{cameras_folder, estimated};
 use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, DensityFlags, LightFlags, MatchingFlags, RefineFlags};
 use crate::models;
 use crate::refine::refined;
@@ -12,12 +9,16 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
-use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Output, Progress, Threads, device, in_pool};
+use weaver_clip::PhotoFiles;
+use weaver_command::{
+    Console, ConsoleObserver, DeviceFlag, Failure, Interrupt, Output, Progress, Threads, device, in_pool,
+};
 use weaver_fit::FitRasterizer;
 use weaver_inference::published::{self, Framing};
 use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
 use weaver_inference::{PredictOptions, PredictReport, check_prediction_folder, predict_to_folder};
-use weaver_io::write_text;
+use weaver_io::{Observe, write_text};
+use weaver_reconstruct::{EstimatedCameras, VIEW};
 use weaver_splat::Renderer;
 use weaver_view::HtmlOptions;
 
@@ -144,25 +145,21 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     let read = arguments.photos.iter().chain(&files).chain(&arguments.weights);
     let out = OutputFolder::claim(&arguments.out, "infer", read.chain(&cameras))?;
     let rasterizer = device::rasterizer(&arguments.device)?;
-    let photos = clip::photos(&arguments.photos, arguments.clip, &out, console)?;
+    let mut observer = ConsoleObserver::new(console);
+    let photos = PhotoFiles::collect(&arguments.photos, arguments.clip.most(), &out, &mut observer)?;
     let mut images = photos.paths.clone();
     check_prediction_folder(&out, &images)?;
     out.check([VIEW, FIGURES])?;
     let built_in = arguments.run.is_none() && arguments.weights.is_none();
     let estimating = asked || built_in && arguments.cameras.is_none();
     if estimating {
-        let folder = cameras_folder(&out, &images)?;
-        let located = vec![false; images.len()];
-        match estimated(&photos, &located, arguments.matching, &folder, console) {
-            Ok(found) => {
-                photos.settle(&out)?;
-                (images, cameras) = (found.photos, Some(folder.path().join("transforms.json")));
-            }
-            Err(failure) if asked => return Err(failure),
-            Err(failure) => {
-                let reason = failure.line().unwrap_or_default();
-                console.note(&format!(
-                    "warning: {reason}; the network's own cameras are taken, which are hardly right on new places"
+        match EstimatedCameras::beside(&photos, &arguments.matching.into(), &out, &mut observer) {
+            Ok((found, file)) => (images, cameras) = (found.photos, Some(file)),
+            Err(error) if asked => return Err(error.into()),
+            Err(error) => {
+                let reason = Failure::from(error).line().unwrap_or_default();
+                observer.warning(&format!(
+                    "{reason}; the network's own cameras are taken, which are hardly right on new places"
                 ));
             }
         }
@@ -170,10 +167,11 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     if !estimating {
         // Cameras that an earlier run estimated here name its frames.
         if !out.path().join("cameras").exists() {
-            photos.settle(&out)?;
+            photos.remove_earlier_frames(&out)?;
         }
         arguments.matching.check_unused("other ones")?;
     }
+    drop(observer);
     let of_run = arguments.weights.as_deref().map(is_of_run).transpose()?.unwrap_or(false);
     let report = match &arguments.weights {
         Some(weights) if !of_run => {
@@ -199,7 +197,7 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     // A network without Gaussians leaves nothing to look at.
     let viewed = report.psnr.is_some() && !arguments.no_html;
     if viewed {
-        write_text(out.file(VIEW)?, &view::exhibit(&Seen::of(out.path()))?.html(HtmlOptions::default())?)?;
+        write_text(out.file(VIEW)?, &view::scene_page(&Seen::of(out.path()))?.html(HtmlOptions::default())?)?;
     }
     let PredictReport { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
     let figures =

@@ -1,20 +1,19 @@
 //! `splatweaver info`.
 
 mod json;
-mod run;
 
-use crate::clip;
 use crate::methods::describe_picture;
 use crate::models;
 use clap::Args;
 use json::of_json;
-use run::{SETTINGS, of_run_folder};
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, device};
 use weaver_inference::{Checkpoint, RunFolder};
 use weaver_io::{TorchCheckpoint, read_part, read_text};
+use weaver_run::Folder;
+use weaver_run::description::{SETTINGS, describe};
 
 /// Describes a file or a folder.
 ///
@@ -55,7 +54,8 @@ fn described(path: &Path) -> Result<String, Failure> {
         return of_run(&run);
     }
     if path.join(SETTINGS).is_file() {
-        return of_run_folder(path);
+        let summary = Some(path.join(Folder::SUMMARY)).filter(|summary| summary.is_file());
+        return Ok(describe(path)? + &summary.map(|summary| of_json(&summary)).transpose()?.unwrap_or_default());
     }
     let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().to_lowercase());
     match name.rsplit_once('.').map_or("", |(_, extension)| extension) {
@@ -64,7 +64,7 @@ fn described(path: &Path) -> Result<String, Failure> {
         "bin" if !["cameras.bin", "images.bin", "points3d.bin"].contains(&name.as_str()) => of_bin(path),
         "json" if is_of_results(path)? => of_json(path),
         "wgi" => describe_picture(path),
-        _ if path.is_file() && clip::is_clip(path) => clip::info(path),
+        _ if path.is_file() && weaver_clip::is_clip(path) => Ok(weaver_clip::info(path)?),
         _ => Ok(weaver_io::info(path)?),
     }
 }

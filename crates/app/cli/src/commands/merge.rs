@@ -4,8 +4,8 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 use weaver_command::{Console, Failure, Output};
-use weaver_fit_run::blocks::{Merged, merge};
 use weaver_io::{SceneFormat, write_scene};
+use weaver_reconstruct::blocks::{Merged, merge};
 
 /// Joins the fits of the blocks that `splatweaver split` made: of each what lies in its block.
 #[derive(Args, Debug)]

@@ -1,18 +1,13 @@
 //! `splatweaver reconstruct`.
 
 use super::fit;
-use crate::estimate::{estimated_capture, minutes_of_fit, note_share};
 use crate::flags::{ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
-use crate::{clip, demo};
 use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
-use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
-use std::time::Instant;
-use weaver_command::{Console, Failure, Interrupt, LiveFlag, Output, ShellCommand, Threads, in_pool};
+use std::path::PathBuf;
+use weaver_command::{Console, ConsoleObserver, Failure, Interrupt, LiveFlag, Output, Threads, in_pool};
 use weaver_data::capture::HoldOut;
-use weaver_fit::FitSettings;
-use weaver_fit_run::{ByPhotos, Outcome, Pace, Run, RunError, RunSettings, plan};
+use weaver_reconstruct::{Photos, Request, reconstruct};
 use weaver_view_run::Listener;
 
 /// Heading of the flags of a fit.
@@ -90,103 +85,47 @@ pub enum Quality {
     Fine,
 }
 
-impl Quality {
-    /// Minutes, and the longest side that photos have at least and at most, if they are as large.
-    pub fn effort(self) -> (f64, RangeInclusive<usize>) {
-        match self {
-            Self::Draft => (0.5, 384..=384),
-            Self::Normal => (5.0, 800..=1600),
-            Self::Fine => (20.0, 800..=1600),
+impl From<Quality> for weaver_reconstruct::Quality {
+    fn from(quality: Quality) -> Self {
+        match quality {
+            Quality::Draft => Self::Draft,
+            Quality::Normal => Self::Normal,
+            Quality::Fine => Self::Fine,
         }
     }
 }
 
-/// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain nothing from more.
-const MOST_ROUNDS: usize = 200;
-/// Passes through photos that are larger than the least: time for more of them is better spent on larger photos, by the same page, and more gain nothing.
-const ENOUGH_ROUNDS: usize = 40;
+impl Reconstruct {
+    /// Minutes of all of it.
+    pub fn minutes(&self) -> f64 {
+        self.minutes.unwrap_or(weaver_reconstruct::Quality::from(self.quality).minutes())
+    }
+}
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || reconstruct(arguments, console, interrupt))
+    in_pool(arguments.threads.count(), || make(arguments, console, interrupt))
 }
 
-fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    let start = Instant::now();
-    let live = Listener::of(arguments.live)?;
-    let out = match Run::claim(&arguments.out, &arguments.photos) {
-        Err(RunError::Run(weaver_run::Error::RunExists { folder, .. })) => return Err(exists(&folder)),
-        claimed => claimed?,
-    };
-    let demo = arguments.demo.then(|| demo::write(out.out())).transpose()?;
-    let (capture, hold_out) = match demo.as_ref().map_or(arguments.photos.as_slice(), std::slice::from_ref) {
-        [one] if is_capture(one) => {
-            arguments.matching.check_unused("a capture with cameras of its own")?;
-            arguments.clip.check_unused("a capture with cameras of its own")?;
-            console.note(&format!("cameras: those of {}", one.display()));
-            (one.clone(), arguments.hold_out)
-        }
-        paths => {
-            let photos = clip::photos(paths, arguments.clip, out.out(), console)?;
-            let capture = estimated_capture(&photos, arguments.hold_out, arguments.matching, out.out(), console)?;
-            (capture, fit::listed(arguments.hold_out))
-        }
-    };
-    let (minutes, sides) = arguments.quality.effort();
-    let minutes = arguments.minutes.unwrap_or(minutes);
-    note_share(minutes, start, console);
-    let left = minutes_of_fit(minutes, start);
-    let mut settings = RunSettings {
-        minutes: Some(left),
-        most_rounds: arguments.minutes.is_none().then_some(MOST_ROUNDS),
-        hold_out,
-        by_photos: ByPhotos::ALL,
+fn make(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let photos = if arguments.demo { Photos::Demo } else { Photos::at(&arguments.photos) };
+    if let Photos::Capture(_) = photos {
+        arguments.matching.check_unused("a capture with cameras of its own")?;
+        arguments.clip.check_unused("a capture with cameras of its own")?;
+    }
+    let request = Request {
+        quality: arguments.quality.into(),
+        minutes: arguments.minutes,
+        gaussians: arguments.gaussians.map(|gaussians| gaussians as usize),
+        hold_out: arguments.hold_out,
+        seed: arguments.seed,
         compress: arguments.compress,
         html: !arguments.no_html,
-        ..RunSettings::new(capture, FitSettings::default())
+        frames: arguments.clip.most(),
+        matching: arguments.matching.into(),
+        live: Listener::of(arguments.live)?,
+        ..Request::new(&*arguments.out)
     };
-    let means = fit::Means::usual(live)?;
-    let least_side = *sides.start();
-    let size = Pace::long_side(&settings, sides, (left, ENOUGH_ROUNDS), means.rasterizer.clone())?;
-    if size > least_side {
-        settings.most_rounds = settings.most_rounds.map(|_| ENOUGH_ROUNDS);
-    }
-    let left = minutes_of_fit(minutes, start);
-    (settings.long_side, settings.minutes) = (Some(size), Some(left));
-    let usual = plan(&settings)?.usual();
-    let gaussians = arguments.gaussians.map_or(usual.gaussians, |gaussians| gaussians as usize);
-    settings.fit = FitSettings { gaussians, seed: arguments.seed, ..usual };
-    settings.fit.check()?;
-    let capture = settings.capture.display();
-    console.note(&format!("fit: {capture}, {left:.2} minutes, photos of at most {size} pixels"));
-    let outcome = fit::begin(settings, means, out, console, interrupt)?;
-    fit::note_excess(Some(minutes), start, console);
+    let outcome = reconstruct(&photos, &request, &mut ConsoleObserver::interruptible(console, interrupt))?;
+    fit::conclude(&outcome, interrupt);
     fit::print(&outcome, &arguments.out, arguments.json, console)
-}
-
-/// Why nothing is made in a folder with a run, and how to go on with one that did not come to its end.
-fn exists(folder: &Path) -> Failure {
-    let path = folder.display();
-    let outcome = weaver_io::read_text(folder.join("summary.json")).ok();
-    let outcome = outcome.and_then(|text| serde_json::from_str::<Outcome>(&text).ok());
-    Failure::Usage(if outcome.is_some_and(|outcome| outcome.steps >= outcome.planned) {
-        format!("{path}: a finished scene is there already; give another --out")
-    } else {
-        let resume = ShellCommand::new("splatweaver fit --resume").path(folder);
-        format!("{path}: a fit was begun there and did not come to its end; to go on: {resume}")
-    })
-}
-
-/// True if a folder or file tells its cameras.
-fn is_capture(path: &Path) -> bool {
-    let files = [
-        "transforms.json",
-        "transforms_train.json",
-        "sparse",
-        "cams",
-        "cameras_sphere.npz",
-        "cameras.npz",
-        "cameras.txt",
-    ];
-    path.is_file() && path.extension().is_some_and(|e| e == "json")
-        || files.iter().any(|name| weaver_io::is_taken(path.join(name)))
 }

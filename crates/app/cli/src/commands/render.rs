@@ -1,23 +1,17 @@
 //! `splatweaver render`.
 
-mod path;
-
-use crate::film::Film;
-use crate::gif::Gif;
-use crate::video::{VIDEOS, Video};
-use crate::webp::WebP;
 use clap::{ArgGroup, Args};
-use path::{PathKind, along};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use weaver_clip::{Film, Gif, VIDEOS, Video, WebP};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{
-    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, device, in_pool, memory,
-    rate,
+    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, in_pool,
+    memory, rate,
 };
 use weaver_geometry::Camera;
 use weaver_io::{Image, OutputFolder, SceneFile, read_scene};
-use weaver_scene::{Frame, Gaussians, middle};
+use weaver_scene::{CameraPath, Frame, Gaussians, middle};
 use weaver_splat::Renderer;
 
 /// Draws a file of Gaussians from given cameras or along an orbit.
@@ -45,8 +39,8 @@ pub struct Render {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub orbit: Option<u32>,
     /// A path along these cameras in place of the cameras themselves
-    #[arg(long, value_enum, conflicts_with = "orbit")]
-    pub path: Option<PathKind>,
+    #[arg(long, value_parser = choice(&PATHS), conflicts_with = "orbit")]
+    pub path: Option<CameraPath>,
     /// Cameras of the path
     #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(2..=100_000), requires = "path")]
     pub pictures: u32,
@@ -80,6 +74,13 @@ pub struct Render {
     pub drawing: DrawingFlags,
 }
 
+/// Paths along cameras.
+const PATHS: [(&str, CameraPath, &str); 3] = [
+    ("ellipse", CameraPath::Ellipse, "Around what the cameras look at, as far away and as high as they are"),
+    ("spline", CameraPath::Spline, "Through the cameras in their order, smoothed"),
+    ("dolly", CameraPath::Dolly, "From behind the middle camera toward what it looks at, and back"),
+];
+
 /// Width of an orbit's pictures.
 const WIDTH: usize = 640;
 
@@ -96,9 +97,7 @@ fn draw(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
         (Some(file), _) => {
             let cameras = camera_files::read(file, size)?;
             match arguments.path {
-                Some(kind) => {
-                    along(kind, &cameras, arguments.pictures as usize, middle(&gaussians).unwrap_or_default())
-                }
+                Some(path) => path.along(&cameras, arguments.pictures as usize, middle(&gaussians).unwrap_or_default()),
                 None => cameras,
             }
         }
@@ -184,7 +183,7 @@ impl<'a> Sink<'a> {
             pictures.par_iter().try_for_each(write)?;
         }
         let push = |film: &mut Box<dyn Film>| pictures.iter().try_for_each(|(_, image)| film.push(image));
-        self.films.par_iter_mut().try_for_each(push)
+        Ok(self.films.par_iter_mut().try_for_each(push)?)
     }
 
     /// Prints where the results are.

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use weaver_command::{Console, Failure, Output, ShellCommand, fraction};
 use weaver_data::OutputFolder;
 use weaver_data::capture::HoldOut;
-use weaver_fit_run::blocks::{BlockCount, BlockFile, Split as Cut, SplitOptions, split};
+use weaver_reconstruct::blocks::{BlockCount, BlockFile, Split as Cut, SplitOptions, split};
 
 /// Cuts a capture that is too large for one fit into blocks, each a capture of its own.
 ///

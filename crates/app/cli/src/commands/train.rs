@@ -14,7 +14,7 @@ use weaver_trainer::{
     CURVES, ConfigSource, Error, Folder, Observer, Ranks, ResolvedConfig, StepReport, Summary, Training, claim_run,
     reclaim_run,
 };
-use weaver_view_run::{Followed, Listener, Server, Showing, live};
+use weaver_view_run::{Listener, LiveRun, LiveView, Server, live};
 
 /// Headings of groups of flags.
 const CONFIGURATION: &str = "Configuration";
@@ -214,8 +214,8 @@ fn train(
     let label = session.labeler();
     let stop = interrupt.watch_after("this step");
     let samples = RunFolder::at(folder.path()).samples_path();
-    let (names, showing) = (&CURVES, Showing::Pictures(&samples));
-    let followed = Followed { folder: folder.path(), steps: total, names, showing, stop };
+    let (names, showing) = (&CURVES, LiveView::Pictures(&samples));
+    let followed = LiveRun { folder: folder.path(), steps: total, names, showing, stop };
     let server = listener.map(|listener| Server::of_run(&path, followed, listener)).transpose()?;
     let progress = Progress::new("train", done, total, console);
     let summary = live(server, console, |console| {

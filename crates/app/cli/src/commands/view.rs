@@ -5,10 +5,10 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Interrupt, LiftedFile, Output, Threads, in_pool};
-use weaver_fit_run::{Coverage, Outcome};
 use weaver_io::{SceneFile, SceneFormat, read_scene, write_text};
+use weaver_reconstruct::{Coverage, Outcome};
 use weaver_view::{HtmlOptions, Look};
-use weaver_view_run::{Exhibit, Features, Listener, Server, Visitors, overview};
+use weaver_view_run::{Access, Features, Listener, ScenePage, Server, overview};
 
 /// Scenes in folders, the best first: of fits and networks, of lidar runs, and a scene in many files.
 const RESULTS: [&str; 3] = ["scene.ply", MAP, "meta.json"];
@@ -91,17 +91,17 @@ pub fn run(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Re
             return Err(Failure::Usage(format!("--expert: expected the folder of `dynamic train`, found {scene}")));
         }
         let seen = Seen { scene, cameras: cameras.as_deref(), photos: photos.as_deref(), drawing: (*drawing).into() };
-        let mut exhibit = exhibit(&seen)?;
-        exhibit.look.meters = arguments.meters.or(exhibit.look.meters);
-        exhibit.features = features(arguments, exhibit.gaussians.len())?;
-        show(&exhibit, arguments, console, interrupt)
+        let mut scene_page = scene_page(&seen)?;
+        scene_page.look.meters = arguments.meters.or(scene_page.look.meters);
+        scene_page.features = features(arguments, scene_page.gaussians.len())?;
+        show(&scene_page, arguments, console, interrupt)
     })
 }
 
-fn show(exhibit: &Exhibit, arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+fn show(scene_page: &ScenePage, arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match &arguments.html {
-        Some(file) => write(exhibit, file, arguments, console),
-        None => serve(exhibit, arguments, console, interrupt),
+        Some(file) => write(scene_page, file, arguments, console),
+        None => serve(scene_page, arguments, console, interrupt),
     }
 }
 
@@ -127,8 +127,8 @@ fn film(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Resul
         return Err(Failure::Usage(message));
     }
     let (drawing, meters) = (arguments.drawing.into(), arguments.meters);
-    let exhibit = methods::film(folder, arguments.expert.as_deref(), drawing, meters)?;
-    show(&exhibit, arguments, console, interrupt)
+    let scene_page = methods::film(folder, arguments.expert.as_deref(), drawing, meters)?;
+    show(&scene_page, arguments, console, interrupt)
 }
 
 /// A scene and what belongs to it, as files.
@@ -148,7 +148,7 @@ impl<'a> Seen<'a> {
 }
 
 /// Reads a scene with its cameras.
-pub fn exhibit(seen: &Seen<'_>) -> Result<Exhibit, Failure> {
+pub fn scene_page(seen: &Seen<'_>) -> Result<ScenePage, Failure> {
     let folder = seen.scene.is_dir().then_some(seen.scene);
     let within = |name: &str| folder.map(|folder| folder.join(name)).filter(|path| path.exists());
     let file = match folder {
@@ -169,19 +169,19 @@ pub fn exhibit(seen: &Seen<'_>) -> Result<Exhibit, Failure> {
     let named = folder.unwrap_or(&file);
     let absolute = std::path::absolute(named).unwrap_or_else(|_| named.into());
     let title = absolute.file_name().map_or("scene".into(), |name| name.to_string_lossy().into_owned());
-    let mut exhibit = Exhibit::new(title, gaussians, Look { background, settings, ..Look::default() });
+    let mut scene_page = ScenePage::new(title, gaussians, Look { background, settings, ..Look::default() });
     if let Some(cameras) = seen.cameras.map(PathBuf::from).or_else(|| within("transforms.json")) {
-        exhibit = exhibit.with_cameras(&cameras, seen.photos)?;
+        scene_page = scene_page.with_cameras(&cameras, seen.photos)?;
         let coverage = folder.and_then(coverage).unwrap_or_default();
-        exhibit.shots.iter_mut().for_each(|shot| shot.coverage = coverage.of(&shot.name));
+        scene_page.shots.iter_mut().for_each(|shot| shot.coverage = coverage.of(&shot.name));
     }
     if file.ends_with(MAP) {
-        exhibit.shots.push(overview());
-        exhibit.look.meters = Some(1.0);
+        scene_page.shots.push(overview());
+        scene_page.look.meters = Some(1.0);
     }
-    exhibit.report = within("report.html");
-    exhibit.file = Some(file);
-    Ok(exhibit)
+    scene_page.report = within("report.html");
+    scene_page.file = Some(file);
+    Ok(scene_page)
 }
 
 /// The part of each photo that others agree about, as the summary of a fit says.
@@ -190,11 +190,11 @@ fn coverage(folder: &Path) -> Option<Coverage> {
     Some(serde_json::from_str::<Outcome>(&summary).ok()?.coverage)
 }
 
-fn write(exhibit: &Exhibit, file: &Path, arguments: &View, console: &mut Console) -> Result<(), Failure> {
+fn write(scene_page: &ScenePage, file: &Path, arguments: &View, console: &mut Console) -> Result<(), Failure> {
     let options = HtmlOptions { lossless: arguments.lossless };
-    let page = match &exhibit.moving {
-        Some(_) => exhibit.film_html(arguments.moments as usize, options)?,
-        None => exhibit.html(options)?,
+    let page = match &scene_page.moving {
+        Some(_) => scene_page.film_html(arguments.moments as usize, options)?,
+        None => scene_page.html(options)?,
     };
     let megabytes = page.len() as f64 / 1e6;
     match weighed(megabytes, arguments.yes) {
@@ -211,7 +211,7 @@ fn write(exhibit: &Exhibit, file: &Path, arguments: &View, console: &mut Console
     if arguments.open {
         open(&file.display().to_string(), console);
     }
-    console.print(&format!("page: {} Gaussians, {megabytes:.1} MB, in {}", exhibit.gaussians.len(), file.display()))
+    console.print(&format!("page: {} Gaussians, {megabytes:.1} MB, in {}", scene_page.gaussians.len(), file.display()))
 }
 
 /// Judgment of the size of a page.
@@ -232,12 +232,17 @@ fn weighed(megabytes: f64, yes: bool) -> Weight {
     }
 }
 
-fn serve(exhibit: &Exhibit, arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    let visitors = if arguments.host { Visitors::Network } else { Visitors::Here };
+fn serve(
+    scene_page: &ScenePage,
+    arguments: &View,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    let access = if arguments.host { Access::Network } else { Access::Local };
     if arguments.host {
         console.note("warning: everybody in the network who has the address can look at the scene and save changed ones beside it");
     }
-    let server = Server::new(exhibit, None, Listener::bind(visitors, arguments.port)?)?;
+    let server = Server::new(scene_page, None, Listener::bind(access, arguments.port)?)?;
     // First, for it opens here as well.
     if let Some(address) = server.network_address() {
         console.print(&address)?;

@@ -23,6 +23,11 @@ pub struct ClipFlags {
 }
 
 impl ClipFlags {
+    /// The most frames of each clip.
+    pub fn most(self) -> Option<usize> {
+        self.frames.map(|most| most as usize)
+    }
+
     /// That these say nothing, where there is no clip.
     ///
     /// # Errors

@@ -5,10 +5,10 @@ use crate::in_process::{Outcome, splatweaver};
 use std::collections::BTreeSet;
 use std::path::Path;
 use weaver_data::capture::{HoldOut, survey};
-use weaver_fit_run::blocks::BlockFile;
 use weaver_geometry::glam::DVec2;
 use weaver_io::{Transforms, read_gaussians};
 use weaver_procedural::{ProceduralOptions, Walk};
+use weaver_reconstruct::blocks::BlockFile;
 use weaver_scene::{Frame, PointCloud};
 
 /// Runs a line that `split` printed, with more words behind it.

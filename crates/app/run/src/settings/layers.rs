@@ -4,6 +4,7 @@ use super::ranges;
 use super::schema::{is_number, is_optional, join, properties, property, schema, variant};
 use super::{Error, Settings, nearest};
 use serde_json::Value as Schema;
+use std::collections::BTreeSet;
 use std::marker::PhantomData;
 use std::path::Path;
 use toml::{Table, Value};
@@ -13,14 +14,7 @@ use toml::{Table, Value};
 /// # Errors
 /// When the file cannot be read, or a key or value is wrong.
 pub fn resolve<S: Settings>(defaults: &S, file: Option<&Path>, sets: &[String]) -> Result<S, Error> {
-    let mut layers = Layers::new(defaults)?;
-    if let Some(path) = file {
-        layers.merge(read_table(path)?, &path.display().to_string())?;
-    }
-    for setting in sets {
-        layers.set(setting)?;
-    }
-    layers.finish(&source(file, sets))
+    Layers::of(defaults, file, sets)?.finish(&source(file, sets))
 }
 
 /// Name of a file and settings together in errors.
@@ -34,6 +28,8 @@ pub fn source(file: Option<&Path>, sets: &[String]) -> String {
 pub struct Layers<S> {
     tree: Value,
     schema: &'static Schema,
+    /// Keys that a layer has given, as dotted paths.
+    given: BTreeSet<String>,
     settings: PhantomData<fn() -> S>,
 }
 
@@ -44,7 +40,20 @@ impl<S: Settings> Layers<S> {
     /// When TOML cannot hold a value, such as a whole number beyond those of 64 bits with a sign.
     pub fn new(defaults: &S) -> Result<Self, Error> {
         let tree = Value::try_from(defaults).map_err(|e| Error::invalid("defaults", e.to_string()))?;
-        Ok(Self { tree, schema: schema::<S>(), settings: PhantomData })
+        Ok(Self { tree, schema: schema::<S>(), given: BTreeSet::new(), settings: PhantomData })
+    }
+
+    /// Lays a file and settings over defaults.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or a key is unknown or a value has another type.
+    pub fn of(defaults: &S, file: Option<&Path>, sets: &[String]) -> Result<Self, Error> {
+        let mut layers = Self::new(defaults)?;
+        if let Some(path) = file {
+            layers.merge(read_table(path)?, &path.display().to_string())?;
+        }
+        sets.iter().try_for_each(|setting| layers.set(setting))?;
+        Ok(layers)
     }
 
     /// Lays a table over what there is: tables key by key, lists of tables entry by entry, everything else as a whole. An entry
@@ -53,7 +62,9 @@ impl<S: Settings> Layers<S> {
     /// # Errors
     /// When a key is unknown or a value has another type.
     pub fn merge(&mut self, over: Table, source: &str) -> Result<(), Error> {
-        merge_at(&mut self.tree, Value::Table(over), self.schema, source, "")
+        let over = Value::Table(over);
+        add_keys(&over, "", &mut self.given);
+        merge_at(&mut self.tree, over, self.schema, source, "")
     }
 
     /// Applies one `key=value`: the key is a dotted path (list entries by number), the value TOML or a bare word; the word
@@ -62,7 +73,14 @@ impl<S: Settings> Layers<S> {
     /// # Errors
     /// When the key is unknown or the value has another type.
     pub fn set(&mut self, setting: &str) -> Result<(), Error> {
+        let (key, value) = key_and_value(setting)?;
+        add_keys(&value, key, &mut self.given);
         set(&mut self.tree, self.schema, setting)
+    }
+
+    /// True if a layer above the lowest has given this key, a dotted path.
+    pub fn gives(&self, key: &str) -> bool {
+        self.given.contains(key)
     }
 
     /// The settings; `source` names the last layer in errors.
@@ -177,14 +195,25 @@ fn merge_at(base: &mut Value, over: Value, schema: &Schema, source: &str, path: 
     }
 }
 
-fn set(tree: &mut Value, schema: &Schema, setting: &str) -> Result<(), Error> {
+/// Adds the dotted paths of a value's leaves.
+fn add_keys(value: &Value, path: &str, keys: &mut BTreeSet<String>) {
+    match value {
+        Value::Table(table) => table.iter().for_each(|(key, value)| add_keys(value, &join(path, key), keys)),
+        _ => _ = keys.insert(path.into()),
+    }
+}
+
+/// The parts of `key=value`, whose value is TOML or a bare word.
+fn key_and_value(setting: &str) -> Result<(&str, Value), Error> {
     let (key, text) = setting.split_once('=').ok_or_else(|| Error::invalid(setting, "expected key=value"))?;
-    let (key, text) = (key.trim(), text.trim());
-    let value = format!("value = {text}")
-        .parse::<Table>()
-        .ok()
-        .and_then(|mut table| table.remove("value"))
-        .unwrap_or_else(|| Value::String(text.into()));
+    let text = text.trim();
+    let value = format!("value = {text}").parse::<Table>().ok().and_then(|mut table| table.remove("value"));
+    Ok((key.trim(), value.unwrap_or_else(|| Value::String(text.into()))))
+}
+
+fn set(tree: &mut Value, schema: &Schema, setting: &str) -> Result<(), Error> {
+    let (key, value) = key_and_value(setting)?;
+    let text = setting.split_once('=').map_or("", |(_, text)| text.trim());
     let (mut slot, mut schema, mut path) = (tree, schema, String::new());
     let parts: Vec<&str> = key.split('.').collect();
     for (i, part) in parts.iter().enumerate() {

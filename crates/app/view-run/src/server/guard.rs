@@ -1,7 +1,7 @@
 //! Who is answered.
 
 use super::answer::Answer;
-use super::listener::{Listener, Visitors};
+use super::listener::{Access, Listener};
 use super::request::Request;
 use crate::Error;
 
@@ -10,13 +10,13 @@ use crate::Error;
 pub struct Guard {
     pub port: u16,
     pub token: String,
-    pub visitors: Visitors,
+    pub access: Access,
 }
 
 impl Guard {
     /// The guard of a port, with a token of its own.
     pub fn of(listener: &Listener) -> Result<Self, Error> {
-        Ok(Self { port: listener.port, token: super::random()?, visitors: listener.visitors })
+        Ok(Self { port: listener.port, token: super::random()?, access: listener.access })
     }
 
     /// Refuses requests for other hosts, which pages from elsewhere make under names of their own, and those without the token where it
@@ -24,10 +24,10 @@ impl Guard {
     pub fn check(&self, request: &Request, query: &str, writes: bool) -> Result<(), Answer> {
         let host = request.host.as_deref().unwrap_or_default();
         let own = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
-        if self.visitors == Visitors::Here && !own.iter().any(|own| own == host) {
+        if self.access == Access::Local && !own.iter().any(|own| own == host) {
             return Err(Answer::text(403, "expected this machine as the host"));
         }
-        let needed = writes || self.visitors == Visitors::Network;
+        let needed = writes || self.access == Access::Network;
         // A form of another page can bring a query, but no header.
         let given = request.token.as_deref().or_else(|| value(query, "token").filter(|_| !writes));
         if needed && !given.is_some_and(|given| equal(given, &self.token)) {

@@ -3,14 +3,13 @@
 use crate::Error;
 use std::io::ErrorKind;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
-use weaver_command::LiveFlag;
 
 /// Who may ask a server.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Visitors {
+pub enum Access {
     /// Programs on this machine, which need the token to write.
     #[default]
-    Here,
+    Local,
     /// Everybody in the network who has the token.
     Network,
 }
@@ -20,7 +19,7 @@ pub enum Visitors {
 pub struct Listener {
     socket: TcpListener,
     pub(super) port: u16,
-    pub(super) visitors: Visitors,
+    pub(super) access: Access,
 }
 
 impl Listener {
@@ -28,8 +27,8 @@ impl Listener {
     ///
     /// # Errors
     /// When the port is not to be had.
-    pub fn bind(visitors: Visitors, port: Option<u16>) -> Result<Self, Error> {
-        let ip = if visitors == Visitors::Here { Ipv4Addr::LOCALHOST } else { Ipv4Addr::UNSPECIFIED };
+    pub fn bind(access: Access, port: Option<u16>) -> Result<Self, Error> {
+        let ip = if access == Access::Local { Ipv4Addr::LOCALHOST } else { Ipv4Addr::UNSPECIFIED };
         let address = SocketAddr::from((ip, port.unwrap_or(0)));
         let bound = || {
             let socket = TcpListener::bind(address)?;
@@ -43,15 +42,28 @@ impl Listener {
                 _ => error.to_string(),
             },
         })?;
-        Ok(Self { socket, port, visitors })
+        Ok(Self { socket, port, access })
     }
 
     /// The port of a run that a page follows, if one does.
     ///
     /// # Errors
     /// When the port is not to be had.
-    pub fn of(flag: LiveFlag) -> Result<Option<Self>, Error> {
-        flag.live.then(|| Self::bind(Visitors::Here, flag.port)).transpose()
+    #[cfg(feature = "command")]
+    pub fn of(flag: weaver_command::LiveFlag) -> Result<Option<Self>, Error> {
+        flag.live.then(|| Self::bind(Access::Local, flag.port)).transpose()
+    }
+
+    /// The same port once more.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn try_clone(&self) -> Result<Self, Error> {
+        let refused = |error: std::io::Error| {
+            let address = SocketAddr::from((Ipv4Addr::LOCALHOST, self.port)).to_string();
+            Error::Bind { address, message: error.to_string() }
+        };
+        Ok(Self { socket: self.socket.try_clone().map_err(refused)?, port: self.port, access: self.access })
     }
 
     /// The next client, if one waits.
@@ -63,7 +75,7 @@ impl Listener {
 
     /// This machine as others in its network call it: its address, else its name.
     pub(super) fn host(&self) -> Option<String> {
-        (self.visitors == Visitors::Network).then(|| address().map(|ip| ip.to_string()).or_else(name)).flatten()
+        (self.access == Access::Network).then(|| address().map(|ip| ip.to_string()).or_else(name)).flatten()
     }
 }
 

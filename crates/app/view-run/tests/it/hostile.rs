@@ -1,13 +1,13 @@
 //! Clients who lie, keep silent, do not read, or come in crowds.
 
-use crate::server::{ask, connect, exhibit, gaussians, get, here, place};
+use crate::server::{ask, connect, gaussians, get, here, place, scene_page};
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 use weaver_view::Look;
-use weaver_view_run::{Exhibit, Listener, Moving, Server, Visitors};
+use weaver_view_run::{Access, Listener, Moving, ScenePage, Server};
 
 /// A bound for what takes milliseconds, on a machine that does other things as well.
 const SOON: Duration = Duration::from_secs(20);
@@ -28,9 +28,9 @@ fn rest(stream: &mut TcpStream) -> Vec<u8> {
 /// Promise (servers): a body is refused by its length before room is made for it.
 #[test]
 fn bodies_are_refused_by_their_length() {
-    let exhibit = exhibit(None);
-    let network = Server::new(&exhibit, None, Listener::bind(Visitors::Network, None).unwrap()).unwrap();
-    let here = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = scene_page(None);
+    let network = Server::new(&scene_page, None, Listener::bind(Access::Network, None).unwrap()).unwrap();
+    let here = Server::new(&scene_page, None, here()).unwrap();
     for (server, host, status) in [(&here, "anything", 403), (&here, "PLACE", 403), (&network, "anything", 403)] {
         server.during(|| {
             for length in ["5000", "99999999999999", "18446744073709551615", "99999999999999999999999"] {
@@ -63,8 +63,8 @@ fn bodies_are_refused_by_their_length() {
 /// Promise (servers): a head of a request has at most 16 kB.
 #[test]
 fn heads_are_bounded() {
-    let exhibit = exhibit(None);
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = scene_page(None);
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         for (first, part) in
             [("GET / HTTP/1.1\r\nX: ", "y"), ("GET /", "y"), ("", "\r\n"), ("GET / HTTP/1.1\r\n", "X: y\r\n")]
@@ -86,8 +86,8 @@ fn heads_are_bounded() {
 /// Promise (servers): a connection ends after its answer.
 #[test]
 fn a_connection_ends_after_its_answer() {
-    let exhibit = exhibit(None);
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = scene_page(None);
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         let mut stream = connect(&server);
         let begin = Instant::now();
@@ -102,8 +102,8 @@ fn a_connection_ends_after_its_answer() {
 /// Promise (servers): a thousand silent connections block no one.
 #[test]
 fn a_crowd_of_silent_clients_holds_nobody() {
-    let exhibit = exhibit(None);
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = scene_page(None);
+    let server = Server::new(&scene_page, None, here()).unwrap();
     let place = place(&server);
     server.during(|| {
         let mut crowd = Vec::new();
@@ -133,8 +133,8 @@ fn a_crowd_of_silent_clients_holds_nobody() {
 /// Promise (servers): a fit ends without its page's readers.
 #[test]
 fn the_end_does_not_wait_for_clients() {
-    let exhibit = Exhibit::new("large", gaussians(300_000), Look::default());
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = ScenePage::new("large", gaussians(300_000), Look::default());
+    let server = Server::new(&scene_page, None, here()).unwrap();
     let mut clients: Vec<TcpStream> = (0..12).map(|_| connect(&server)).collect();
     let (done, over) = mpsc::channel();
     std::thread::scope(|scope| {
@@ -169,8 +169,8 @@ fn the_end_does_not_wait_for_clients() {
 #[test]
 fn a_panic_ends_one_connection_alone() {
     let moving = Moving::new(|time| if time > 0.9 { panic!("of this moment") } else { gaussians(5) });
-    let exhibit = Exhibit { moving: Some(moving), ..exhibit(None) };
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = ScenePage { moving: Some(moving), ..scene_page(None) };
+    let server = Server::new(&scene_page, None, here()).unwrap();
     let work = server.during(|| {
         for _ in 0..10 {
             let mut stream = connect(&server);
@@ -190,8 +190,8 @@ fn a_panic_ends_one_connection_alone() {
 fn a_taken_port_is_refused() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port();
-    for visitors in [Visitors::Here, Visitors::Network] {
-        let error = Listener::bind(visitors, Some(port)).unwrap_err().to_string();
+    for access in [Access::Local, Access::Network] {
+        let error = Listener::bind(access, Some(port)).unwrap_err().to_string();
         assert!(
             error.ends_with(
                 ":{port}: expected a free port, found one where another program listens"
@@ -202,8 +202,8 @@ fn a_taken_port_is_refused() {
         );
     }
     drop(taken);
-    let exhibit = exhibit(None);
-    let server = Server::new(&exhibit, None, Listener::bind(Visitors::Here, Some(port)).unwrap()).unwrap();
+    let scene_page = scene_page(None);
+    let server = Server::new(&scene_page, None, Listener::bind(Access::Local, Some(port)).unwrap()).unwrap();
     assert!(server.address().starts_with(&format!("http://127.0.0.1:{port}/?token=")));
     assert_eq!(server.network_address(), None);
     server.during(|| assert_eq!(get(&server, "/").0, 200));
@@ -214,8 +214,8 @@ fn a_taken_port_is_refused() {
 /// Promise (servers): clients on the network get an address that they can open.
 #[test]
 fn the_network_is_told_an_address_that_it_can_open() {
-    let exhibit = exhibit(None);
-    let server = Server::new(&exhibit, None, Listener::bind(Visitors::Network, None).unwrap()).unwrap();
+    let scene_page = scene_page(None);
+    let server = Server::new(&scene_page, None, Listener::bind(Access::Network, None).unwrap()).unwrap();
     // A machine without any network may have a name alone, or not even that.
     let Some(address) = server.network_address() else { return };
     let [own, other] = [server.address(), address].map(|address| {
@@ -290,8 +290,8 @@ impl Draws {
 fn mutated_requests_are_answered_or_refused() {
     let count = if std::env::var_os("WEAVER_STRESS").is_some() { 1_000_000 } else { 600 };
     let folder = tempfile::tempdir().unwrap();
-    let exhibit = exhibit(Some(folder.path().join("scene.ply")));
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = scene_page(Some(folder.path().join("scene.ply")));
+    let server = Server::new(&scene_page, None, here()).unwrap();
     let place = place(&server);
     let head = format!("HTTP/1.1\r\nHost: {place}\r\nX-Token: 0123456789abcdef0123456789abcdef\r\n");
     let seeds = [

@@ -3,8 +3,8 @@
 #[allow(dead_code, reason = "one driver for two crates, which do not make the same calls")]
 #[path = "../../../../fit/view/tests/it/browser.rs"]
 mod browser;
-mod exhibit;
 mod hostile;
 mod report;
+mod scene_page;
 mod server;
 mod visit;

@@ -1,10 +1,10 @@
 //! Reports of runs in a browser.
 
 use crate::browser::Browser;
-use crate::server::{exhibit, here};
+use crate::server::{here, scene_page};
 use weaver_io::Image;
 use weaver_run::Page;
-use weaver_view_run::{Exhibit, Server};
+use weaver_view_run::{ScenePage, Server};
 
 #[test]
 fn a_report_compares_pictures_and_reads_curves() {
@@ -40,9 +40,9 @@ fn a_report_has_the_scene_within() {
     browser.resize(900, 700, false);
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("report.html");
-    let view = exhibit(None).html(Default::default()).unwrap();
+    let view = scene_page(None).html(Default::default()).unwrap();
     Page::new("report").heading(1, "Report").embed("Look at the scene", "view.html", &view).write(&file).unwrap();
-    let shown = Exhibit { report: Some(file.clone()), ..exhibit(None) };
+    let shown = ScenePage { report: Some(file.clone()), ..scene_page(None) };
     let server = Server::new(&shown, None, here()).unwrap();
     let (start, token) = server.address().split_once("/?").map(|(a, b)| (a.to_string(), b.to_string())).unwrap();
     server.during(|| {

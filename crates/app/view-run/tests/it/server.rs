@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use weaver_scene::Gaussians;
 use weaver_view::Look;
-use weaver_view_run::{Exhibit, Features, Followed, Listener, Moving, Server, Showing, Visitors};
+use weaver_view_run::{Access, Features, Listener, LiveRun, LiveView, Moving, ScenePage, Server};
 
 pub fn gaussians(n: usize) -> Gaussians {
     let at = |i: usize| [(i % 7) as f32 * 0.2 - 0.6, (i % 5) as f32 * 0.2 - 0.4, 2.0 + (i % 3) as f32 * 0.1];
@@ -21,13 +21,13 @@ pub fn gaussians(n: usize) -> Gaussians {
     }
 }
 
-pub fn exhibit(file: Option<PathBuf>) -> Exhibit {
-    Exhibit { file, ..Exhibit::new("scene", gaussians(35), Look::default()) }
+pub fn scene_page(file: Option<PathBuf>) -> ScenePage {
+    ScenePage { file, ..ScenePage::new("scene", gaussians(35), Look::default()) }
 }
 
 /// A free port of this machine alone.
 pub fn here() -> Listener {
-    Listener::bind(Visitors::Here, None).unwrap()
+    Listener::bind(Access::Local, None).unwrap()
 }
 
 /// Host and port of a server.
@@ -66,12 +66,12 @@ pub fn token(server: &Server<'_>) -> String {
 /// Promise of `a_click_shows_and_selects_what_is_alike`.
 #[test]
 fn features_are_compared_with_those_of_one_gaussian() {
-    let plain = exhibit(None);
+    let plain = scene_page(None);
     let server = Server::new(&plain, None, here()).unwrap();
     server.during(|| assert_eq!(get(&server, "/alike?gaussian=0").0, 404));
     let features = Features::new((0..35).flat_map(|i| [1.0, i as f32]).collect(), 2);
-    let exhibit = Exhibit { features: Some(features.clone()), ..plain };
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = ScenePage { features: Some(features.clone()), ..plain };
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         let (status, _, alike) = get(&server, "/alike?gaussian=3");
         assert_eq!((status, Some(alike)), (200, features.alike(3)));
@@ -95,8 +95,8 @@ pub fn post(server: &Server<'_>, path: &str, token: &str, body: &[u8]) -> (u16, 
 /// Promise (scenes): all photos of a page come, however many are asked for at once.
 #[test]
 fn many_who_ask_at_once_are_all_answered() {
-    let exhibit = exhibit(None);
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = scene_page(None);
+    let server = Server::new(&scene_page, None, here()).unwrap();
     let place = place(&server);
     server.during(|| {
         let ask = |_| {
@@ -122,8 +122,8 @@ fn many_who_ask_at_once_are_all_answered() {
 /// that write.
 #[test]
 fn listed_addresses_are_answered_and_no_others() {
-    let exhibit = exhibit(None);
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = scene_page(None);
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         let (status, headers, page) = get(&server, "/");
         assert_eq!(status, 200);
@@ -134,7 +134,7 @@ fn listed_addresses_are_answered_and_no_others() {
         assert!(!headers.contains("unsafe-eval") && !headers.to_lowercase().contains("access-control"), "{headers}");
         let (status, _, scene) = get(&server, "/scene");
         assert_eq!(status, 200);
-        assert!(weaver_io::read_gaussians_from(&scene, "ply".parse().unwrap()).unwrap() == exhibit.gaussians);
+        assert!(weaver_io::read_gaussians_from(&scene, "ply".parse().unwrap()).unwrap() == scene_page.gaussians);
         for path in [
             "/index.html",
             "/../Cargo.toml",
@@ -156,8 +156,8 @@ fn listed_addresses_are_answered_and_no_others() {
 #[test]
 fn a_scene_that_moves_has_a_time() {
     let moving = Some(Moving::new(|time| gaussians(10 + (20.0 * time) as usize)));
-    let exhibit = Exhibit { moving, ..exhibit(None) };
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = ScenePage { moving, ..scene_page(None) };
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         let count = |path: &str| {
             let scene = get(&server, path).2;
@@ -171,8 +171,8 @@ fn a_scene_that_moves_has_a_time() {
 /// Promise of `listed_addresses_are_answered_and_no_others`.
 #[test]
 fn other_hosts_are_refused() {
-    let exhibit = exhibit(None);
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = scene_page(None);
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         for host in ["evil.example", "127.0.0.1", "127.0.0.1:1", "localhost.evil.example:80", ""] {
             let head = format!("GET / HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
@@ -184,8 +184,8 @@ fn other_hosts_are_refused() {
 
 #[test]
 fn the_network_needs_the_token_for_everything() {
-    let exhibit = exhibit(None);
-    let server = Server::new(&exhibit, None, Listener::bind(Visitors::Network, None).unwrap()).unwrap();
+    let scene_page = scene_page(None);
+    let server = Server::new(&scene_page, None, Listener::bind(Access::Network, None).unwrap()).unwrap();
     server.during(|| {
         let token = token(&server);
         for path in ["/", "/scene", "/?token=", "/?token=00000000000000000000000000000000"] {
@@ -201,10 +201,10 @@ fn the_network_needs_the_token_for_everything() {
 fn saving_takes_the_token_and_replaces_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.ply");
-    let exhibit = exhibit(Some(file.clone()));
-    weaver_io::write_gaussians(&file, &exhibit.gaussians).unwrap();
+    let scene_page = scene_page(Some(file.clone()));
+    weaver_io::write_gaussians(&file, &scene_page.gaussians).unwrap();
     let before = std::fs::read(&file).unwrap();
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         let token = token(&server);
         let mut dropped = vec![0; 35];
@@ -227,7 +227,7 @@ fn saving_takes_the_token_and_replaces_nothing() {
         }
         let kept: Vec<usize> = (0..35).filter(|i| ![3, 30].contains(i)).collect();
         let saved = weaver_io::read_gaussians(folder.path().join("scene-edited.ply")).unwrap();
-        assert!(saved == exhibit.gaussians.select(&kept));
+        assert!(saved == scene_page.gaussians.select(&kept));
     });
     assert!(std::fs::read(&file).unwrap() == before);
 }
@@ -238,7 +238,7 @@ fn a_run_without_a_scene_has_pictures_alone() {
     let stop = AtomicBool::new(false);
     let samples = folder.path().join("samples");
     let followed =
-        Followed { folder: folder.path(), steps: 5, names: &[], showing: Showing::Pictures(&samples), stop: &stop };
+        LiveRun { folder: folder.path(), steps: 5, names: &[], showing: LiveView::Pictures(&samples), stop: &stop };
     let server = Server::of_run("run", followed, here()).unwrap();
     server.during(|| {
         let (status, headers, page) = get(&server, "/");
@@ -260,7 +260,7 @@ fn a_run_without_a_scene_has_pictures_alone() {
 
 #[test]
 fn tokens_differ() {
-    let exhibit = exhibit(None);
-    let [a, b] = [0, 1].map(|_| token(&Server::new(&exhibit, None, here()).unwrap()));
+    let scene_page = scene_page(None);
+    let [a, b] = [0, 1].map(|_| token(&Server::new(&scene_page, None, here()).unwrap()));
     assert!(a != b && a.len() == 32);
 }

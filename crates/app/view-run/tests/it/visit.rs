@@ -1,7 +1,7 @@
 //! Pages of the server in a browser.
 
 use crate::browser::Browser;
-use crate::server::{exhibit, gaussians, here};
+use crate::server::{gaussians, here, scene_page};
 use serde_json::json;
 use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_geometry::{Camera, Intrinsics, Pose};
@@ -9,15 +9,15 @@ use weaver_io::Image;
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
 use weaver_scene::Gaussians;
-use weaver_view_run::{Exhibit, Features, Followed, Moving, Server, Showing};
+use weaver_view_run::{Features, LiveRun, LiveView, Moving, ScenePage, Server};
 
 /// Promise of `deletions_are_not_saved_and_come_back`.
 #[test]
 fn what_is_deleted_and_saved_is_read_back() {
     let Some(browser) = Browser::start("what_is_deleted_and_saved") else { return };
     let folder = tempfile::tempdir().unwrap();
-    let exhibit = exhibit(Some(folder.path().join("scene.ply")));
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = scene_page(Some(folder.path().join("scene.ply")));
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         browser.open_page(&server.address());
         browser.value("splatweaver.selection.change((flag, i) => (i < 5 ? 1 : 0))");
@@ -27,7 +27,7 @@ fn what_is_deleted_and_saved_is_read_back() {
     });
     let kept: Vec<usize> = (5..35).collect();
     let saved = weaver_io::read_gaussians(folder.path().join("scene-edited.ply")).unwrap();
-    assert!(saved == exhibit.gaussians.select(&kept));
+    assert!(saved == scene_page.gaussians.select(&kept));
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
@@ -45,9 +45,9 @@ fn photos_of_a_camera_file_stand_beside_renders() {
     let file = folder.path().join("transforms.json");
     let test_filenames = Some(vec![names[1].into()]);
     weaver_io::Transforms { frames: frames.into(), test_filenames, ..Default::default() }.write(&file).unwrap();
-    let exhibit = exhibit(None).with_cameras(&file, None).unwrap();
-    assert_eq!(exhibit.shots.iter().map(|shot| shot.held_out).collect::<Vec<_>>(), [true, false]);
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = scene_page(None).with_cameras(&file, None).unwrap();
+    assert_eq!(scene_page.shots.iter().map(|shot| shot.held_out).collect::<Vec<_>>(), [true, false]);
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         browser.open_page(&server.address());
         browser.press(&["n"]);
@@ -55,7 +55,7 @@ fn photos_of_a_camera_file_stand_beside_renders() {
         assert_eq!(browser.text("document.querySelector('#strip span').textContent"), "b <i>");
     });
     // The same in one file.
-    let page = exhibit.html(Default::default()).unwrap();
+    let page = scene_page.html(Default::default()).unwrap();
     let html = folder.path().join("view.html");
     std::fs::write(&html, page).unwrap();
     browser.open_page(&format!("file://{}", html.display()));
@@ -79,8 +79,8 @@ fn numbers_that_are_none_leave_a_page() {
         scene.sh[15 * i + 12] = wrong;
     }
     scene.quats[30] = [0.0; 4];
-    let exhibit = Exhibit::new("diverged", scene, Default::default());
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = ScenePage::new("diverged", scene, Default::default());
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         browser.open_page(&server.address());
         assert_eq!(browser.number("splatweaver.scene.n"), 40.0);
@@ -99,8 +99,8 @@ fn numbers_that_are_none_leave_a_page() {
 #[test]
 fn an_address_without_a_view_changes_nothing() {
     let Some(browser) = Browser::start("an_address_without_a_view") else { return };
-    let exhibit = exhibit(None);
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = scene_page(None);
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         browser.open_page(&server.address());
         let eye = "[...splatweaver.viewpoint.eye, ...splatweaver.viewpoint.forward].join()";
@@ -133,18 +133,18 @@ fn an_address_without_a_view_changes_nothing() {
 fn a_page_follows_a_run_and_ends_it() {
     let Some(browser) = Browser::start("a_page_follows_a_run") else { return };
     let folder = tempfile::tempdir().unwrap();
-    let exhibit = Exhibit::new("run", gaussians(10), Default::default());
+    let scene_page = ScenePage::new("run", gaussians(10), Default::default());
     let scene = |state: &Tensors| Ok(gaussians(state.values::<u64>("n", &[1])?[0] as usize));
     let stop = AtomicBool::new(false);
     let followed =
-        Followed { folder: folder.path(), steps: 50, names: &[], showing: Showing::Scene(&scene), stop: &stop };
+        LiveRun { folder: folder.path(), steps: 50, names: &[], showing: LiveView::Scene(&scene), stop: &stop };
     let log = |text: &str| std::fs::write(folder.path().join(Folder::LOG), text).unwrap();
     let save = |n: u64| {
         let mut state = Tensors::default();
         state.insert("n", &[1], vec![n]);
         state.write(folder.path().join(Folder::CHECKPOINT)).unwrap();
     };
-    let server = Server::new(&exhibit, Some(followed), here()).unwrap();
+    let server = Server::new(&scene_page, Some(followed), here()).unwrap();
     server.during(|| {
         log("{\"step\":1,\"loss\":0.9,\"psnr\":12}\n{\"step\":2,\"loss\":0.5,\"psnr\":14.5}\n");
         browser.open_page(&server.address());
@@ -174,8 +174,8 @@ fn a_scene_that_moves_is_shown_at_any_time() {
         scene.means.iter_mut().for_each(|mean| mean[0] += time as f32);
         scene
     };
-    let exhibit = Exhibit { moving: Some(Moving::new(at)), ..Exhibit::new("film", at(0.5), Default::default()) };
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = ScenePage { moving: Some(Moving::new(at)), ..ScenePage::new("film", at(0.5), Default::default()) };
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         browser.open_page(&server.address());
         browser.value("splatweaver.selection.change((flag, i) => (i < 5 ? 2 : 0))");
@@ -200,12 +200,12 @@ fn a_large_scene_is_shown_before_all_is_there() {
     let mut scene = gaussians(250_000);
     // Small ones, which are drawn fast.
     scene.log_scales.fill([-7.0; 3]);
-    let exhibit = Exhibit::new("large", scene, Default::default());
-    let beginning = exhibit.beginning();
+    let scene_page = ScenePage::new("large", scene, Default::default());
+    let beginning = scene_page.beginning();
     let faintest = |scene: &Gaussians| scene.opacity_logits.iter().copied().fold(f32::INFINITY, f32::min);
-    assert_eq!((exhibit.has_beginning(), beginning.len()), (true, 20_834));
-    assert!(faintest(&beginning) >= faintest(&exhibit.gaussians));
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    assert_eq!((scene_page.has_beginning(), beginning.len()), (true, 20_834));
+    assert!(faintest(&beginning) >= faintest(&scene_page.gaussians));
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         // Numbers of Gaussians as scenes are put in place of each other.
         browser.open_page(&server.address());
@@ -221,7 +221,7 @@ fn a_large_scene_is_shown_before_all_is_there() {
 fn a_run_is_followed_at_any_time_of_its_film() {
     let Some(browser) = Browser::start("a_run_is_followed_at_any_time") else { return };
     let folder = tempfile::tempdir().unwrap();
-    let exhibit = Exhibit::new("run", gaussians(10), Default::default());
+    let scene_page = ScenePage::new("run", gaussians(10), Default::default());
     let film = |state: &Tensors, time: f64| {
         let mut scene = gaussians(state.values::<u64>("n", &[1])?[0] as usize);
         scene.means.iter_mut().for_each(|mean| mean[0] += time as f32);
@@ -229,14 +229,14 @@ fn a_run_is_followed_at_any_time_of_its_film() {
     };
     let stop = AtomicBool::new(false);
     let followed =
-        Followed { folder: folder.path(), steps: 50, names: &[], showing: Showing::Film(&film), stop: &stop };
+        LiveRun { folder: folder.path(), steps: 50, names: &[], showing: LiveView::Film(&film), stop: &stop };
     std::fs::write(folder.path().join(Folder::LOG), "{\"step\":1,\"loss\":0.9}\n").unwrap();
     let save = |n: u64| {
         let mut state = Tensors::default();
         state.insert("n", &[1], vec![n]);
         state.write(folder.path().join(Folder::CHECKPOINT)).unwrap();
     };
-    let server = Server::new(&exhibit, Some(followed), here()).unwrap();
+    let server = Server::new(&scene_page, Some(followed), here()).unwrap();
     server.during(|| {
         save(20);
         browser.open_page(&server.address());
@@ -258,8 +258,8 @@ fn a_click_shows_and_selects_what_is_alike() {
     // Two kinds, and some between.
     let row = |i: usize| [[1.0, 0.0], [0.0, 2.0], [0.6, 0.8]][i % 3];
     let features = Features::new((0..35).flat_map(row).collect(), 2);
-    let exhibit = Exhibit { features: Some(features.clone()), ..exhibit(None) };
-    let server = Server::new(&exhibit, None, here()).unwrap();
+    let scene_page = ScenePage { features: Some(features.clone()), ..scene_page(None) };
+    let server = Server::new(&scene_page, None, here()).unwrap();
     server.during(|| {
         browser.open_page(&server.address());
         assert!(browser.is("document.getElementById('alike').disabled"));
@@ -286,7 +286,7 @@ fn a_run_without_a_scene_shows_curves_and_pictures() {
     let stop = AtomicBool::new(false);
     let names = [("rate", "learning rate")];
     let followed =
-        Followed { folder: folder.path(), steps: 9, names: &names, showing: Showing::Pictures(&samples), stop: &stop };
+        LiveRun { folder: folder.path(), steps: 9, names: &names, showing: LiveView::Pictures(&samples), stop: &stop };
     let log = |text: &str| std::fs::write(folder.path().join(Folder::LOG), text).unwrap();
     let server = Server::of_run("run </h1><script>document.title='taken'</script>", followed, here()).unwrap();
     server.during(|| {

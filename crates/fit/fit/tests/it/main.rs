@@ -1,5 +1,6 @@
 //! Integration tests.
 
+mod align;
 mod allocation;
 mod bits;
 mod cameras;

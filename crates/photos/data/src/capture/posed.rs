@@ -5,7 +5,7 @@ use super::photo::{self, Photos, straight, straight_camera};
 use super::visible::visible_points;
 use super::{HoldOut, folder, name, photo_cameras, read_split_photos};
 use crate::unreadable::{Fault, Needed, without_unreadable};
-use crate::{Error, remarks};
+use crate::{Error, remarks, uniform};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
@@ -21,6 +21,9 @@ pub struct PosedOptions {
     pub hold_out: HoldOut,
     /// Leaves out the photos that are not held out; where none is held out, all are loaded.
     pub held_out_only: bool,
+    /// Loads at most so many of the photos that are not held out, evenly spread in the capture's order, and none that
+    /// are.
+    pub sample: Option<usize>,
     /// Reads masks: `mask_path` of a frame, or a file in `masks/` beside the camera file with the photo's path or the
     /// end of it, with its own extension, `.png` in its place, or `.png` behind it; else the photo's alpha. Black is
     /// masked, and transparent.
@@ -38,7 +41,14 @@ impl PosedOptions {
 
 impl Default for PosedOptions {
     fn default() -> Self {
-        Self { long_side: None, hold_out: HoldOut::Listed, held_out_only: false, masks: false, background: [1.0; 3] }
+        Self {
+            long_side: None,
+            hold_out: HoldOut::Listed,
+            held_out_only: false,
+            sample: None,
+            masks: false,
+            background: [1.0; 3],
+        }
     }
 }
 
@@ -83,6 +93,11 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
     let needed = Needed { least: 1, all: capture.photos.len() };
     if options.held_out_only && capture.photos.iter().any(|photo| photo.held_out) {
         capture.photos.retain(|photo| photo.held_out);
+    }
+    if let Some(most) = options.sample {
+        capture.photos.retain(|photo| !photo.held_out);
+        let chosen = uniform(capture.photos.len(), most.min(capture.photos.len()));
+        capture.photos = chosen.iter().map(|i| capture.photos[*i].clone()).collect();
     }
     let folder = folder(path);
     let masks = options.masks.then(|| masks::of_capture(&capture.photos, folder)).transpose()?;
@@ -166,18 +181,32 @@ fn load_photos(capture: &Photos, masks: Option<&[Mask]>, options: &PosedOptions)
     capture.photos.par_iter().enumerate().map(load).collect()
 }
 
-/// The cameras that [`load`] would give the photos, and true for held-out ones, without reading a photo: even if a
-/// photo cannot be read.
-///
-/// # Errors
-/// When the capture's camera files are missing or malformed, or a distortion leaves no photo.
-pub fn cameras(path: impl AsRef<Path>, options: &PosedOptions) -> Result<Vec<(Camera, bool)>, Error> {
-    let photos = read_split_photos(path.as_ref(), options.hold_out)?.photos;
-    let camera = |photo: &photo::Photo| {
-        let camera = options.shrunk(&photo.frame.camera);
-        Ok((straight_camera(camera, photo.lens(camera)?.as_ref()), photo.held_out))
-    };
-    photos.iter().map(camera).collect()
+/// The cameras of a capture, read once, for photos of any size.
+#[derive(Clone, Debug)]
+pub struct CaptureCameras(Vec<photo::Photo>);
+
+impl CaptureCameras {
+    /// Reads a capture's camera files, without reading a photo.
+    ///
+    /// # Errors
+    /// When these files are missing or malformed.
+    pub fn read(path: impl AsRef<Path>, hold_out: HoldOut) -> Result<Self, Error> {
+        Ok(Self(read_split_photos(path.as_ref(), hold_out)?.photos))
+    }
+
+    /// The cameras that [`load`] gives the photos at a [longest side](PosedOptions::long_side), and which of them are
+    /// held out: also the cameras of photos that cannot be read.
+    ///
+    /// # Errors
+    /// When a distortion leaves no photo.
+    pub fn at(&self, long_side: Option<usize>) -> Result<Vec<(Camera, bool)>, Error> {
+        let options = PosedOptions { long_side, ..PosedOptions::default() };
+        let camera = |photo: &photo::Photo| {
+            let camera = options.shrunk(&photo.frame.camera);
+            Ok((straight_camera(camera, photo.lens(camera)?.as_ref()), photo.held_out))
+        };
+        self.0.iter().map(camera).collect()
+    }
 }
 
 fn load_photo(photo: &photo::Photo, mask: Option<&Mask>, options: &PosedOptions) -> Result<Loaded, Fault> {

@@ -33,7 +33,7 @@ pub(crate) fn atomic_write_checked<T>(
     check: impl FnOnce(&Path) -> Result<T>,
 ) -> Result<T> {
     let failed = |error| Error::io(path)(error);
-    let mut file = UnfinishedFile::create(path).map_err(failed)?;
+    let mut file = UnfinishedFile::begin(path).map_err(failed)?;
     FirstError::pass(BufWriter::new(file.as_file()), path, write)?;
     let checked = check(&file.place())?;
     file.persist().map_err(failed)?;

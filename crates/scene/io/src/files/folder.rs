@@ -61,7 +61,7 @@ pub fn check_writable(folder: impl AsRef<Path>) -> Result<()> {
         ));
     }
     // Its path is one that it never takes.
-    UnfinishedFile::create(&existing.join(".weaver"))
+    UnfinishedFile::begin(&existing.join(".weaver"))
         .map(drop)
         .map_err(|source| Error::io(existing)(std::io::Error::from(source.kind())))
 }

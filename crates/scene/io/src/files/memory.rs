@@ -1,5 +1,33 @@
 //! Available memory.
 
+/// Less memory than some work needs.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "memory: expected {:.1} GB, found {:.1} GB available; {advice}",
+    *needed as f64 / 1e9,
+    *available as f64 / 1e9
+)]
+pub struct TooLittleMemory {
+    /// Bytes that are needed.
+    pub needed: u64,
+    /// Bytes that are available.
+    pub available: u64,
+    /// Advice how less would be needed.
+    pub advice: String,
+}
+
+/// Checks that so many bytes are available; `advice` says how less would be needed. Without enough, an allocation would
+/// end the process.
+///
+/// # Errors
+/// When they are not. A system that does not report its memory passes.
+pub fn check_memory(needed: u64, advice: &str) -> Result<(), TooLittleMemory> {
+    match available_memory() {
+        Some(available) if available < needed => Err(TooLittleMemory { needed, available, advice: advice.into() }),
+        _ => Ok(()),
+    }
+}
+
 /// The number of bytes that can be used without swapping, if the system reports it.
 ///
 /// On Linux this is the available memory, or the rest of the process's control group, whichever is less.

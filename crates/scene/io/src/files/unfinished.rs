@@ -26,7 +26,7 @@ const PERMISSIONS: u32 = 0o666;
 /// use weaver_io::UnfinishedFile;
 ///
 /// let folder = tempfile::tempdir()?;
-/// let mut file = UnfinishedFile::create(&folder.path().join("note.txt"))?;
+/// let mut file = UnfinishedFile::begin(&folder.path().join("note.txt"))?;
 /// file.as_file().write_all(b"whole")?;
 /// file.persist()?;
 /// assert_eq!(std::fs::read(folder.path().join("note.txt"))?, b"whole");
@@ -47,7 +47,7 @@ impl UnfinishedFile {
     ///
     /// # Errors
     /// When the folder cannot be written to, or something is there that is no regular file.
-    pub fn create(path: &Path) -> io::Result<Self> {
+    pub fn begin(path: &Path) -> io::Result<Self> {
         let path = destination(path)?;
         std::fs::create_dir_all(folder_of(&path))?;
         match nameless(folder_of(&path)) {

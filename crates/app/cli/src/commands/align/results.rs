@@ -3,10 +3,10 @@
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use weaver_align::{Aligned, Outcome};
 use weaver_command::Failure;
 use weaver_command::camera_files::stems;
 use weaver_data::posed::PosedPhoto;
+use weaver_fit::align::{Aligned, Outcome};
 use weaver_geometry::{Camera, Intrinsics};
 use weaver_io::colmap::Model;
 use weaver_io::{Image, OutputFolder, Transforms};

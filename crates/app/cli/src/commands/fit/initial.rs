@@ -1,12 +1,13 @@
 //! Where the Gaussians of a fit begin.
 
 use crate::models;
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use weaver_command::Failure;
 use weaver_data::capture::{self, CaptureOptions};
 use weaver_fit::init;
-use weaver_fit_run::{Initial, RunSettings};
 use weaver_inference::{RunFolder, predict_capture};
+use weaver_reconstruct::{GivenGaussians, Initial, RunSettings};
 use weaver_scene::Gaussians;
 use weaver_trainer::OpenRun;
 
@@ -16,12 +17,6 @@ pub enum Start {
     File(PathBuf),
     /// The prediction of a run's network, or of the weights that come with the program.
     Network(Option<RunFolder>),
-}
-
-impl Default for Start {
-    fn default() -> Self {
-        Self::Here(Initial::Auto)
-    }
 }
 
 impl Start {
@@ -67,18 +62,18 @@ impl Start {
         }
     }
 
-    /// The Gaussians that are given.
-    pub fn gaussians(&self, settings: &RunSettings) -> Result<Option<Gaussians>, Failure> {
+    /// Makes the Gaussians that are given.
+    pub fn given(self) -> Option<Box<GivenGaussians>> {
         match self {
-            Self::Here(_) => Ok(None),
-            Self::File(path) => Ok(Some(weaver_io::read_gaussians(path)?)),
-            Self::Network(folder) => predicted(folder.as_ref(), settings).map(Some),
+            Self::Here(_) => None,
+            Self::File(path) => Some(Box::new(move |_| Ok(weaver_io::read_gaussians(&path)?))),
+            Self::Network(folder) => Some(Box::new(move |settings| predicted(folder.as_ref(), settings))),
         }
     }
 }
 
 /// Predicts Gaussians of the photos to fit to, thinned so that there is room to work in.
-fn predicted(folder: Option<&RunFolder>, settings: &RunSettings) -> Result<Gaussians, Failure> {
+fn predicted(folder: Option<&RunFolder>, settings: &RunSettings) -> Result<Gaussians, Box<dyn Error + Send + Sync>> {
     let mut run = match folder {
         Some(folder) => models::registry().of_run(folder)?.open(folder)?,
         None => OpenRun::built_in()?,

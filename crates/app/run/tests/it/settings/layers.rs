@@ -97,3 +97,18 @@ fn what_toml_cannot_hold_is_an_error() {
     let message = resolve(&s, None, &[]).unwrap_err().to_string();
     assert!(message.starts_with("defaults: ") && message.contains("u64"), "{message}");
 }
+
+/// Keys that a layer gives are told from those of the defaults, whatever their values.
+#[test]
+fn given_keys_are_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("settings.toml");
+    std::fs::write(&file, format!("seed = {}\n[strategy]\nevery = 5\n", defaults().seed)).unwrap();
+    let layers = Layers::of(&defaults(), Some(&file), &["limit=2".into()]).unwrap();
+    for key in ["seed", "strategy.every", "limit"] {
+        assert!(layers.gives(key), "{key}");
+    }
+    for key in ["rate", "strategy", "strategy.threshold"] {
+        assert!(!layers.gives(key), "{key}");
+    }
+}

@@ -12,6 +12,7 @@ fn config(steps: usize) -> Config<SplatWeaverRecipe> {
     config
 }
 
+/// Promise of `the_number_of_threads_does_not_change_the_weights`.
 #[test]
 fn bits_do_not_depend_on_threads_or_interruptions() {
     // In the middle of each stage, and before the last step.

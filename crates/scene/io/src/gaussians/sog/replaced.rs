@@ -25,7 +25,7 @@ pub(in crate::gaussians) fn write(meta: &Path, files: &[File]) -> Result<()> {
     for File { name, content } in files {
         let path = beside(name);
         let written = || -> std::io::Result<_> {
-            let mut file = UnfinishedFile::create(&path)?;
+            let mut file = UnfinishedFile::begin(&path)?;
             file.as_file().write_all(content)?;
             file.flush()?;
             Ok(file)

@@ -1,0 +1,160 @@
+//! Cameras that are estimated from photos and clips.
+
+mod comparison;
+mod remarks;
+
+pub use comparison::CameraComparison;
+
+use crate::Error;
+use remarks::{refusal, remark, sureness};
+use std::path::PathBuf;
+use std::time::Instant;
+use weaver_clip::PhotoFiles;
+use weaver_data::capture::HoldOut;
+use weaver_data::{EstimatePhotosOptions, EstimatedPhotos, OutputFolder, estimate_photos};
+use weaver_io::{Observe, Part, check_memory, duration};
+
+/// Name of the command in the record of a folder of estimated cameras, and of the stage.
+const COMMAND: &str = "cameras";
+/// One photo in this many is held out.
+const HOLD_OUT: usize = 8;
+/// Bytes that a photo takes while it is matched with hundreds of others, as measured of 250 and of 1000.
+const MATCHED: u64 = 3_300_000;
+
+/// Cameras that are asked for.
+#[derive(Clone, Debug)]
+pub struct CamerasRequest {
+    /// Folder for the results.
+    pub out: PathBuf,
+    /// At most so many frames of each clip; `None` takes as many as show something new.
+    pub frames: Option<usize>,
+    /// Options of matching; frames of clips [follow one another](EstimatePhotosOptions::sequence), whatever they say.
+    pub matching: EstimatePhotosOptions,
+    /// Further files that are read, and that no result may replace.
+    pub read: Vec<PathBuf>,
+}
+
+impl CamerasRequest {
+    /// Cameras into a folder, with everything else as usual.
+    pub fn new(out: impl Into<PathBuf>) -> Self {
+        Self { out: out.into(), frames: None, matching: EstimatePhotosOptions::default(), read: Vec::new() }
+    }
+}
+
+/// Estimates the cameras of photos, photos in folders, and frames of clips, and writes a capture into a folder, as
+/// [`EstimatedPhotos::write`] does.
+///
+/// # Errors
+/// When photos or clips cannot be read, fewer than two photos get a camera, or a file cannot be written.
+pub fn cameras(
+    photos: &[PathBuf],
+    request: &CamerasRequest,
+    observe: &mut dyn Observe,
+) -> Result<EstimatedPhotos, Error> {
+    let out = OutputFolder::claim(&request.out, COMMAND, photos.iter().chain(&request.read))?;
+    let photos = PhotoFiles::collect(photos, request.frames, &out, observe)?;
+    let located = vec![false; photos.paths.len()];
+    let EstimatedCameras { found, .. } = estimate(&photos, &located, &request.matching, &out, observe)?;
+    photos.remove_earlier_frames(&out)?;
+    Ok(found)
+}
+
+/// Photos with estimated cameras in a folder.
+#[derive(Clone, Debug)]
+pub struct EstimatedCameras {
+    /// The cameras.
+    pub found: EstimatedPhotos,
+    /// The photos that the cameras are of: the files, or upright copies of them in the folder.
+    pub photos: Vec<PathBuf>,
+}
+
+impl EstimatedCameras {
+    /// Estimates cameras into the folder `cameras` of a result, and returns them with their file.
+    ///
+    /// # Errors
+    /// As [`cameras`].
+    pub fn beside(
+        photos: &PhotoFiles,
+        matching: &EstimatePhotosOptions,
+        out: &OutputFolder,
+        observe: &mut dyn Observe,
+    ) -> Result<(Self, PathBuf), Error> {
+        let located = vec![false; photos.paths.len()];
+        let folder = cameras_folder(out, &photos.paths)?;
+        let estimated = estimate(photos, &located, matching, &folder, observe)?;
+        photos.remove_earlier_frames(out)?;
+        Ok((estimated, folder.path().join("transforms.json")))
+    }
+}
+
+/// Estimates cameras into the folder `cameras` of a result, where photos may be held out, and returns the capture.
+pub(crate) fn estimated_capture(
+    photos: &PhotoFiles,
+    hold_out: HoldOut,
+    matching: &EstimatePhotosOptions,
+    out: &OutputFolder,
+    observe: &mut dyn Observe,
+) -> Result<PathBuf, Error> {
+    let step = match hold_out {
+        HoldOut::Nothing => usize::MAX,
+        HoldOut::Listed => HOLD_OUT,
+        HoldOut::Every(step) => step,
+    };
+    let located: Vec<bool> = (0..photos.paths.len()).map(|i| step < usize::MAX && i % step == 0).collect();
+    let folder = cameras_folder(out, &photos.paths)?;
+    estimate(photos, &located, matching, &folder, observe)?;
+    photos.remove_earlier_frames(out)?;
+    Ok(folder.path().join("transforms.json"))
+}
+
+/// The photos that are held out of an estimated capture, which lists its photos for testing.
+pub(crate) fn held_out_of_estimated(hold_out: HoldOut) -> HoldOut {
+    match hold_out {
+        HoldOut::Nothing => HoldOut::Nothing,
+        HoldOut::Listed | HoldOut::Every(_) => HoldOut::Listed,
+    }
+}
+
+/// The folder `cameras` of a result, a capture of its own.
+fn cameras_folder(out: &OutputFolder, photos: &[PathBuf]) -> Result<OutputFolder, Error> {
+    Ok(OutputFolder::claim(out.path().join("cameras"), COMMAND, photos)?)
+}
+
+/// Estimates cameras, and writes a capture into a folder. Where `located` is true a photo finds no points.
+fn estimate(
+    photos: &PhotoFiles,
+    located: &[bool],
+    matching: &EstimatePhotosOptions,
+    out: &OutputFolder,
+    observe: &mut dyn Observe,
+) -> Result<EstimatedCameras, Error> {
+    let start = Instant::now();
+    let PhotoFiles { paths: photos, sequence, .. } = photos;
+    EstimatedPhotos::check(out, photos)?;
+    check_memory(MATCHED * photos.len() as u64, "fewer photos at once take less")?;
+    observe.note(&format!("cameras: matching {} photos", photos.len()));
+    let options = EstimatePhotosOptions { sequence: *sequence, ..*matching };
+    let found = estimate_photos(photos, located, &options)?;
+    found.remarks.iter().for_each(|remark| observe.warning(remark));
+    let placed = found.placed().len();
+    if placed < 2 {
+        return Err(Error::Cameras(refusal(&found)));
+    }
+    let e = &found.estimate;
+    observe.note(&format!(
+        "cameras: {placed} of {} photos placed, {} points, off by {:.2} pixels in the median; focal length {:.3}{} of the longer side; {}",
+        photos.len(),
+        e.points.len(),
+        e.error,
+        found.focal(),
+        e.uncertainty.as_ref().map_or(String::new(), |u| format!(" +- {:.3}", u.focal * found.focal())),
+        duration(start.elapsed().as_secs_f64())
+    ));
+    remark(&found, options.shared, observe);
+    // All is said before anything is written: an observer that unwinds, as nobody waits for the work any longer,
+    // leaves nothing written.
+    let part = Part { label: COMMAND, done: placed, total: photos.len(), note: sureness(&found) };
+    let _ = observe.progress(&part);
+    let photos = found.write(out)?;
+    Ok(EstimatedCameras { found, photos })
+}

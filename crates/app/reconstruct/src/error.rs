@@ -1,0 +1,99 @@
+//! Errors on the way from photos to a scene.
+
+use crate::partition::BlockError;
+use std::path::PathBuf;
+use weaver_fit::FitError;
+use weaver_io::{Advice, TooLittleMemory};
+
+/// Why there are no cameras, or a run cannot begin or go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The optimization refused, or its numbers grew beyond all bounds.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+    /// A file could not be read or written.
+    #[error(transparent)]
+    File(#[from] weaver_io::Error),
+    /// The folder holds a run already, or a file of it could not be read or written.
+    #[error(transparent)]
+    Run(#[from] weaver_run::Error),
+    /// The capture could not be read.
+    #[error(transparent)]
+    Capture(#[from] weaver_data::Error),
+    /// Photos or clips could not be read.
+    #[error(transparent)]
+    Clip(#[from] weaver_clip::Error),
+    /// Cameras could not be estimated; the message says which photos are at fault.
+    #[error("cameras: {0}")]
+    Cameras(String),
+    /// Other cameras of the same photos do not compare.
+    #[error("{}: expected cameras in several places, found one", file.display())]
+    Compared {
+        /// The file of the other cameras.
+        file: PathBuf,
+    },
+    /// There is not enough memory.
+    #[error("{0}")]
+    Memory(#[source] TooLittleMemory),
+    /// The folder of the results has a scene, or a fit that did not come to its end.
+    #[error("{}: {message}", folder.display())]
+    AlreadyThere {
+        /// The folder.
+        folder: PathBuf,
+        /// The state of the fit in it, and how to go on.
+        message: String,
+        /// There is nothing to do here.
+        source: Advice,
+    },
+    /// The Gaussians to begin with could not be made.
+    #[error(transparent)]
+    Given(Box<dyn std::error::Error + Send + Sync>),
+    /// The live page could not be served.
+    #[error(transparent)]
+    Page(#[from] weaver_view_run::Error),
+    /// The capture cannot be cut into blocks.
+    #[error("{}: {source}", capture.display())]
+    Blocks {
+        /// The capture.
+        capture: PathBuf,
+        /// The reason.
+        source: BlockError,
+    },
+    /// The page of the scene cannot be made.
+    #[error(transparent)]
+    View(#[from] weaver_view::ViewError),
+    /// The rasterizer refused.
+    #[error(transparent)]
+    Raster(#[from] weaver_splat::RasterError),
+    /// The capture gives nothing to fit.
+    #[error("{}: {key}: expected {expected}, found {found}", capture.display())]
+    Photos {
+        /// The capture.
+        capture: PathBuf,
+        /// The missing key.
+        key: &'static str,
+        /// The expected value.
+        expected: String,
+        /// The value found.
+        found: String,
+    },
+    /// The capture is no longer what the run began with.
+    #[error("{}: {key}: expected {expected}, found {found}", capture.display())]
+    Changed {
+        /// The capture.
+        capture: PathBuf,
+        /// The changed item.
+        key: String,
+        /// The expected value.
+        expected: String,
+        /// The value found.
+        found: String,
+    },
+}
+
+impl From<TooLittleMemory> for Error {
+    fn from(error: TooLittleMemory) -> Self {
+        Self::Memory(error)
+    }
+}

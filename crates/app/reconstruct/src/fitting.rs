@@ -1,0 +1,183 @@
+//! The optimization of a capture, as a job in steps.
+
+use crate::keeping::Keeping;
+use crate::loaded::{Loaded, load};
+use crate::{Error, RunFile, RunSettings};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+use weaver_fit::{Fit, FitRasterizer, Judge};
+use weaver_io::safetensors::Tensors;
+use weaver_ranks::{Alone, Ranks, agreed_text};
+use weaver_run::{Folder, Job, Log, Rhythm, Save, Scalar, StepReport};
+
+/// A capture and the Gaussians that are fitted to it.
+#[derive(Debug)]
+pub(crate) struct Fitting {
+    pub settings: RunSettings,
+    pub capture: Loaded,
+    pub judge: Judge,
+    /// The processes that share the steps.
+    pub ranks: Arc<dyn Ranks>,
+    /// The pace, where the run is to end in its time. One that goes on after a stop leaves out what it has written
+    /// down, and no more.
+    pub keeping: Option<Keeping>,
+    /// Seconds of earlier sessions.
+    before: f64,
+    started: Instant,
+}
+
+/// The Gaussians that a run began with.
+pub(crate) const INIT: &str = "init.ply";
+/// Records of a run, whatever its length.
+const RECORDS: usize = 500;
+/// Name in the log of the mean PSNR of held-out photos, dB.
+pub(crate) const HELD_OUT: &str = "held_out";
+/// Where a checkpoint has the seconds that were spent before it.
+const SECONDS: &str = "seconds";
+
+/// Next thing that processes which share a run do, as the first one says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Next {
+    /// Nothing more.
+    End,
+    /// A step.
+    Step,
+    /// [Leaves out](Fit::leave_out) steps.
+    LeaveOut(usize),
+}
+
+impl Next {
+    fn number(self) -> u64 {
+        match self {
+            Self::End => 0,
+            Self::Step => 1,
+            Self::LeaveOut(kept) => 1 + kept.max(1) as u64,
+        }
+    }
+
+    /// That of a number that processes have agreed about.
+    pub fn of(number: u64) -> Self {
+        match number {
+            0 => Self::End,
+            1 => Self::Step,
+            more => Self::LeaveOut(more as usize - 1),
+        }
+    }
+}
+
+impl Fitting {
+    pub fn new(settings: RunSettings, capture: Loaded, judge: Judge, started: Instant) -> Self {
+        Self { settings, capture, judge, ranks: Arc::new(Alone), keeping: None, before: 0.0, started }
+    }
+
+    /// The job of the run in a folder, which says `file` of itself, at its beginning.
+    pub fn stored(
+        file: RunFile,
+        folder: &Path,
+        judge: Judge,
+        rasterizer: Arc<dyn FitRasterizer>,
+    ) -> Result<Self, Error> {
+        let started = Instant::now();
+        let RunFile { mut settings, sources, coverage } = file;
+        let given = folder.join(INIT);
+        let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
+        let mut capture = load(&mut settings, given.as_ref(), rasterizer)?;
+        capture.coverage = coverage;
+        capture.sources.check(&sources, &settings.capture, &folder.join(RunFile::NAME))?;
+        Ok(Self::new(settings, capture, judge, started))
+    }
+
+    /// Writes what was asked for and what was read.
+    pub fn store(&self, folder: &Folder) -> Result<(), Error> {
+        let Loaded { sources, coverage, .. } = &self.capture;
+        let file = RunFile { settings: self.settings.clone(), sources: sources.clone(), coverage: coverage.clone() };
+        Ok(folder.store_text(&file.text(folder.path())?)?)
+    }
+
+    /// Lets the other processes read the run in its folder, and shares the steps with them.
+    pub fn share(&mut self, ranks: Arc<dyn Ranks>, folder: &Folder) -> Result<(), Error> {
+        let path = std::path::absolute(folder.path()).unwrap_or(folder.path().into());
+        agreed_text(&*ranks, &path.to_string_lossy());
+        self.capture.fit.share(ranks.clone())?;
+        self.ranks = ranks;
+        Ok(())
+    }
+
+    /// Tells the other processes what comes next.
+    pub fn announce(&self, next: Next) {
+        self.ranks.agreed(next.number());
+    }
+
+    /// Leaves out steps where the run would not end in its time.
+    fn keep_pace(&mut self, folder: &Folder) -> Result<(), Error> {
+        let now = self.seconds();
+        let Some(keeping) = &mut self.keeping else { return Ok(()) };
+        let fit = &mut self.capture.fit;
+        if let Some(kept) = keeping.kept(fit.settings(), fit.steps_done(), now) {
+            fit.leave_out(kept);
+            self.settings.fit.thinned = fit.settings().thinned.clone();
+            self.announce(Next::LeaveOut(kept));
+            // Whoever goes on from an earlier checkpoint leaves out the same.
+            self.store(folder)?;
+        }
+        Ok(())
+    }
+
+    pub fn fit(&self) -> &Fit {
+        &self.capture.fit
+    }
+
+    /// Steps of the most passes through the photos that the run may make.
+    pub fn most_steps(&self) -> Option<usize> {
+        let round = self.fit().photos().div_ceil(self.settings.fit.views_per_step);
+        self.settings.most_rounds.map(|rounds| rounds * round)
+    }
+
+    /// Seconds since the run began, those of earlier sessions included.
+    pub fn seconds(&self) -> f64 {
+        self.before + self.started.elapsed().as_secs_f64()
+    }
+}
+
+impl Job for Fitting {
+    type Error = Error;
+
+    fn steps(&self) -> [usize; 2] {
+        [self.fit().steps_done(), self.fit().settings().steps]
+    }
+
+    fn step(&mut self) -> Result<StepReport, Error> {
+        self.announce(Next::Step);
+        let before = self.fit().steps_done();
+        let weaver_fit::StepReport { step, loss, psnr, gaussians, pairs, .. } = self.capture.fit.step()?;
+        let mut scalars = vec![
+            Scalar::mean("psnr", psnr),
+            Scalar::last("gaussians", gaussians as f64),
+            Scalar::mean("pairs", pairs as f64 / 1e6),
+        ];
+        scalars.extend(self.look(before)?.map(|psnr| Scalar::last(HELD_OUT, psnr)));
+        Ok(StepReport { step, of: self.steps()[1], loss, scalars, ..StepReport::default() })
+    }
+
+    fn state(&mut self) -> Result<Tensors, Error> {
+        self.capture.fit.fetch()?;
+        let mut state = self.fit().state();
+        state.metadata.insert(SECONDS.into(), format!("{:.3}", self.seconds()));
+        Ok(state)
+    }
+
+    fn restore(&mut self, state: &Tensors) -> Result<(), Error> {
+        self.capture.fit.restore(state)?;
+        self.before = state.metadata.get(SECONDS).and_then(|s| s.parse().ok()).unwrap_or(0.0);
+        Ok(())
+    }
+
+    fn stepped(&mut self, folder: &Folder) -> Result<(), Error> {
+        self.keep_pace(folder)
+    }
+
+    fn rhythm(&self) -> Rhythm {
+        Rhythm { log: Log::Means(RECORDS), save: Save::Seconds(self.settings.save_every) }
+    }
+}

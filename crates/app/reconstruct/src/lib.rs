@@ -1,0 +1,75 @@
+//! Photos to a scene of Gaussians in one call.
+//!
+//! - [`reconstruct()`] makes a scene from photos, clips or a capture: cameras, size of the photos, fit and results.
+//! - [`cameras()`] estimates cameras alone, [`fit()`] fits a capture, and [`resume`] goes on with a fit.
+//! - [`Run`] is a fit of a capture on disk, [`RunSettings`] its settings, [`plan`](fn@plan) its memory.
+//! - [`blocks`] cuts a large capture into captures that are fitted apart, and joins their fits; [`partition`] is the
+//!   geometry of that.
+//!
+//! Work is watched by a [`weaver_io::Observe`]. A fit has a folder to itself:
+//!
+//! | file | content |
+//! |---|---|
+//! | `run.json` | what was asked for, with the number of steps once it is known, and checksums of what was read |
+//! | `init.ply` | the Gaussians it began with, if they were given or lie on surfaces that photos agree about |
+//! | `checkpoint.safetensors` | everything needed to go on |
+//! | `scene.ply` | the Gaussians; also in other formats if asked for, as `scene.spz` |
+//! | `scene.wsz` | the Gaussians compressed, if the fit was made for it |
+//! | `transforms.json`, `sparse/0` | the cameras, refined ones too, of the photos as they are on disk; the points, moved with them |
+//! | `summary.json` | the outcome |
+//! | `metrics.jsonl`, `events/` | logged values, also for TensorBoard |
+//! | `report.html` | held-out photos beside renders, maps, curves |
+//! | `view.html` | the scene to look at in a browser, with cameras and photos |
+//! | `written.jsonl` | which of these files the fit wrote, and may replace |
+
+pub mod blocks;
+mod cameras;
+mod compressed;
+mod coverage;
+mod demo;
+mod error;
+mod fit;
+mod fitting;
+mod judged;
+mod keeping;
+mod live;
+mod loaded;
+mod looks;
+mod maps;
+mod matching;
+mod outcome;
+mod pace;
+pub mod partition;
+mod photos;
+mod plan;
+mod reconstruct;
+mod report;
+mod results;
+mod run;
+mod settings;
+mod sources;
+mod start;
+mod time_budget;
+mod view;
+
+pub use cameras::{CameraComparison, CamerasRequest, EstimatedCameras, cameras};
+pub use coverage::Coverage;
+pub use error::Error;
+pub use fit::{FitContext, FitRequest, GivenGaussians, fit, resume};
+pub use matching::Matching;
+pub use outcome::{Outcome, PoseChange, Views};
+pub use pace::{Pace, Sides};
+pub use photos::Photos;
+pub use plan::{Plan, plan};
+pub use reconstruct::{Quality, Request, reconstruct};
+pub use report::CURVES;
+pub use run::Run;
+use settings::RunFile;
+pub use settings::{ByPhotos, Initial, RunSettings};
+pub use view::FILE as VIEW;
+pub use weaver_run::{Folder, StepReport};
+
+/// The examples of the README, compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,148 @@
+//! A capture, ready to be fitted.
+
+use crate::compressed;
+use crate::matching::Matching;
+use crate::sources::Sources;
+use crate::start::{Seen, Start};
+use crate::{ByPhotos, Coverage, Error, Initial, RunSettings};
+use std::sync::Arc;
+use weaver_data::posed::{self, PosedPhoto, PosedPhotos};
+use weaver_data::some_of;
+use weaver_fit::{ColorAgreement, Fit, FitRasterizer, FitSettings, Rates, mean_color};
+use weaver_geometry::Camera;
+use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
+
+/// A photo on disk.
+#[derive(Clone, Debug)]
+pub(crate) struct Origin {
+    /// The file, and what the capture says of it.
+    pub frame: Frame,
+    /// The camera of the photo as it is fitted, before refinement.
+    pub given: Camera,
+}
+
+/// A capture, ready to be fitted.
+#[derive(Debug)]
+pub(crate) struct Loaded {
+    pub fit: Fit,
+    pub held_out: Vec<Photo>,
+    /// Of the training photos, then of the held-out ones.
+    pub origins: Vec<Origin>,
+    /// The capture's points, where its cameras are as they are before the fit.
+    pub points: PointCloud,
+    pub matching: Option<Matching>,
+    /// True if photos agree about colors.
+    pub colors: ColorAgreement,
+    /// Gaussians that the run begins with, where they were found by looking at the photos: they are stored, so that it
+    /// goes on from them.
+    pub found: Option<Gaussians>,
+    pub coverage: Coverage,
+    /// Checksums of the inputs.
+    pub sources: Sources,
+    /// Remarks for the user.
+    pub remarks: Vec<String>,
+}
+
+/// Loads what a run fits, and decides [what the photos decide](crate::ByPhotos). `given` are the Gaussians of
+/// [`Initial::Given`].
+pub(crate) fn load(
+    settings: &mut RunSettings,
+    given: Option<&Gaussians>,
+    rasterizer: Arc<dyn FitRasterizer>,
+) -> Result<Loaded, Error> {
+    let photos = posed::load(&settings.capture, &settings.posed_options())?;
+    prepare(settings, photos, given, rasterizer)
+}
+
+/// Prepares photos that were loaded.
+pub(crate) fn prepare(
+    settings: &mut RunSettings,
+    mut capture: PosedPhotos,
+    given: Option<&Gaussians>,
+    rasterizer: Arc<dyn FitRasterizer>,
+) -> Result<Loaded, Error> {
+    let sources = Sources::of(&capture);
+    let (mut training, mut held_out, mut visible) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut origins, mut held_out_origins, mut masked) = (Vec::new(), Vec::new(), Vec::new());
+    for PosedPhoto { photo, frame, held_out: out, visible: sees } in capture.photos {
+        // The optimization leaves out photos without a pixel that counts.
+        if photo.is_masked() {
+            masked.push(photo.name);
+            continue;
+        }
+        let (photos, places) = if out { (&mut held_out, &mut held_out_origins) } else { (&mut training, &mut origins) };
+        places.push(Origin { frame, given: photo.camera });
+        photos.push(photo);
+        if !out {
+            visible.push(sees);
+        }
+    }
+    if let Some(views) = settings.views {
+        let chosen = weaver_data::uniform(training.len(), views.clamp(1, training.len().max(1)));
+        training = chosen.iter().map(|i| training[*i].clone()).collect();
+        visible = chosen.iter().map(|i| visible[*i].clone()).collect();
+        origins = chosen.iter().map(|i| origins[*i].clone()).collect();
+    }
+    origins.append(&mut held_out_origins);
+    if training.is_empty() {
+        let expected = "at least one that is not held out, with pixels that count";
+        let found = format!("{} held out, none other", held_out.len());
+        return Err(Error::Photos {
+            capture: settings.capture.clone(),
+            key: "photos",
+            expected: expected.into(),
+            found,
+        });
+    }
+    let colors = ColorAgreement::of(&training, &capture.points, &visible);
+    // What is decided goes into run.json, so that a run goes on as it began.
+    let undecided = settings.by_photos;
+    settings.fit.exposure |= undecided.exposure && colors.differ();
+    if undecided.background && !capture.transparent {
+        settings.fit.background = mean_color(&training);
+    }
+    if undecided.dropout {
+        settings.fit.dropout = FitSettings::dropout_for(training.len());
+    }
+    // The file of a fisheye's photo with another focal length would have no distortion that can be written.
+    let refocusable = |origin: &Origin| origin.frame.distortion.is_none_or(|d| d.refocused(1.0).is_some());
+    let refocus = settings.focal && origins.iter().all(refocusable);
+    let matching =
+        settings.fit.poses.refine.then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, refocus));
+    if let Some(Matching { focal, .. }) = matching.filter(|_| refocus) {
+        for origin in &mut origins {
+            let Frame { camera, distortion, .. } = &mut origin.frame;
+            camera.intrinsics.fx *= focal;
+            camera.intrinsics.fy *= focal;
+            *distortion = distortion.and_then(|distortion| distortion.refocused(focal));
+        }
+    }
+    let seen = Seen { photos: &training, points: &capture.points, visible: &visible };
+    let start = Start::of(settings, seen, given)?;
+    if undecided.means && settings.init == Initial::Dense {
+        let sides = training.iter().map(|photo| photo.camera.width.max(photo.camera.height));
+        settings.fit.rates.means = Rates::means_on_surfaces(sides.max().unwrap_or_default());
+    }
+    let mut remarks = capture.remarks;
+    if !masked.is_empty() {
+        let have = if masked.len() == 1 { "is" } else { "are" };
+        remarks.push(format!("{} {have} left out: masks cover all of it", some_of(&masked)));
+    }
+    if settings.init == Initial::Auto && capture.points.is_empty() {
+        remarks.push(format!(
+            "{}: no points: Gaussians begin at random, which costs quality; `splatweaver cameras` finds points",
+            settings.capture.display()
+        ));
+    }
+    let strategy = settings.fit.density.strategy();
+    let mut fit = Fit::with(rasterizer, strategy, training, &start.gaussians, settings.fit.clone())?;
+    fit.begin_exposures(&colors.gains);
+    if let Some(level) = settings.compress {
+        compressed::train_for(&mut fit, level);
+    }
+    settings.by_photos = ByPhotos::default();
+    let Start { gaussians, coverage } = start;
+    let found = (settings.init == Initial::Dense && given.is_none()).then_some(gaussians);
+    let points = capture.points;
+    Ok(Loaded { fit, held_out, origins, points, matching, colors, found, coverage, sources, remarks })
+}

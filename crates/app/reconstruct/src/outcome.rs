@@ -1,0 +1,109 @@
+//! The outcome of a run.
+
+use crate::Coverage;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+use weaver_fit::{Exposure, Quality};
+
+/// The outcome of a run, `summary.json`.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+pub struct Outcome {
+    /// Steps done.
+    pub steps: usize,
+    /// Steps of the whole run.
+    pub planned: usize,
+    /// Those of the steps that were left out, so that the run ended in its time
+    /// ([`FitSettings::thinned`](weaver_fit::FitSettings::thinned)).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub left_out: usize,
+    /// Seconds from the start to the written scene, loading included.
+    pub seconds: f64,
+    /// Gaussians.
+    pub gaussians: usize,
+    /// Width and height of the photos; of the first, if there are several.
+    pub size: [usize; 2],
+    /// Quality of the photos that were fitted.
+    pub train: Views,
+    /// Quality of the held-out photos, if there are any.
+    pub test: Option<Views>,
+    /// Changes of the cameras by refinement.
+    pub poses: PoseChange,
+    /// True if the scene is to be drawn antialiased.
+    pub antialiased: bool,
+    /// Distance before which nothing is drawn, world units.
+    pub near: f64,
+    /// Largest opacity of a single Gaussian at a pixel.
+    #[serde(default = "alpha_max")]
+    pub alpha_max: f64,
+    /// The color behind everything.
+    pub background: [f32; 3],
+    /// Color correction of each photo, `[A | b]` row by row, if photos have them; of held-out ones that of their
+    /// neighbors ([`Fit::exposure_at`](weaver_fit::Fit::exposure_at)), with which they are judged.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub exposures: BTreeMap<String, [f32; 12]>,
+    /// Part of each training photo that was left out, since no other photo shows what is there; photos with nothing of
+    /// the kind are not named.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub transients: BTreeMap<String, f64>,
+    /// Part of training photos whose depth two others agree about, where they were asked.
+    #[serde(default, skip_serializing_if = "Coverage::is_empty")]
+    pub coverage: Coverage,
+    /// Training photos that are met far worse than the others: they may not belong to the scene.
+    #[serde(rename = "strangers")]
+    pub outliers: Vec<String>,
+    /// Results that could not be made, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub missing: Vec<String>,
+}
+
+/// True of a count that is not worth a word.
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
+impl Outcome {
+    /// The color correction that a photo of this name is judged with: of the same name, or of the only one whose file
+    /// is called so.
+    pub fn exposure_of(&self, photo: &str) -> Option<Exposure> {
+        let file = |name: &str| Path::new(name).file_name().map(ToOwned::to_owned);
+        let mut alike = self.exposures.iter().filter(|(name, _)| file(name) == file(photo)).map(|(_, matrix)| matrix);
+        let only = match (alike.next(), alike.next()) {
+            (only, None) => only,
+            _ => None,
+        };
+        self.exposures.get(photo).or(only).map(|matrix| Exposure::of(*matrix))
+    }
+}
+
+/// Value in summaries that are older than the key.
+fn alpha_max() -> f64 {
+    0.99
+}
+
+/// Mean quality over views.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
+pub struct Views {
+    /// Number of views.
+    pub views: usize,
+    /// Mean quality.
+    #[serde(flatten)]
+    pub quality: Quality,
+}
+
+/// Changes of the cameras by refinement.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Serialize)]
+pub struct PoseChange {
+    /// True if cameras were refined.
+    pub refined: bool,
+    /// Median angle that cameras turned by, degrees.
+    pub degrees: f64,
+    /// Median distance that cameras moved by, as a part of the scene's size.
+    pub distance: f64,
+    /// Factor of the focal lengths.
+    pub focal: f64,
+    /// Points that photos were found to agree about.
+    pub points: usize,
+    /// Median difference of where these points are and were seen, pixels.
+    pub pixels: Option<f64>,
+}

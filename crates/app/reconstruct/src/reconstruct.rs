@@ -1,0 +1,195 @@
+//! From photos to a scene.
+
+use crate::cameras::{estimated_capture, held_out_of_estimated};
+use crate::fit::{FitContext, begin, remark_outcome};
+use crate::pace::Sides;
+use crate::plan::planned;
+use crate::time_budget::TimeBudget;
+use crate::{ByPhotos, Error, Outcome, Pace, Photos, Run, RunSettings, demo};
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+use weaver_clip::PhotoFiles;
+use weaver_data::EstimatePhotosOptions;
+use weaver_data::capture::HoldOut;
+use weaver_data::posed::CaptureCameras;
+use weaver_fit::{FitRasterizer, FitSettings};
+use weaver_io::{Advice, Observe, OutputFolder, ShellCommand};
+use weaver_splat::CpuRasterizer;
+use weaver_view_run::Listener;
+
+/// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain
+/// nothing from more.
+const MOST_ROUNDS: usize = 200;
+/// Passes through photos that are larger than the least: time for more of them is better spent on larger photos, by the
+/// same page, and more gain nothing.
+const ENOUGH_ROUNDS: usize = 40;
+
+/// The purpose of a reconstruction, which decides about time and the size of photos.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub enum Quality {
+    /// A look: half a minute, photos of at most 384 pixels.
+    Draft,
+    /// Five minutes, 800 to 1600 pixels, as time allows.
+    #[default]
+    Normal,
+    /// Twenty minutes, 800 to 1600 pixels, as time allows.
+    Fine,
+}
+
+impl Quality {
+    /// Minutes for all of it.
+    pub fn minutes(self) -> f64 {
+        match self {
+            Self::Draft => 0.5,
+            Self::Normal => 5.0,
+            Self::Fine => 20.0,
+        }
+    }
+
+    /// The longest side of photos at least and at most, if they are as large, pixels.
+    pub fn sides(self) -> RangeInclusive<usize> {
+        match self {
+            Self::Draft => 384..=384,
+            Self::Normal | Self::Fine => 800..=1600,
+        }
+    }
+}
+
+/// A scene that is asked for.
+#[derive(Debug)]
+pub struct Request {
+    /// Folder for the results.
+    pub out: PathBuf,
+    /// Time and size of the photos.
+    pub quality: Quality,
+    /// Time for all of it, minutes, which is used up; `None` is the quality's, of which a fit ends early once it has
+    /// used each photo often enough.
+    pub minutes: Option<f64>,
+    /// The most Gaussians; `None` follows the size of the photos.
+    pub gaussians: Option<usize>,
+    /// Photos that are not shown to the fit, which is judged by them.
+    pub hold_out: HoldOut,
+    /// Seed of everything that is drawn at random.
+    pub seed: u64,
+    /// Level of a compressed file of the scene, 0 to 3; `None` writes none.
+    pub compress: Option<f64>,
+    /// True if a page to look at the scene is written.
+    pub html: bool,
+    /// At most so many frames of each clip; `None` takes as many as show something new.
+    pub frames: Option<usize>,
+    /// Options of estimated cameras.
+    pub matching: EstimatePhotosOptions,
+    /// Draws.
+    pub rasterizer: Arc<dyn FitRasterizer>,
+    /// Port of a page that follows the fit.
+    pub live: Option<Listener>,
+}
+
+impl Request {
+    /// A scene into this folder, with everything else as usual.
+    pub fn new(out: impl Into<PathBuf>) -> Self {
+        Self {
+            out: out.into(),
+            quality: Quality::default(),
+            minutes: None,
+            gaussians: None,
+            hold_out: HoldOut::Nothing,
+            seed: 0,
+            compress: None,
+            html: true,
+            frames: None,
+            matching: EstimatePhotosOptions::default(),
+            rasterizer: Arc::new(CpuRasterizer),
+            live: None,
+        }
+    }
+}
+
+/// Makes a scene from photos: takes a capture's cameras or estimates them, fits Gaussians, and writes scene, cameras,
+/// summary and report into a folder.
+///
+/// An observer that answers a part of the stage `fit` with a break ends the fit, with results.
+///
+/// # Errors
+/// When photos cannot be read or give no cameras, a setting is out of range, memory does not suffice, or a file cannot
+/// be written; when the folder has a fit already.
+pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe) -> Result<Outcome, Error> {
+    let start = Instant::now();
+    let out = match Run::claim(&request.out, photos.paths()) {
+        Err(Error::Run(weaver_run::Error::RunExists { folder, .. })) => return Err(already_there(&folder)),
+        claimed => claimed?,
+    };
+    let (capture, hold_out) = capture_of(photos, request, out.out(), observe)?;
+    let time = TimeBudget::new(start, request.minutes.unwrap_or(request.quality.minutes()));
+    time.note_share(observe);
+    let cameras = CaptureCameras::read(&capture, hold_out)?;
+    let minutes = time.of_fit();
+    let mut settings = RunSettings {
+        minutes: Some(minutes),
+        most_rounds: request.minutes.is_none().then_some(MOST_ROUNDS),
+        hold_out,
+        by_photos: ByPhotos::ALL,
+        compress: request.compress,
+        html: request.html,
+        ..RunSettings::new(capture, FitSettings::default())
+    };
+    let sides = Sides { range: request.quality.sides(), minutes, rounds: ENOUGH_ROUNDS };
+    let least = *sides.range.start();
+    let size = Pace::long_side(&settings, &cameras, sides, request.rasterizer.clone())?;
+    if size > least {
+        settings.most_rounds = settings.most_rounds.map(|_| ENOUGH_ROUNDS);
+    }
+    let minutes = time.of_fit();
+    (settings.long_side, settings.minutes) = (Some(size), Some(minutes));
+    let usual = planned(&settings, &cameras)?.usual();
+    settings.fit = FitSettings { gaussians: request.gaussians.unwrap_or(usual.gaussians), seed: request.seed, ..usual };
+    settings.fit.check()?;
+    let shown = settings.capture.display();
+    observe.note(&format!("fit: {shown}, {minutes:.2} minutes, photos of at most {size} pixels"));
+    let live = request.live.as_ref().map(Listener::try_clone).transpose()?;
+    let context = FitContext { rasterizer: request.rasterizer.clone(), live, ..FitContext::default() };
+    let outcome = begin(settings, &cameras, context, out, observe)?;
+    time.note_excess(observe);
+    remark_outcome(&outcome, &request.out, observe);
+    Ok(outcome)
+}
+
+/// The capture of photos, whose cameras may have to be estimated into the folder of the results, and the photos of it
+/// that are held out.
+fn capture_of(
+    photos: &Photos,
+    request: &Request,
+    out: &OutputFolder,
+    observe: &mut dyn Observe,
+) -> Result<(PathBuf, HoldOut), Error> {
+    let demo;
+    let paths = match photos {
+        Photos::Capture(capture) => {
+            observe.note(&format!("cameras: those of {}", capture.display()));
+            return Ok((capture.clone(), request.hold_out));
+        }
+        Photos::Demo => {
+            demo = [demo::write(out)?];
+            &demo
+        }
+        Photos::Files(paths) => paths.as_slice(),
+    };
+    let photos = PhotoFiles::collect(paths, request.frames, out, observe)?;
+    let capture = estimated_capture(&photos, request.hold_out, &request.matching, out, observe)?;
+    Ok((capture, held_out_of_estimated(request.hold_out)))
+}
+
+/// Why nothing is made in a folder with a run, and how to go on with one that did not come to its end.
+fn already_there(folder: &Path) -> Error {
+    let outcome = weaver_io::read_text(folder.join("summary.json")).ok();
+    let outcome = outcome.and_then(|text| serde_json::from_str::<Outcome>(&text).ok());
+    let message = if outcome.is_some_and(|outcome| outcome.steps >= outcome.planned) {
+        "a finished scene is there already; give another --out".into()
+    } else {
+        let resume = ShellCommand::new("splatweaver fit --resume").path(folder);
+        format!("a fit was begun there and did not come to its end; to go on: {resume}")
+    };
+    Error::AlreadyThere { folder: folder.into(), message, source: Advice::Complete }
+}

@@ -1,0 +1,264 @@
+//! Settings of a run.
+
+use crate::sources::Sources;
+use crate::{Coverage, Error};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use weaver_data::capture::HoldOut;
+use weaver_data::posed::PosedOptions;
+use weaver_fit::{FitError, FitSettings};
+use weaver_io::SceneFormat;
+
+/// The largest count.
+const MOST: usize = u32::MAX as usize;
+/// The most Gaussians of a run, which the command line takes, too: where they begin at random, a part of these is made
+/// at once.
+const MOST_GAUSSIANS: usize = 100_000_000;
+
+/// Settings of a run.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+pub struct RunSettings {
+    /// The capture: a folder, or a transforms.json.
+    pub capture: PathBuf,
+    /// Longest side of the photos, pixels; `None` takes them as they are.
+    pub long_side: Option<usize>,
+    /// Which photos are held out.
+    #[serde(flatten, with = "held")]
+    pub hold_out: HoldOut,
+    /// At most so many photos to fit to, evenly spread in the capture's order.
+    pub views: Option<usize>,
+    /// True if masks are read.
+    pub masks: bool,
+    /// True if the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor
+    /// for all photos; it stays as given where a lens is a fisheye.
+    pub focal: bool,
+    /// Settings that the photos decide.
+    #[serde(skip)]
+    pub by_photos: ByPhotos,
+    /// Where the Gaussians begin.
+    pub init: Initial,
+    /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].
+    pub minutes: Option<f64>,
+    /// With [`minutes`](Self::minutes), at least so many steps, however long they take.
+    #[serde(default)]
+    pub least_steps: usize,
+    /// With [`minutes`](Self::minutes), at most so many passes through the photos, though there be time for more: what
+    /// they bring is met in the fitted photos alone. `None` uses the time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub most_rounds: Option<usize>,
+    /// Seconds between checkpoints, at least.
+    pub save_every: f64,
+    /// Further files of the scene, beside `scene.ply`.
+    pub formats: Vec<SceneFormat>,
+    /// Level of a compressed file that the end of the run is made for, 0 to 3
+    /// ([`Quality::level`](weaver_codec::lite::Quality::level)); `None` writes none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compress: Option<f64>,
+    /// True if the scene is also written as a page to look at, `view.html`.
+    #[serde(default = "written")]
+    pub html: bool,
+    /// Settings of the fit.
+    pub fit: FitSettings,
+}
+
+/// The choice of runs that are older than the key.
+fn written() -> bool {
+    true
+}
+
+/// Settings of the fit that follow from the photos, since nobody named them. Once they are decided, they are in
+/// [`RunSettings::fit`], and this is all false.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub struct ByPhotos {
+    /// The colors of photos are corrected ([`FitSettings::exposure`]) where the photos differ in exposure or white
+    /// balance ([`ColorAgreement::differ`](weaver_fit::ColorAgreement::differ)).
+    pub exposure: bool,
+    /// The background is the [mean color](weaver_fit::mean_color) of the photos that are fitted; where photos have
+    /// transparent parts, it stays what these are laid over.
+    pub background: bool,
+    /// [`FitSettings::dropout`] is the larger the fewer photos there are ([`FitSettings::dropout_for`]).
+    pub dropout: bool,
+    /// Gaussians begin on what photos agree about ([`Initial::Dense`]) where that is most of what they show, and is
+    /// found in a small part of the time; with [`Initial::Auto`] alone.
+    pub start: bool,
+    /// Where Gaussians begin so, their means move the more slowly the larger the photos are
+    /// ([`Rates::means_on_surfaces`](weaver_fit::Rates::means_on_surfaces)).
+    pub means: bool,
+}
+
+impl ByPhotos {
+    /// Everything that photos can decide.
+    pub const ALL: Self = Self { exposure: true, background: true, dropout: true, start: true, means: true };
+}
+
+/// Where Gaussians begin.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Initial {
+    /// On the capture's points, at random if it has none.
+    #[default]
+    Auto,
+    /// On the capture's points.
+    Points,
+    /// On surfaces that photos agree about ([`weaver_stereo`]), and on the capture's points that these do not show.
+    Dense,
+    /// At random.
+    Random,
+    /// As given to [`Run::create`](crate::Run::create).
+    Given,
+}
+
+impl RunSettings {
+    /// The least steps of a run in a time when nothing is said: fewer make nothing worth seeing.
+    pub const LEAST_STEPS: usize = 200;
+
+    /// A run of this capture with everything else as usual.
+    pub fn new(capture: impl Into<PathBuf>, fit: FitSettings) -> Self {
+        Self {
+            capture: capture.into(),
+            long_side: None,
+            hold_out: HoldOut::Listed,
+            views: None,
+            masks: false,
+            focal: false,
+            by_photos: ByPhotos::default(),
+            init: Initial::Auto,
+            minutes: None,
+            least_steps: Self::LEAST_STEPS,
+            most_rounds: None,
+            save_every: 20.0,
+            formats: Vec::new(),
+            compress: None,
+            html: true,
+            fit,
+        }
+    }
+
+    /// Settings of a fit of which nothing is said: objects that photos alone show are left out.
+    pub fn usual_fit() -> FitSettings {
+        FitSettings { transients: true, ..FitSettings::default() }
+    }
+
+    /// Checks that every number is in its range, as the command line does: settings may come from a file.
+    ///
+    /// # Errors
+    /// The first that is not, with its range.
+    pub fn check(&self) -> Result<(), FitError> {
+        let wrong = |key, expected: &str, found: &dyn ToString| {
+            Err(FitError::Setting { key, expected: expected.into(), found: found.to_string() })
+        };
+        match self {
+            Self { long_side: Some(side), .. } if !(16..=65_536).contains(side) => {
+                wrong("long_side", "16 to 65536", side)
+            }
+            Self { views: Some(0), .. } => wrong("views", "at least 1", &0),
+            Self { minutes: Some(minutes), .. } if !(*minutes > 0.0 && *minutes <= 10_000.0) => {
+                wrong("minutes", "a number above 0 and up to 10000", minutes)
+            }
+            Self { least_steps, .. } if *least_steps > MOST => wrong("least_steps", "below 2^32", least_steps),
+            Self { most_rounds: Some(rounds), .. } if !(1..=MOST).contains(rounds) => {
+                wrong("most_rounds", "1 to 2^32", rounds)
+            }
+            Self { save_every, .. } if !(0.0..=1e6).contains(save_every) => {
+                wrong("save_every", "seconds from 0 to 1000000", save_every)
+            }
+            Self { compress: Some(level), .. } if !(0.0..=3.0).contains(level) => wrong("compress", "0 to 3", level),
+            Self { fit, .. } if fit.gaussians > MOST_GAUSSIANS => {
+                wrong("gaussians", "at most 100000000", &fit.gaussians)
+            }
+            _ => self.fit.check(),
+        }
+    }
+
+    /// Options of loading the photos.
+    pub(crate) fn posed_options(&self) -> PosedOptions {
+        PosedOptions {
+            long_side: self.long_side,
+            hold_out: self.hold_out,
+            masks: self.masks,
+            background: self.fit.background,
+            ..PosedOptions::default()
+        }
+    }
+}
+
+/// Which photos are held out, in run.json: none where `all` of them are fitted to, or `every` so many.
+mod held {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use weaver_data::capture::HoldOut;
+
+    #[derive(Deserialize, Serialize)]
+    struct Held {
+        all: bool,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        every: Option<usize>,
+    }
+
+    pub fn serialize<S: Serializer>(hold_out: &HoldOut, to: S) -> Result<S::Ok, S::Error> {
+        let every = if let HoldOut::Every(step) = hold_out { Some(*step) } else { None };
+        Held { all: *hold_out == HoldOut::Nothing, every }.serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<HoldOut, D::Error> {
+        Held::deserialize(from).map(|held| match held {
+            Held { all: true, .. } => HoldOut::Nothing,
+            Held { every: Some(step), .. } => HoldOut::Every(step),
+            Held { every: None, .. } => HoldOut::Listed,
+        })
+    }
+}
+
+/// The content of run.json: what was asked for, and what was read. Runs of earlier versions do not say the latter.
+#[derive(Debug, Deserialize, Serialize)]
+pub(crate) struct RunFile {
+    #[serde(flatten)]
+    pub settings: RunSettings,
+    #[serde(default)]
+    pub sources: Sources,
+    /// Part of photos whose depth two others agree about.
+    #[serde(default, skip_serializing_if = "Coverage::is_empty")]
+    pub coverage: Coverage,
+}
+
+impl RunFile {
+    /// Name of the file.
+    pub const NAME: &str = "run.json";
+
+    pub fn read(folder: &Path) -> Result<Self, Error> {
+        let path = folder.join(Self::NAME);
+        let invalid = |place: &str, expected: String, found: String| {
+            Error::File(weaver_io::Error::Invalid { path: path.clone(), place: place.into(), expected, found })
+        };
+        let mut file: Self = serde_json::from_str(&weaver_io::read_text(&path)?)
+            .map_err(|error| invalid("settings", "those of a fit".into(), error.to_string()))?;
+        file.settings.check().map_err(|error| match error {
+            FitError::Setting { key, expected, found } => invalid(key, expected, found),
+            other => other.into(),
+        })?;
+        file.settings.capture = folder.join(file.settings.capture);
+        Ok(file)
+    }
+
+    /// The text of the file in a folder: a capture that lies in it, as estimated cameras do, is named relative to it,
+    /// so that both may be moved; so is one whose whole path is not UTF-8.
+    ///
+    /// # Errors
+    /// When no such path is UTF-8.
+    pub fn text(&self, folder: &Path) -> Result<String, Error> {
+        let relative = weaver_io::relative_path(folder, &self.settings.capture);
+        let capture = match (weaver_io::path_in_utf8(&self.settings.capture), relative) {
+            (Ok(whole), Ok(relative)) => {
+                if relative.starts_with("..") {
+                    whole.to_string()
+                } else {
+                    relative
+                }
+            }
+            (Ok(whole), Err(_)) => whole.to_string(),
+            (Err(_), relative) => relative?,
+        };
+        let settings = RunSettings { capture: capture.into(), ..self.settings.clone() };
+        let file = Self { settings, sources: self.sources.clone(), coverage: self.coverage.clone() };
+        Ok(serde_json::to_string_pretty(&file).expect("settings are plain data") + "\n")
+    }
+}

@@ -1,0 +1,39 @@
+//! view.html of a run: the scene to look at.
+
+use crate::Error;
+use crate::fitting::Fitting;
+use weaver_fit::Photo;
+use weaver_geometry::Camera;
+use weaver_io::Bitmap;
+use weaver_scene::Gaussians;
+use weaver_view::{HtmlOptions, Look, Shot, Subject, html, photo_file, pictured};
+
+/// The file of the page to look at the scene.
+pub const FILE: &str = "view.html";
+
+/// The page, with held-out photos at these cameras.
+pub fn page(run: &Fitting, gaussians: &Gaussians, test_cameras: &[Camera]) -> Result<String, Error> {
+    let capture = &run.settings.capture;
+    let folder = if capture.is_file() { capture.parent().unwrap_or(capture) } else { capture };
+    let title = folder.file_name().map_or("scene".into(), |name| name.to_string_lossy().into_owned());
+    let look =
+        Look { background: run.settings.fit.background, settings: run.fit().raster_settings(), ..Look::default() };
+    let subject = Subject { title: &title, gaussians, look };
+    Ok(html(&subject, &shots(run, test_cameras)?, HtmlOptions::default())?)
+}
+
+/// All cameras, held-out ones first, and the photos of some of them.
+pub fn shots(run: &Fitting, test_cameras: &[Camera]) -> Result<Vec<Shot>, Error> {
+    let held_out = run.capture.held_out.iter().zip(test_cameras).map(|(photo, camera)| (photo, *camera, true));
+    let fitted = (0..run.fit().photos()).map(|i| (run.fit().photo(i), run.fit().camera(i), false));
+    let all: Vec<(&Photo, Camera, bool)> = held_out.chain(fitted).collect();
+    let chosen = pictured(&all.iter().map(|(.., held_out)| *held_out).collect::<Vec<_>>());
+    let shot = |(i, (photo, camera, held_out)): (usize, (&Photo, Camera, bool))| {
+        let Camera { width, height, .. } = photo.camera;
+        let file = || photo_file(&Bitmap { width, height, pixels: photo.rgb.clone() });
+        let photo_file = chosen.contains(&i).then(file).transpose().map_err(weaver_view::ViewError::from)?;
+        let coverage = run.capture.coverage.0.get(&photo.name).copied();
+        Ok(Shot { held_out, photo: photo_file, coverage, ..Shot::new(photo.name.clone(), camera) })
+    };
+    all.into_iter().enumerate().map(shot).collect()
+}

@@ -1,0 +1,152 @@
+//! The installed ffmpeg, as a process of its own that ends no later than this one.
+
+use crate::Error;
+use std::io::{ErrorKind, Read};
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Installation of ffmpeg.
+pub const INSTALL: &str = if cfg!(target_os = "macos") {
+    "to install it: brew install ffmpeg"
+} else if cfg!(windows) {
+    "to install it: winget install ffmpeg"
+} else {
+    "to install it: sudo apt install ffmpeg, or sudo dnf install ffmpeg"
+};
+/// Bytes that are kept of messages: a damaged file may have one for each frame.
+const MOST: u64 = 4096;
+/// Messages that are quoted.
+const QUOTED: usize = 4;
+/// Characters of each that are.
+const LINE: usize = 200;
+/// Time between looks at whether it has ended.
+const PAUSE: Duration = Duration::from_millis(2);
+
+/// All that were started and may still run.
+static RUNNING: Mutex<Vec<Weak<Mutex<Child>>>> = Mutex::new(Vec::new());
+
+/// An ffmpeg that runs; killed when this is dropped.
+#[derive(Debug)]
+pub struct Ffmpeg {
+    process: Arc<Mutex<Child>>,
+    /// Its messages, read as they arrive, since a full pipe would block it.
+    complaints: Option<JoinHandle<String>>,
+}
+
+/// Words in which ffmpeg passes on the system's errors, and their kinds: where the machine is at fault, another one
+/// may do better.
+const PASSING: [(&str, ErrorKind); 3] = [
+    ("No space left on device", ErrorKind::StorageFull),
+    ("Disk quota exceeded", ErrorKind::QuotaExceeded),
+    ("Cannot allocate memory", ErrorKind::OutOfMemory),
+];
+
+/// End of an ffmpeg.
+#[derive(Debug)]
+pub struct Ended {
+    status: ExitStatus,
+    complaints: String,
+}
+
+impl Ffmpeg {
+    /// Starts ffmpeg with the arguments of a command line that `command` begins; `missing` is said where there is none
+    /// on the PATH.
+    pub fn start(mut command: Command, missing: &str) -> Result<Self, Error> {
+        // Locked before it starts, so that a Ctrl-C just then ends it, too.
+        let mut running = locked(&RUNNING);
+        let started = command.stderr(Stdio::piped()).spawn();
+        let mut process = started.map_err(|error| match error.kind() {
+            ErrorKind::NotFound => Error::input(missing),
+            _ => Error::input(format!("ffmpeg: {error}")),
+        })?;
+        let complaints = process.stderr.take().map(|pipe| std::thread::spawn(move || beginning(pipe)));
+        let process = Arc::new(Mutex::new(process));
+        running.retain(|process| process.strong_count() > 0);
+        running.push(Arc::downgrade(&process));
+        drop(running);
+        Ok(Self { process, complaints })
+    }
+
+    /// The pipe that it reads, if it was asked for and not taken before.
+    pub fn stdin(&self) -> Option<ChildStdin> {
+        locked(&self.process).stdin.take()
+    }
+
+    /// The pipe that it writes, likewise.
+    pub fn stdout(&self) -> Option<ChildStdout> {
+        locked(&self.process).stdout.take()
+    }
+
+    /// Waits until it has ended by itself, which it does when its pipes are closed or read to the end.
+    pub fn end(&mut self) -> Result<Ended, Error> {
+        // It is not locked while it is waited for, so that it can be killed meanwhile.
+        let status = loop {
+            let status = locked(&self.process).try_wait().map_err(|error| Error::input(format!("ffmpeg: {error}")))?;
+            match status {
+                Some(status) => break status,
+                None => std::thread::sleep(PAUSE),
+            }
+        };
+        let complaints = self.complaints.take().and_then(|reader| reader.join().ok()).unwrap_or_default();
+        Ok(Ended { status, complaints })
+    }
+
+    /// Ends it at once.
+    pub fn kill(&self) {
+        // Of one that has ended there is nothing to stop, and both calls fail harmlessly.
+        let mut process = locked(&self.process);
+        let _ = process.kill();
+        let _ = process.wait();
+    }
+}
+
+impl Drop for Ffmpeg {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+impl Ended {
+    /// Its messages in a line, if there were any.
+    pub fn complaints(&self) -> Option<String> {
+        let lines = self.complaints.lines().map(str::trim).filter(|line| !line.is_empty());
+        let lines: Vec<String> = lines.map(|line| line.chars().take(LINE).collect()).collect();
+        let more = if lines.len() > QUOTED { "; ..." } else { "" };
+        (!lines.is_empty()).then(|| format!("{}{more}", lines[..lines.len().min(QUOTED)].join("; ")))
+    }
+
+    /// The kind of the error, by its messages.
+    pub fn kind(&self) -> ErrorKind {
+        let said = PASSING.iter().find(|(words, _)| self.complaints.contains(words));
+        said.map_or(ErrorKind::Other, |(_, kind)| *kind)
+    }
+
+    /// The error, if there was one.
+    pub fn fault(&self) -> Option<String> {
+        let said = || self.complaints().map_or(String::new(), |said| format!("; {said}"));
+        (!self.status.success()).then(|| format!("ffmpeg: {}{}", self.status, said()))
+    }
+}
+
+/// Kills every ffmpeg that runs: to be called before the process ends without unwinding.
+pub fn end_all() {
+    for process in locked(&RUNNING).iter().filter_map(Weak::upgrade) {
+        // Failing means that it has ended.
+        let _ = locked(&process).kill();
+    }
+}
+
+/// The beginning of what comes out of a pipe, which is read to its end.
+fn beginning(mut pipe: impl Read) -> String {
+    let mut text = Vec::new();
+    // Messages from before a broken pipe are still reported.
+    let _ = pipe.by_ref().take(MOST).read_to_end(&mut text);
+    let _ = std::io::copy(&mut pipe, &mut std::io::sink());
+    String::from_utf8_lossy(&text).into_owned()
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,107 @@
+//! The photos that paths stand for: files, files in folders, and frames of clips.
+
+use crate::Error;
+use crate::frames::{FRAMES, FrameFolder, is_clip, write_frames};
+use std::path::{Path, PathBuf};
+use weaver_io::{Observe, OutputFolder, PhotoFolder, ShellCommand};
+
+/// Names in a line, at most.
+const NAMED: usize = 8;
+
+/// Files of photos.
+#[derive(Clone, Debug)]
+pub struct PhotoFiles {
+    /// The files, in order.
+    pub paths: Vec<PathBuf>,
+    /// True if most of them are frames of clips, which follow one another.
+    pub sequence: bool,
+    /// The frames, relative to the folder of the result; `None` without a clip.
+    frames: Option<Vec<String>>,
+}
+
+impl PhotoFiles {
+    /// Photos by their files, folders of photos, and clips, of which frames are written to the folder `frames` of a
+    /// result: `most` of each, spread over the way of its camera, or as many as show something new.
+    ///
+    /// # Errors
+    /// When a path is not there or a folder has no photos; when a clip cannot be decoded, or its camera stands still;
+    /// when a number of frames is given and there is no clip.
+    pub fn collect(
+        paths: &[PathBuf],
+        most: Option<usize>,
+        out: &OutputFolder,
+        observe: &mut dyn Observe,
+    ) -> Result<Self, Error> {
+        let clips = paths.iter().filter(|path| is_clip(path)).count();
+        if clips == 0 && most.is_some() {
+            return Err(Error::setting("frames", "expected a clip, found photos"));
+        }
+        let mut photos = Vec::new();
+        let (mut number, mut written) = (0, Vec::new());
+        for path in paths {
+            if !is_clip(path) {
+                photos.extend(in_folder(path, paths, observe)?);
+                continue;
+            }
+            number += 1;
+            // Two clips have frames of the same numbers.
+            let name = if clips > 1 { format!("{FRAMES}/{number}") } else { FRAMES.into() };
+            let names = write_frames(path, most, &FrameFolder { name, out }, observe)?;
+            photos.extend(names.iter().map(|name| out.path().join(name)));
+            written.extend(names);
+        }
+        let sequence = 2 * written.len() > photos.len();
+        Ok(Self { paths: photos, sequence, frames: (clips > 0).then_some(written) })
+    }
+
+    /// Removes the frames of an earlier choice. To be called once cameras are written: until then the earlier ones
+    /// name them.
+    ///
+    /// # Errors
+    /// When a file cannot be removed.
+    pub fn remove_earlier_frames(&self, out: &OutputFolder) -> Result<(), Error> {
+        Ok(self.frames.as_ref().map_or(Ok(()), |frames| out.remove_others(FRAMES, frames))?)
+    }
+}
+
+/// A photo, or those in a folder. Photos in folders below it are not taken; a warning or the error names these folders,
+/// unless they are among the paths that are given.
+fn in_folder(path: &Path, given: &[PathBuf], observe: &mut dyn Observe) -> Result<Vec<PathBuf>, Error> {
+    if !path.exists() {
+        return Err(Error::Missing(path.display().to_string()));
+    }
+    if !path.is_dir() {
+        return Ok(vec![path.into()]);
+    }
+    let PhotoFolder { photos, mut below, others } = PhotoFolder::open(path)?;
+    let given: Vec<PathBuf> = given.iter().filter_map(|path| path.canonicalize().ok()).collect();
+    below.retain(|(folder, _)| folder.canonicalize().is_ok_and(|folder| !given.contains(&folder)));
+    let here = path.display();
+    let in_all: usize = below.iter().map(|(_, count)| count).sum();
+    let folders = some_of(below.iter().map(|(folder, _)| ShellCommand::quoted(folder)), " ");
+    if !photos.is_empty() {
+        if in_all > 0 {
+            observe.warning(&format!(
+                "{here}: photos in folders below it are not taken, {in_all} in all; to take them, name {folders}, too"
+            ));
+        }
+        return Ok(photos);
+    }
+    let expected = "expected photos (JPEG, PNG, TIFF or WebP), found none";
+    Err(Error::input(if in_all > 0 {
+        format!("{here}: {expected} but {in_all} in folders below it; give these in its place: {folders}")
+    } else if others.is_empty() {
+        format!("{here}: {expected}; clips are given by their own names")
+    } else {
+        let kinds = some_of(others.iter().map(|(extension, count)| format!("{count} .{extension}")), ", ");
+        let remedy = "pictures of other formats are converted first, for instance with `magick IN OUT.jpg`";
+        format!("{here}: {expected} among {kinds}; {remedy}, and clips are given by their own names")
+    }))
+}
+
+/// The first of some names, and how many more there are.
+fn some_of(names: impl ExactSizeIterator<Item = String>, between: &str) -> String {
+    let more = names.len().saturating_sub(NAMED);
+    let named = names.take(NAMED).collect::<Vec<_>>().join(between);
+    if more > 0 { format!("{named} and {more} more") } else { named }
+}
