@@ -105,6 +105,15 @@ impl Request {
             live: None,
         }
     }
+
+    /// Checks what needs no photos.
+    fn check(&self) -> Result<(), Error> {
+        let fit = FitSettings::default();
+        let gaussians = self.gaussians.unwrap_or(fit.gaussians);
+        let settings = RunSettings::new(PathBuf::new(), FitSettings { gaussians, seed: self.seed, ..fit });
+        RunSettings { minutes: self.minutes, compress: self.compress, ..settings }.check()?;
+        Ok(())
+    }
 }
 
 /// Makes a scene from photos: takes a capture's cameras or estimates them, fits Gaussians, and writes scene, cameras,
@@ -117,6 +126,7 @@ impl Request {
 /// be written; when the folder has a fit already.
 pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe) -> Result<Outcome, Error> {
     let start = Instant::now();
+    request.check()?;
     let out = match Run::claim(&request.out, photos.paths()) {
         Err(Error::Run(weaver_run::Error::RunExists { folder, .. })) => return Err(already_there(&folder)),
         claimed => claimed?,

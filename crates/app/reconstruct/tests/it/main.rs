@@ -3,6 +3,7 @@
 mod ends;
 mod partition;
 mod promises;
+mod requests;
 mod shared;
 mod stored;
 
