@@ -16,7 +16,7 @@ const BAR: &str = "{prefix} {wide_bar} {pos}/{len}  {rate}  {eta} left  {msg}";
 pub struct Progress {
     label: &'static str,
     bar: Option<ProgressBar>,
-    /// When the last line was written, and what was done by then.
+    /// Time of the last line, and the number of parts done by then.
     mark: (Instant, usize),
 }
 

@@ -1,4 +1,4 @@
-//! `--device`: drawing on a GPU, of whatever kind, and without one.
+//! `--device`: drawing on a GPU of any kind, and without one.
 
 use std::path::Path;
 use std::process::{Command, Output};

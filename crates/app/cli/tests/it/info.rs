@@ -92,7 +92,7 @@ fn cameras_without_photos_are_described() {
     assert!(done.stdout.contains("transforms.json, 2 frames"), "{}", done.stdout);
 }
 
-/// Formats are told by names, in whichever order a file passes through them.
+/// Formats follow from file names, in any order of conversions.
 #[test]
 fn a_scene_is_written_in_every_format() {
     let folder = tempfile::tempdir().unwrap();
@@ -122,7 +122,7 @@ fn a_scene_is_written_in_every_format() {
     assert!(!named("a.spz").exists());
 }
 
-/// A run of any command is described by its folder: what was asked for, how far it came, what it wrote.
+/// A run of any command is described by its folder: its settings, its progress, its output.
 ///
 /// Promise (files): `info` describes runs of every command, scans, pictures of Gaussians, clips, arrays, JSON of
 /// results and folders; its errors are true.
@@ -152,7 +152,8 @@ fn runs_of_every_command_are_described() {
     }
 }
 
-/// Scans, pictures of Gaussians and JSON of results are described, and errors say what was expected of a file or folder.
+/// Scans, pictures of Gaussians and JSON of results are described, and errors state the expected kind of file or
+/// folder.
 ///
 /// Promise of `runs_of_every_command_are_described`.
 #[test]
@@ -178,7 +179,7 @@ fn scans_pictures_and_results_are_described() {
     splatweaver(&[&"info", &path("nothing")]).refused(1, &["nothing: folder: expected a run, a COLMAP model"]);
 }
 
-/// Names of files reach the terminal without what steers it, in results, notes and errors.
+/// Names of files reach the terminal without control characters, in results, notes and errors.
 ///
 /// Promise of `names_do_not_steer_the_terminal`.
 #[test]

@@ -1,4 +1,4 @@
-//! Detectors of anomalies are trained, stopped, judged and used; what does not fit together is refused by name.
+//! Detectors of anomalies are trained, stopped, judged and used; mismatched inputs are refused by name.
 
 use crate::command::{BINARY, printed, refused, text};
 use std::fs;
@@ -71,7 +71,7 @@ fn videos_are_scored() {
     assert!(error.contains("nan.npy") && error.to_lowercase().contains("nan"), "{error}");
 }
 
-/// Ctrl-C keeps what was learned, and the run goes on to the bits of one that was left alone.
+/// Ctrl-C keeps the learned weights, and the run goes on to the bits of an uninterrupted one.
 ///
 /// Promise of `a_stopped_training_goes_on_to_the_same_bits`.
 /// Promise of `a_stop_says_what_it_waits_for`.
