@@ -30,7 +30,7 @@ impl CameraComparison {
     /// Degrees from which cameras count as apart.
     pub const ELSEWHERE: f64 = ELSEWHERE;
 
-    /// Compares estimated cameras with those of a file.
+    /// Compares estimated cameras with the cameras of a file.
     ///
     /// # Errors
     /// When the file cannot be read or lacks a photo; when all its cameras are in one place.
