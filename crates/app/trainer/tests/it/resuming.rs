@@ -37,7 +37,7 @@ fn another_configuration_is_refused_by_key() {
         let message = resumed(change).unwrap_err();
         assert!(message.contains(said) && message.contains("checkpoint.safetensors"), "{message}");
     }
-    // What changes no weight may change.
+    // Keys that affect no weight may change.
     let steps = resumed(|c| {
         (c.threads, c.output.log_every) = (Some(3), 77);
     });
