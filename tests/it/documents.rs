@@ -1,4 +1,4 @@
-//! Commands that documents show are commands that the program takes.
+//! Commands in documents are accepted by the program.
 
 use std::ffi::OsString;
 use std::fs;

@@ -7,7 +7,7 @@ use weaver_nn::{Builder, Context, WeightInit};
 use weaver_pose::{cameras, unproject};
 use weaver_vggt::{DenseTokens, DepthHead, DepthHeadConfig, DptConfig};
 
-/// The sizes of a dense trunk, from where they stand in a file's configuration.
+/// The sizes of a dense trunk, from their place in a file's configuration.
 pub fn dpt(file: &Reference, dim: usize, at: &str) -> DptConfig {
     let channels = file.sizes(&format!("{at}out_channels"));
     let features = file.size(&format!("{at}features"));

@@ -1,5 +1,6 @@
-//! What it costs that photos are distorted, stored on their side or masked: the same capture clean and in each of these ways, by the
-//! weights that come with the program and by weights trained on it, judged by the same pixels of the same photos.
+//! Cost of photos that are distorted, stored on their side or masked: the same capture clean and in each of these ways,
+//! by the weights that come with the program and by weights trained on it, judged by the same pixels of the same
+//! photos.
 
 use super::{Study, mean_and_spread};
 use crate::cargo;

@@ -61,7 +61,7 @@ fn of_library(error: &(dyn Error + 'static)) -> Option<FailureKind> {
     }
 }
 
-/// Errors of runs, some of which wrap errors of other crates.
+/// Errors of runs, which may wrap errors of other crates.
 fn of_run(error: &(dyn Error + 'static)) -> Option<FailureKind> {
     use weaver_reconstruct::Error as Fit;
     use weaver_run::Error as Run;

@@ -269,8 +269,8 @@ fn random() -> Result<String, Error> {
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// The Gaussians, non-finite ones of a diverged run made invisible rather than removed: files cannot hold numbers that
-/// are not finite, and marks of the page go by the number of a Gaussian.
+/// The Gaussians, with the non-finite Gaussians of a diverged run made invisible rather than removed: files cannot hold
+/// numbers that are not finite, and marks of the page go by the number of a Gaussian.
 fn drawable(scene: &Gaussians) -> Cow<'_, Gaussians> {
     let per_row = 3 * scene.coefficients();
     let is_finite = |i: &usize| {
