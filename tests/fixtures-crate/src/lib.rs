@@ -51,7 +51,7 @@ pub struct Fixture {
 }
 
 impl Fixture {
-    /// Reads a file of `tests/fixtures`, which must be there, for comparison in single precision.
+    /// Reads a file in `tests/fixtures`, which must exist, for comparison in single precision.
     pub fn open(name: &str) -> Self {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures").join(name);
         let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));

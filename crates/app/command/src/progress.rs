@@ -35,7 +35,7 @@ impl Progress {
         Self { label, bar, mark: (Instant::now(), done) }
     }
 
-    /// Shows that `done` of `total` parts are done; `note` is called only when something is shown.
+    /// Shows `done` of `total` parts as done; `note` is called only when something is shown.
     pub fn at(&mut self, done: usize, total: usize, note: impl FnOnce() -> String, console: &mut Console) {
         if let Some(watcher) = &mut console.watcher {
             return watcher(&Part { label: self.label, done, total, note: note() });

@@ -28,7 +28,7 @@ fn in_units(data: &Path, unit: f64) {
     transforms.write(path).unwrap();
 }
 
-/// promise: a fit ends with all its results in whatever units its capture is, the page to look at it among them.
+/// promise: a fit ends with all its results, the page to look at it among them, in any units of its capture.
 ///
 /// Promise (fits): a fit ends with all its results in whatever units its capture is.
 #[test]
@@ -61,8 +61,7 @@ fn a_format_that_fails_leaves_all_else() {
     }
 }
 
-/// promise: a file of somebody else in the folder of what is left out of photos is met before any work, and when a fit
-/// goes on.
+/// promise: a foreign file in the folder of transients is found before any work, and when a fit goes on.
 ///
 /// Promise (fits): a foreign file in `transients/` is found before any work, and when a fit goes on.
 #[test]
