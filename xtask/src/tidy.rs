@@ -38,7 +38,7 @@ struct Package {
     sources: Vec<Source>,
     /// The files below `tests`, `benches` and `examples`.
     tests: Vec<Source>,
-    /// Files of others that those include by `#[path]`.
+    /// Files from elsewhere that the package's sources include by `#[path]`.
     borrowed: Vec<Source>,
     readme: String,
 }

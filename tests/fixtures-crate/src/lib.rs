@@ -36,9 +36,9 @@ pub struct Tolerance {
 }
 
 impl Tolerance {
-    /// Of code that runs in `f32`.
+    /// Tolerance for code that runs in `f32`.
     pub const SINGLE: Self = Self { times: 20.0, least: 1e-5, size: 0.0, largest: true };
-    /// Of code that runs in `f64`, where sums that cancel are as exact as the file.
+    /// Tolerance for code that runs in `f64`, where sums that cancel are as exact as the file.
     pub const DOUBLE: Self = Self { times: 1.0, least: 1e-6, size: 1e-6, largest: false };
 }
 

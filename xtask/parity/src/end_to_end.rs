@@ -75,7 +75,7 @@ fn config(file: &Reference) -> ModelConfig {
 /// The tensors whose gradients are compared beside the parameters'.
 struct Stages<'t, T: Real> {
     total: Var<'t, T>,
-    /// The same with LPIPS, where there are weights for it.
+    /// The loss with LPIPS, where there are weights for it.
     with_lpips: Result<Var<'t, T>, String>,
     images: Var<'t, T>,
     image_raw: Var<'t, T>,

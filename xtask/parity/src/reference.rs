@@ -130,7 +130,7 @@ impl Reference {
         })
     }
 
-    /// The same with one bar for every comparison.
+    /// The file with one bar for every comparison.
     pub fn with_bar(self, bar: f64) -> Self {
         Self { bar: Some(bar), ..self }
     }
@@ -237,7 +237,7 @@ impl Reference {
         self.backward_with(loss, &[T::ONE]);
     }
 
-    /// The same from a tensor, given its cotangent.
+    /// As [`backward`](Self::backward), from a tensor and its cotangent.
     pub fn backward_with<T: Real>(&self, y: Var<'_, T>, cotangent: &[T]) {
         self.rectified.borrow_mut().extend(rectifiers::on(y.tape()));
         y.backward_with(cotangent);
@@ -248,7 +248,7 @@ impl Reference {
         self.check_where(key, found, |_| true);
     }
 
-    /// The same where `counts(i)`.
+    /// As [`check`](Self::check), at the numbers where `counts(i)`.
     pub fn check_where<T: Real>(&self, key: &str, found: &[T], counts: impl Fn(usize) -> bool) {
         if !self.has(key) {
             return;

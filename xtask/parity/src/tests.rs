@@ -171,7 +171,7 @@ fn a_flipped_rectifier_excuses_only_itself() {
     assert_eq!(keys(&strict, Verdict::Fail), flipped);
     assert!(command(std::slice::from_ref(&path)).is_err());
 
-    // A gradient that is wrong stays wrong, beside those that flipped.
+    // A wrong gradient stays a failure beside flipped ones.
     let key = format!("{UNIT}.grad.w2");
     let shape = [CHANNELS, CHANNELS, 3, 3];
     let mut gradient = tensors.values::<f32>(&key, &shape).unwrap().to_vec();

@@ -70,7 +70,7 @@ impl Capture<'_> {
         self.psnr(&self.copies.join(copy).join("built-in.json"), arguments)
     }
 
-    /// The same by weights trained on the copy.
+    /// PSNR of held-out photos by weights trained on the copy.
     fn trained(&self, copy: &str, masks: bool, seed: u64) -> Result<f64, String> {
         let data = self.copies.join(copy).display().to_string();
         let fixed = ["--preset", "tiny-endless", "--init", "built-in", "--steps", STEPS, "--data", &data];

@@ -227,7 +227,7 @@ fn expand(prefix: &str, tree: &str, paths: &mut Vec<String>) {
     };
     let prefix = format!("{prefix}{}", &tree[..open]);
     let inner = tree[open + 1..].trim_end().trim_end_matches('}');
-    // The last brace closed this one; those before belong to the branches.
+    // The last brace closed this one; earlier braces belong to the branches.
     let closing = tree.trim_end().len() - tree.trim_end().trim_end_matches('}').len();
     let inner = format!("{inner}{}", "}".repeat(closing.saturating_sub(1)));
     let (mut depth, mut start) = (0, 0);

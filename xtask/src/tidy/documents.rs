@@ -119,7 +119,7 @@ fn slug(heading: &str) -> String {
     kept.map(|letter| if letter == ' ' { '-' } else { letter }).collect()
 }
 
-/// The targets of `[text](target)`, those in indented code and in fences left out.
+/// The targets of `[text](target)`, without indented code and fences.
 fn links(text: &str) -> Vec<&str> {
     let mut fenced = false;
     let mut links = Vec::new();

@@ -45,7 +45,8 @@ pub struct CommandLine {
     pub threads: Option<usize>,
 }
 
-/// Arguments that do not affect results: the output folder, speed, pace of saving, and output on the console.
+/// Arguments that do not affect results: output folder, threads, live page, reuse of complete results, pace of
+/// checkpoints, and form of the output.
 const SILENT: [&str; 7] = ["out", "threads", "json", "live", "port", "if_complete", "save_every"];
 
 impl CommandLine {

@@ -93,7 +93,7 @@ mod tests {
         "bench compress scene.ply --peer other.ply --data capture -o @out --html @out.html",
     ];
 
-    /// Paths of a line, those that it reads in a folder, with `@` taken away and its n-th output replaced.
+    /// Paths of a line, with inputs in `folder`, `@` removed, and the n-th output replaced.
     fn paths(line: &str, folder: &Path, replaced: Option<(usize, &Path)>) -> Result<Paths, String> {
         let mut outputs = 0;
         let word = |word: &str| match word.strip_prefix('@') {

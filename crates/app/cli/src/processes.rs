@@ -24,12 +24,12 @@ impl Processes {
         false
     }
 
-    /// Of no process.
+    /// Never called: there are no processes.
     pub fn ranks(&self) -> Arc<dyn Ranks> {
         match *self {}
     }
 
-    /// Ends no process.
+    /// Never called, as [`ranks`](Self::ranks).
     pub fn abort(&self, _: u8) -> ! {
         match *self {}
     }

@@ -27,7 +27,7 @@ struct Mark {
 /// Runs a command. One that is a unit of work is left out where it is complete, goes on where it can, and is marked
 /// when it is done.
 ///
-/// `settings` are the words of the command line that have a say in the results.
+/// `settings` are the words of the command line that affect the results.
 ///
 /// # Errors
 /// As the command's; when the folder belongs to a unit with other inputs or settings.

@@ -145,8 +145,7 @@ impl Drawing {
 
 /// Runs `job` on the memory of a drawing, with the lock of the interpreter released.
 ///
-/// Whoever waits for a drawing does so without the interpreter: the thread that has the drawing needs the interpreter
-/// to go on.
+/// A thread waits for a drawing without the interpreter's lock, which the thread that holds the drawing needs to go on.
 fn with_workspace<T: Scalar, R: Send>(
     py: Python<'_>,
     kept: &Mutex<Shelved<T>>,

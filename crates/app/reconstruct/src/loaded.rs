@@ -26,7 +26,7 @@ pub(crate) struct Origin {
 pub(crate) struct Loaded {
     pub fit: Fit,
     pub held_out: Vec<Photo>,
-    /// Of the training photos, then of the held-out ones.
+    /// Origins of the training photos, then of the held-out ones.
     pub origins: Vec<Origin>,
     /// The capture's points, where its cameras are as they are before the fit.
     pub points: PointCloud,

@@ -57,7 +57,7 @@ pub struct Outcome {
     pub missing: Vec<String>,
 }
 
-/// True of a count that is not worth a word.
+/// True for a count of 0, which is left out.
 fn is_zero(count: &usize) -> bool {
     *count == 0
 }

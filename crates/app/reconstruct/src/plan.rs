@@ -46,7 +46,7 @@ impl Plan {
         let size = largest.map_or([0, 0], |camera| [camera.width, camera.height]);
         let numbers = 3 + 3 + 4 + 1 + 3 * coefficients(fit.sh_degree) as u64;
         let n = fit.gaussians as u64;
-        // Of a step that looks at several photos: gradients and statistics of those whose sum is not yet made.
+        // Rows for a step with several photos: gradients and statistics that are not summed yet.
         let rows = if fit.views_per_step > 1 { 2 + u64::from(fit.views_per_step.ilog2()) } else { 0 };
         Self {
             training: cameras.len() - held_out,

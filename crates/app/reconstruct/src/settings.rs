@@ -22,7 +22,7 @@ pub struct RunSettings {
     pub capture: PathBuf,
     /// Longest side of the photos, pixels; `None` takes them as they are.
     pub long_side: Option<usize>,
-    /// Which photos are held out.
+    /// The choice of held-out photos.
     #[serde(flatten, with = "held")]
     pub hold_out: HoldOut,
     /// The most photos to fit to, evenly spread in the capture's order.
@@ -182,7 +182,7 @@ impl RunSettings {
     }
 }
 
-/// Which photos are held out, in run.json: none where `all` of them are fitted to, or `every` so many.
+/// The choice of held-out photos in run.json: none with `all`, or each `every`-th, else the listed ones.
 mod held {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
     use weaver_data::capture::HoldOut;

@@ -58,7 +58,7 @@ impl Sources {
 fn pixels(photo: &PosedPhoto) -> Checksum {
     let mut sum = Checksum::default();
     sum.bytes(&photo.photo.rgb);
-    // As bytes that are 255 where a pixel counts.
+    // The mask as bytes, 255 where a pixel counts.
     let mask = photo.photo.mask.iter().flatten().map(|counts| if *counts { 255 } else { 0 });
     sum.bytes(&mask.collect::<Vec<u8>>());
     sum

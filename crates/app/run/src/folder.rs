@@ -14,7 +14,7 @@ pub struct Kind {
     pub command: &'static str,
     /// The file of settings. A folder that has it holds a run.
     pub settings: &'static str,
-    /// Files beside those that every run has.
+    /// Files beside the common files of runs.
     pub results: &'static [&'static str],
 }
 

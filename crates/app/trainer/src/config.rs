@@ -277,12 +277,12 @@ impl<R: Recipe> Config<R> {
         Self::settled(weaver_run::settings::parse(text, source)?, source)
     }
 
-    /// As TOML text.
+    /// The configuration as TOML text.
     pub fn to_toml(&self) -> String {
         weaver_run::settings::to_toml(self).expect("a configuration is plain data")
     }
 
-    /// As TOML text in which every key is preceded by its documentation; optional keys without a value are commented
+    /// The configuration as TOML text with documentation before every key; optional keys without a value are commented
     /// out.
     pub fn to_annotated_toml(&self) -> String {
         weaver_run::settings::annotate(self).expect("a configuration is plain data")

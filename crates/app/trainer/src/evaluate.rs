@@ -16,10 +16,10 @@ use crate::{CameraMode, LooksConfig};
 use weaver_data::Scene;
 use weaver_inference::Density;
 
-/// The least side of an image, pixels: SSIM, which every evaluation measures, has windows of so many.
+/// The least side of an image, pixels: the size of the windows of SSIM, which every evaluation measures.
 pub(crate) const LEAST_SIDE: usize = 11;
 
-/// Which photos judge, and where they are drawn from.
+/// The photos that judge, and the cameras that draw them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Targets {
     /// Held-out photos, from the data's cameras.
@@ -43,7 +43,7 @@ pub struct Options {
     pub context_views: usize,
     /// Source of the cameras.
     pub cameras: CameraMode,
-    /// Which photos judge.
+    /// The photos that judge.
     pub targets: Targets,
     /// True if depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,
@@ -86,7 +86,7 @@ impl Default for Options {
 /// Inputs that cameras are estimated from.
 #[derive(Clone, Debug)]
 pub struct Matching {
-    /// The same scenes with the same views in the same order, as large as they are matched.
+    /// The same scenes with the same views in the same order, at the size for matching.
     pub scenes: Vec<Scene>,
     /// True if focal lengths are given, as by EXIF.
     pub focal_known: bool,

@@ -83,9 +83,9 @@ pub struct ImageLosses {
 /// The networks that compare renders with photos, where a stage needs them.
 #[derive(Debug, Default)]
 pub struct ImageNetworks {
-    /// Of LPIPS.
+    /// The network of LPIPS.
     pub lpips: Option<Lpips<f32>>,
-    /// Of the perceptual loss.
+    /// The network of the perceptual loss.
     pub perceptual: Option<Perceptual<f32>>,
 }
 

@@ -34,7 +34,7 @@ pub struct ScenePage {
     pub shots: Vec<Shot>,
     /// Photos on disk.
     pub gallery: Option<Gallery>,
-    /// Features of the Gaussians, which a page compares with those at a point.
+    /// Features of the Gaussians, which a page compares with the features at a point.
     pub features: Option<Features>,
     /// The scene at other times, of one that moves.
     pub moving: Option<Moving>,
@@ -82,7 +82,7 @@ impl ScenePage {
     }
 
     /// Adds the cameras of a file: transforms.json, a folder with a COLMAP model, or a RealEstate10K file. Photos are
-    /// those that it names, or files in `photos`, matched by the longest existing end of their paths. Held-out ones
+    /// the files named in it, or files in `photos`, matched by the longest existing end of their paths. Held-out ones
     /// come first.
     ///
     /// # Errors

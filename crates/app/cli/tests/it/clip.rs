@@ -430,7 +430,7 @@ fn a_manifest_is_not_followed() {
     }
 }
 
-/// A network is given at most so many frames of a clip; where there is no clip, there are none to count.
+/// A network gets at most `--frames` frames of a clip; without a clip the flag is refused.
 ///
 /// Promise (files): `infer` takes at most so many frames of a clip.
 /// Promise of `runs_of_every_command_are_described`.

@@ -175,10 +175,10 @@ fn photos_that_are_not_judged_are_not_decoded() {
 #[test]
 fn every_view_counts_where_none_is_held_out() {
     let folder = folder(&RasterSettings::default(), &[]);
-    // An eighth is held out where nothing is said ...
+    // By default an eighth is held out ...
     let report = evaluate(folder.path(), SCENE);
     assert_eq!((report["views"].as_array().unwrap().len(), &report["held_out"]), (2, &true.into()));
-    // ... and nothing where that is said.
+    // ... and nothing on request.
     let split = folder.path().join("split");
     std::fs::create_dir(&split).unwrap();
     let transforms = std::fs::read_to_string(folder.path().join("capture/transforms.json")).unwrap();

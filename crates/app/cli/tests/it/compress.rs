@@ -1,4 +1,4 @@
-//! `compress`: decibels that are said of pictures without a part in the choice.
+//! `compress`: decibels are reported of pictures without a part in the choice.
 
 use crate::compare::gaussians;
 use crate::in_process::splatweaver;

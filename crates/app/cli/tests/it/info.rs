@@ -143,7 +143,7 @@ fn runs_of_every_command_are_described() {
         assert!(!described.contains("nothing") && !described.contains("summary"), "{described}");
         write("metrics.jsonl", "{\"step\": 1, \"loss\": 2.0}\n{\"step\": 20, \"loss\": 1.0}\n");
         write("trajectory.txt", "");
-        // Of `image fit`, a list.
+        // The summary of `image fit` is a list.
         write("summary.json", "[{\"psnr\": 31.5}]");
         let described = splatweaver(&[&"info", &path]).fine().stdout;
         for part in ["20 steps logged, no checkpoint", "files: trajectory.txt", "summary.json\n{\"psnr\":31.5}"] {

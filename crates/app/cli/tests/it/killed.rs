@@ -18,7 +18,7 @@ fn times() -> u64 {
     std::env::var("WEAVER_KILLS").map_or(TIMES, |n| n.parse().unwrap())
 }
 
-/// A shell that runs the binary, with files of at most so many blocks.
+/// A shell that runs the binary, with files of at most `blocks` blocks.
 fn start(folder: &Path, arguments: &str, blocks: Option<u64>) -> Child {
     let limit = blocks.map_or(String::new(), |blocks| format!("ulimit -f {blocks}; "));
     let script = format!("{limit}exec \"$0\" {arguments}");

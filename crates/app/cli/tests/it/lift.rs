@@ -327,7 +327,7 @@ fn queries_that_do_not_fit_are_refused() {
     fewer.sh.truncate(60);
     write_gaussians(folder.path().join("scene.ply"), &fewer).unwrap();
     refused("lifted.safetensors: expected features of 20 Gaussians, as scene.ply has, found 24");
-    // As many, but others.
+    // The same number of Gaussians, but moved.
     let mut moved = gaussians();
     moved.means[0][0] += 0.1;
     write_gaussians(folder.path().join("scene.ply"), &moved).unwrap();

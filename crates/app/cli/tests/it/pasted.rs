@@ -1,4 +1,4 @@
-//! Commands that the program prints for somebody to paste.
+//! Commands that the program prints for pasting.
 
 #![cfg(unix)]
 

@@ -318,7 +318,7 @@ fn everything_that_does_not_fit_is_listed() {
     scene.infer(&path, &out, &[]).refused(1, &["bad.safetensors", "complete safetensors file", "cut short"]);
     scene.infer(&folder.path().join("none.safetensors"), &out, &[]).refused(1, &["none.safetensors"]);
     scene.infer(&folder.path().join("model.ckpt"), &out, &[]).refused(1, &["convert-weights"]);
-    // Sizes in the metadata that no file of this many tensors can have, and those that cannot be run.
+    // Sizes in the metadata that no file of this many tensors can have, and sizes that cannot be run.
     for (key, value, message) in [("backbone", "rounds", "layers"), ("gaussians", "neighbors", "neighbors")] {
         let mut impossible = checkpoint("encoder.");
         let mut config: serde_json::Value = serde_json::from_str(&impossible.metadata[CONFIG]).unwrap();

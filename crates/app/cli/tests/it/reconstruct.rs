@@ -249,7 +249,7 @@ fn what_is_not_used_is_said() {
     let text = said(&run(folder, "compare out/scene.ply --data capture --long-side 48"));
     assert!(text.contains("capture/sparse/0: photos that are not") && text.contains("05.png"), "{text}");
 
-    // A photo that cannot be read is left out, with a word.
+    // A photo that cannot be read is left out, with a warning.
     std::fs::write(folder.join("capture/images/06.heic"), b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
     let output = run(folder, "cameras capture/images -o found --json");
     let text = said(&output);
@@ -295,7 +295,7 @@ fn photos_held_out_in_vain_are_not_replaced_by_others() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     photos(folder, 18);
-    // Those that would be held out show nothing, and cannot be placed.
+    // The photos to be held out show nothing, and cannot be placed.
     for name in ["00", "08"] {
         Image::filled(192, 144, [0.4; 3]).write_png(folder.join(format!("photos/{name}.png"))).unwrap();
     }

@@ -161,7 +161,7 @@ fn complete_units_print_their_figures_again() {
         words.iter().chain(more).for_each(|word| line.push(word));
         splatweaver(&line).fine()
     };
-    // Made without a word of JSON.
+    // Made without `--json`.
     infer(&[]);
     let again = infer(&["--json"]);
     let figures: serde_json::Value = serde_json::from_str(&again.stdout).unwrap();
@@ -187,7 +187,7 @@ fn a_unit_takes_no_other_fit_for_its_own() {
     assert!(!path("out/unit.json").exists());
 }
 
-/// Files of settings and of a start have a say in a unit's results, as the capture has.
+/// Files of settings and of a start affect a unit's results, as the capture does.
 ///
 /// Promise of `inputs_are_compared_by_their_files`.
 #[test]

@@ -124,7 +124,7 @@ fn training_starts_from_other_weights() {
         "{}",
         said.stderr
     );
-    // Of the table of positions, which is of another size there, nothing.
+    // The table of positions, of another size there, is not taken.
     assert!(taken(&said) > 40 && taken(&said) < taken(&other), "{} {}", taken(&said), taken(&other));
 
     tensors.insert("encoder.aggregator.camera_token", &[1, 2, 1, 32], vec![f32::NAN; 64]);

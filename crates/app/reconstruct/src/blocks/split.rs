@@ -32,7 +32,7 @@ pub struct SplitOptions {
     pub gaussians: Option<usize>,
     /// Longest side of the photos as they will be fitted, pixels.
     pub long_side: Option<usize>,
-    /// Which photos are held out.
+    /// The choice of held-out photos.
     pub hold_out: HoldOut,
     /// True if photos have masks.
     pub masks: bool,

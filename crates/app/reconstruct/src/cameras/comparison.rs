@@ -66,8 +66,7 @@ fn median_and_largest(mut values: Vec<f64>) -> [f64; 2] {
     [values[values.len() / 2], values[values.len() - 1]]
 }
 
-/// The similarity that takes cameras to others, by those that are not far off: either side may have some that are
-/// wrong.
+/// The similarity that takes cameras to others, fitted without outliers: either side may have some wrong cameras.
 fn aligned(from: &[Pose], to: &[Pose]) -> Option<Similarity> {
     let mut kept: Vec<usize> = (0..from.len()).collect();
     let mut onto = None;

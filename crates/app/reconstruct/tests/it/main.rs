@@ -107,7 +107,7 @@ fn reports_begin_with_doubts_about_cameras() {
         "{html}"
     );
     assert!(body.contains("told to 6 % only; photos from more different places, or --focal, would tell."), "{html}");
-    // Somebody's file of that name.
+    // A foreign file of that name.
     std::fs::write(data.join(CamerasSummary::NAME), "[1]").unwrap();
     assert!(!report(settings(), &out("other")).contains("Estimated cameras"));
 }

@@ -37,7 +37,7 @@ proptest! {
         for place in points.iter().copied().chain(far) {
             prop_assert_eq!(found.iter().filter(|region| region.contains(place)).count(), 1);
         }
-        // As many in each, give or take one for each of at most four cuts above it.
+        // The same number in each, give or take one for each of at most four cuts above it.
         for region in &found {
             let own = points.iter().filter(|p| region.contains(**p)).count() as f64;
             prop_assert!((own - points.len() as f64 / count as f64).abs() <= 4.0, "{own} of {}", points.len());
@@ -100,7 +100,7 @@ fn cut(
     blocks(&Sights { points: &points, photos: &photos }, &BlockOptions { count, share })
 }
 
-/// A block has the photos with enough of it, and the points that those to fit to see.
+/// A block has the photos with enough of it, and the points that its training photos see.
 #[test]
 fn a_block_takes_what_its_photos_see() {
     let two = cut(2, 0.2, |_| false).unwrap();

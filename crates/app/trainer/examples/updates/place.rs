@@ -221,7 +221,7 @@ impl Place {
         }
     }
 
-    /// The same, with density control of its own.
+    /// A copy of the place, with density control of its own.
     pub fn copied(&self) -> Self {
         Self {
             context: self.context.clone(),

@@ -25,7 +25,7 @@ pub struct OpenRun {
     pub sources: Sources,
 }
 
-/// Which scenes to evaluate on.
+/// The scenes of an evaluation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Source {
     /// The data of the run.
@@ -43,7 +43,7 @@ pub struct EvalOptions {
     pub context_views: Option<usize>,
     /// Source of the cameras.
     pub cameras: Option<CameraMode>,
-    /// Which photos judge.
+    /// The photos that judge.
     pub targets: Targets,
     /// True if depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,

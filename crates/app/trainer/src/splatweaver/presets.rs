@@ -29,7 +29,7 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
         }
         "tiny-endless" => {
             config.data.endless = Some(2);
-            // Over a thousand steps of so many.
+            // An average over a thousand of the 40 000 steps.
             config.optimizer.ema = Some(0.999);
             config.stages = vec![given(40_000)];
             config.evaluation.cameras = CameraMode::Given;
@@ -141,8 +141,8 @@ fn one_expert(router: &RouterLosses) -> RouterLosses {
     }
 }
 
-/// As the appearance expert of two learns, from given cameras and pictures alone; here the backbone must keep its
-/// cameras in mind.
+/// Training like 2Xplat's appearance expert, from given cameras and pictures alone; here the backbone must keep its
+/// ability to predict cameras.
 fn appearance(steps: usize) -> StageConfig<SplatWeaverRecipe> {
     let everything = everything(steps);
     StageConfig {
@@ -154,7 +154,7 @@ fn appearance(steps: usize) -> StageConfig<SplatWeaverRecipe> {
     }
 }
 
-/// As two experts learn through each other.
+/// Training like 2Xplat's two experts, which learn through each other.
 fn joint(steps: usize) -> StageConfig<SplatWeaverRecipe> {
     let appearance = appearance(steps);
     StageConfig {

@@ -202,7 +202,7 @@ fn times_and_numbers_reach_the_examples() {
     }
 }
 
-/// A predictor that needs cameras says so, and which photos it takes.
+/// A predictor that needs cameras reports this, and its size of photos.
 #[test]
 fn pixel_predictors_say_what_they_need() {
     use weaver_inference::{CameraSource, Density, Photos, PixelAlignedPredictor, Predictor};

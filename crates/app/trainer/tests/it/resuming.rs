@@ -135,7 +135,7 @@ fn more_steps_prolong_the_last_stage_and_are_recorded() {
     let summary = on.train(&whole, &mut Silent, &AtomicBool::new(false)).unwrap();
     assert_eq!((summary.steps, summary.planned), (7, 7));
     assert!(std::fs::read_to_string(whole_path.config_path()).unwrap().contains("steps = 7"));
-    // Stopped at once, then resumed without a word about steps.
+    // Stopped at once, then resumed without a number of steps.
     recipe.resume(&parts_path, Some(7)).unwrap().train(&parts, &mut Silent, &AtomicBool::new(true)).unwrap();
     let other = recipe.resume(&parts_path, None).unwrap().train(&parts, &mut Silent, &AtomicBool::new(false)).unwrap();
     assert_eq!(other.checksum, summary.checksum);

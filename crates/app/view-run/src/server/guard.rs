@@ -19,7 +19,7 @@ impl Guard {
         Ok(Self { port: listener.port, token: super::random()?, access: listener.access })
     }
 
-    /// Refuses requests for other hosts, which pages from elsewhere make under names of their own, and those without
+    /// Refuses requests for other hosts, which pages from elsewhere make under names of their own, and requests without
     /// the token where it is needed.
     pub fn check(&self, request: &Request, query: &str, writes: bool) -> Result<(), Answer> {
         let host = request.host.as_deref().unwrap_or_default();

@@ -23,7 +23,7 @@ fn rest(stream: &mut TcpStream) -> Vec<u8> {
     }
 }
 
-/// Bodies that are said to be large are refused before room is made for them, from whomever they come.
+/// Bodies declared as large are refused before room is made for them, from every client.
 ///
 /// Promise (servers): a body is refused by its length before room is made for it.
 #[test]
@@ -209,7 +209,7 @@ fn a_taken_port_is_refused() {
     server.during(|| assert_eq!(get(&server, "/").0, 200));
 }
 
-/// A server for the network has an address for those in it.
+/// A server for the network has an address for clients in it.
 ///
 /// Promise (servers): clients on the network get an address that they can open.
 #[test]

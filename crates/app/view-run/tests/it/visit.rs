@@ -54,7 +54,7 @@ fn photos_of_a_camera_file_stand_beside_renders() {
         browser.wait("document.getElementById('photo').naturalWidth === 64");
         assert_eq!(browser.text("document.querySelector('#strip span').textContent"), "b <i>");
     });
-    // The same in one file.
+    // The page as one file.
     let page = scene_page.html(Default::default()).unwrap();
     let html = folder.path().join("view.html");
     std::fs::write(&html, page).unwrap();

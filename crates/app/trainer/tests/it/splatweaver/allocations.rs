@@ -56,7 +56,7 @@ fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
         let (mut tape, workspaces) = (Tape::new(), WorkspacePool::new());
         let start = params.clone();
         let mut step = |index: u64| {
-            // The same weights each time: other Gaussians touch other numbers of tiles, which is another shape.
+            // The same weights each time: other Gaussians touch other numbers of tiles, which changes shapes.
             for (id, param) in start.iter() {
                 params.value_mut(id).copy_from_slice(param.value());
             }

@@ -116,7 +116,7 @@ fn samplers_and_views_change_the_run() {
     assert_ne!(losses(&["data.sampler=bounded-gap"]), nearest);
     assert_ne!(losses(&["data.sampler=uniform"]), nearest);
     let more = losses(&["data.most_context_views=4"]);
-    // The same seed draws the same scene and pool; steps of as many views are the same.
+    // The same seed draws the same scene and pool; steps with the same number of views are equal.
     assert!(more != nearest && more[0] != more[1]);
     assert_eq!(losses(&["data.most_context_views=2"]), nearest);
 
