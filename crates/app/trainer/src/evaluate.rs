@@ -47,7 +47,7 @@ pub struct Options {
     pub targets: Targets,
     /// True if depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,
-    /// Estimates the cameras of context views from these photos, in place of other sources; depth is scaled to the
+    /// Estimates the cameras of context views from these photos, in place of other sources; depth is brought to the
     /// estimated points.
     pub matching: Option<Matching>,
     /// Which pixels get Gaussians, and how many; the predictor fills unset fields.
