@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         assert_eq!(read.len(), scene.len());
         let error = difference(&scene, &read);
         assert!(error <= tolerance, "{name}: {error}");
-        // What was rounded once is not rounded again.
+        // Rounded values are not rounded further.
         write_gaussians(&path, &read)?;
         let error_again = difference(&read, &read_gaussians(&path)?);
         assert!(error_again <= 1e-5, "{name}: {error_again}");

@@ -1,4 +1,4 @@
-//! Photos to a scene with the weights of a training run: `predict_to_folder RUN OUT`. The photos are drawn here.
+//! Photos to a scene with the weights of a training run: `predict_to_folder RUN OUT`. The photos are synthetic.
 
 use std::path::{Path, PathBuf};
 use weaver_inference::{OutputFolder, PredictOptions, SplatWeaverPredictor, predict_to_folder};

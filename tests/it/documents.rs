@@ -1,4 +1,4 @@
-//! Commands that documents show are commands that the program takes.
+//! Commands in documents are accepted by the program.
 
 use std::ffi::OsString;
 use std::fs;
@@ -35,7 +35,7 @@ fn commands_are_found_in_blocks_of_sh() {
     );
 }
 
-/// The Markdown files of a folder and of those in it.
+/// The Markdown files of a folder and its subfolders.
 fn add_pages(folder: &Path, pages: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();

@@ -47,7 +47,7 @@ fn a_flag_of_several_commands_has_one_meaning() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// The page of flags says what the program takes. `UPDATE_PAGES=1` writes it.
+/// The page of flags matches the program's definition. `UPDATE_PAGES=1` writes it.
 #[test]
 fn the_page_of_flags_is_the_programs() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("docs/reference/flags.md");

@@ -1,4 +1,4 @@
-//! The walk-through docs/contribute/add-an-op.md is a doctest of this package; here, that it keeps its promise.
+//! The walk-through docs/contribute/add-an-op.md is a doctest of this package; this test holds it to its promise.
 
 #[test]
 fn an_op_takes_30_lines() {

@@ -1,4 +1,4 @@
-//! The picture of the dial in the README, drawn from the table that tells its figures.
+//! The picture of the dial in the README, drawn from the table of its figures.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ const TABLE: &str = "docs/results/density.md";
 const SECTION: &str = "## Density where the error is";
 const PICTURE: &str = "docs/images/dial.svg";
 
-/// A curve: the label of its row in the table, its name in the picture, and how it is drawn.
+/// A curve: the label of its row in the table, its name in the picture, and its style.
 const CURVES: [(&str, &str, &str); 4] = [
     ("**refined: adaptive cells, PSNR**", "adaptive, refined", "stroke='#0a58ca'"),
     ("even cells, in place", "even grid, refined", "stroke='#0a58ca' stroke-dasharray='6 4'"),

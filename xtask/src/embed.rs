@@ -1,4 +1,5 @@
-//! The examples of tests/embedding, built and run in a package outside of the workspace, as somebody who embeds a crate has it.
+//! The examples of tests/embedding, built and run in a package outside of the workspace, like the package of a user who
+//! embeds a crate.
 
 use crate::cargo_run;
 use crate::tidy::{folders, root};
@@ -11,7 +12,7 @@ use std::process::Command;
 const CRATES: &[&str] =
     &["weaver-autograd", "weaver-inference", "weaver-io", "weaver-pose", "weaver-scene", "weaver-splat"];
 
-/// Examples, and whether each wants a folder of a training run and one to write to.
+/// Examples, each with its arguments: the folder of a training run, and a folder to write to.
 const EXAMPLES: &[(&str, &[Argument])] = &[
     ("custom_op", &[]),
     ("formats", &[Argument::Out]),
@@ -73,7 +74,8 @@ fn examples(root: &Path, folder: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// A package that depends on crates of the workspace by path. Its own `[workspace]` keeps cargo from looking for another.
+/// A package that depends on crates of the workspace by path. Its own `[workspace]` keeps cargo from looking for
+/// another.
 fn manifest(folders: &BTreeMap<String, PathBuf>) -> String {
     let dependency = |name: &&str| Some(format!("{name} = {{ path = {:?} }}\n", folders.get(*name)?));
     let dependencies: String = CRATES.iter().filter_map(dependency).collect();

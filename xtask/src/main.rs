@@ -70,7 +70,7 @@ fn check() -> Result<(), String> {
     cargo(&[&["clippy", "--workspace", "--all-targets", "--features", "weaver-cli/gpu"], &lints[..]].concat(), &[])?;
     // A fit is embedded without files, too.
     cargo(&[&["clippy", "-p", "weaver-fit", "--no-default-features"], &lints[..]].concat(), &[])?;
-    // As it is built by default, too. All of it again: what does not depend on the feature is checked already.
+    // As it is built by default, too. The whole workspace again: crates without the feature are checked already.
     cargo(&[&["clippy", "--workspace", "--all-targets"], &lints[..]].concat(), &[])?;
     cargo(&["doc", "--workspace", "--no-deps", "--locked"], &[("RUSTDOCFLAGS", "-D warnings")])?;
     scripts::check(&tidy::root()?)?;
@@ -79,9 +79,9 @@ fn check() -> Result<(), String> {
     Ok(())
 }
 
-/// Runs a binary of the package that knows the model.
+/// Runs a binary of the package that links the model.
 fn forward(binary: &str, arguments: &[String]) -> Result<(), String> {
-    // The binary has said why it failed.
+    // The binary has printed the reason of its failure.
     cargo_run(&["--package", "weaver-parity", "--bin", binary], arguments).map_err(|_| String::new())
 }
 
@@ -93,7 +93,7 @@ fn cargo_run(which: &[&str], arguments: &[String]) -> Result<(), String> {
     finish(&run, &[])
 }
 
-/// Runs cargo, and says so.
+/// Prints a command of cargo, and runs it.
 fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> Result<(), String> {
     println!("cargo {}", arguments.join(" "));
     finish(arguments, environment)

@@ -1,4 +1,4 @@
-//! The long sweeps: the ordinary tests, optimized and told to leave nothing out.
+//! The long sweeps: the ordinary tests, optimized and without omissions.
 
 use crate::cargo;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Random cases per property; proptest draws 256 of itself. A test that takes long draws a part of them.
 const CASES: &str = "8192";
-/// Number of kills of a training, and of files for each reader, unless the command says another.
+/// Number of kills of a training, and of files for each reader, unless the command names another.
 const KILLS: &str = "100";
 const FILES: &str = "1000000";
 /// A folder that Linux keeps in memory.

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 pub fn run(arguments: &[String]) -> Result<(), String> {
-    // What follows -- is for every training.
+    // Arguments behind -- are for every training.
     let (own, more) = match arguments.iter().position(|argument| argument == "--") {
         Some(at) => (&arguments[..at], &arguments[at + 1..]),
         None => (arguments, &[][..]),
@@ -30,11 +30,11 @@ pub fn run(arguments: &[String]) -> Result<(), String> {
     }
 }
 
-/// The optimized program, and where a study keeps its runs. What is there already is not done again.
+/// The optimized program, and the folder of a study's runs. Complete runs are not repeated.
 struct Study {
     program: PathBuf,
     out: PathBuf,
-    /// Weights of LPIPS, which evaluations then tell as well.
+    /// Weights of LPIPS, which evaluations then report as well.
     lpips: Option<String>,
 }
 
@@ -47,7 +47,7 @@ impl Study {
         Ok(Self { program: target.join("release/splatweaver"), out: out.to_path_buf(), lpips })
     }
 
-    /// Trains, or goes on with what was begun, in a folder of this name.
+    /// Trains, or goes on with an unfinished run, in a folder of this name.
     fn train(&self, name: &str, arguments: &[String]) -> Result<PathBuf, String> {
         let run = self.out.join(name);
         let begun = run.join("checkpoint.safetensors").exists();

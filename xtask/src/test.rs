@@ -1,12 +1,12 @@
-//! All tests, and which of them could not run here.
+//! All tests, and a list of tests that could not run here.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-/// Prefix of what a test prints that lacks something; why follows.
+/// Prefix of the line of a skipped test; the reason follows.
 const SKIPPED: &str = "skipped: ";
 
-/// All there is: unit tests, too, except of targets that have none and say so. Examples are left out: no test runs them, and
+/// All tests: unit tests, too, except of targets declared without any. Examples are left out: no test runs them, and
 /// `check` compiles them.
 const ALL: [&[&str]; 2] = [
     &["--workspace", "--features", "weaver-cli/gpu", "--tests"],
@@ -42,9 +42,9 @@ fn tests(which: &[&str], summary: &mut Summary) -> Result<bool, String> {
 /// Summary of the tests' output so far.
 #[derive(Debug, Default)]
 struct Summary {
-    /// True if these are lines that tests which passed have printed.
+    /// True while lines are output of passed tests.
     of_passed: bool,
-    /// Why tests were skipped, and how many for that.
+    /// Reasons of skipped tests, each with the number of tests.
     skipped: std::collections::BTreeMap<String, usize>,
 }
 
@@ -56,7 +56,7 @@ impl Summary {
         } else if line == "failures:" || line.starts_with("test result:") {
             self.of_passed = false;
         }
-        // A test's first line may follow what the harness has printed of another.
+        // A test's first line may follow the harness's output about another test.
         if let Some((_, why)) = line.split_once(SKIPPED).filter(|_| self.of_passed) {
             *self.skipped.entry(why.to_string()).or_default() += 1;
         }

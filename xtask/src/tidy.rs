@@ -1,5 +1,5 @@
-//! The invariants that no compiler checks: which crate may use which, who may open files or print, where `unsafe` may
-//! stand, how words are spelled and sentences built, and that the documents say what is so.
+//! The invariants that no compiler checks: dependencies between crates, the crates that may open files or print, the
+//! places of `unsafe`, spelling and sentences, and the truth of documents.
 
 mod circles;
 mod dependencies;
@@ -38,7 +38,7 @@ struct Package {
     sources: Vec<Source>,
     /// The files below `tests`, `benches` and `examples`.
     tests: Vec<Source>,
-    /// Files of others that those include by `#[path]`.
+    /// Files from elsewhere that the package's sources include by `#[path]`.
     borrowed: Vec<Source>,
     readme: String,
 }

@@ -1,8 +1,8 @@
-//! The tests of the crates that touch memory by hand, under valgrind's memcheck: no read or write beyond what was allocated, no
-//! decision on memory that was never written.
+//! The tests of the crates that touch memory by hand, under valgrind's memcheck: no read or write beyond allocations,
+//! no branch on memory that was never written.
 //!
-//! Valgrind executes the portable and the AVX2 code; AVX-512 it does not know. Reads and writes that a kernel makes unchecked are
-//! checked once more by `debug_assert!`, since this is the dev profile.
+//! Valgrind executes the portable and the AVX2 code; it does not support AVX-512. Reads and writes that a kernel makes
+//! unchecked are checked once more by `debug_assert!`, since this is the dev profile.
 
 use serde_json::Value;
 use std::process::{Command, Stdio};
@@ -11,8 +11,8 @@ use std::time::Instant;
 const PACKAGES: &[&str] = &["weaver-kernels", "weaver-autograd"];
 const INSTRUCTION_SETS: &[&str] = &["portable", "avx2"];
 
-/// Parts of the names of tests that do a hundred thousand times what others do a few times, that start processes of their own, or
-/// that measure the machine, which is another one here.
+/// Parts of the names of skipped tests: with a hundred thousand cases in place of a few, with processes of their own,
+/// or with measurements of the machine, which differs under valgrind.
 const SKIPPED: &[&str] = &["every_size", "whole_range", "f32_is_accurate", "instruction_sets", "peak::"];
 
 /// Exit code of memcheck when it has found something.
@@ -56,7 +56,7 @@ fn executables() -> Result<Vec<(String, String)>, String> {
     if found.is_empty() { Err("cargo built no test".into()) } else { Ok(found) }
 }
 
-/// The test executable that a message of cargo speaks of.
+/// The test executable in a message of cargo.
 fn executable(message: &str) -> Option<(String, String)> {
     let message: Value = serde_json::from_str(message).ok()?;
     let path = message["executable"].as_str()?;
@@ -70,7 +70,7 @@ fn memcheck(executable: &str, set: &str) -> Result<Option<i32>, String> {
     run.args(["--quiet", "--tool=memcheck", &format!("--error-exitcode={FOUND}"), executable]);
     run.args(["--quiet", "--test-threads=1"]);
     run.args(SKIPPED.iter().flat_map(|part| ["--skip", part]));
-    // Two threads are enough to share work; few random cases, each of which takes fifty times as long as usual.
+    // Two threads are enough to share work; few random cases, as each takes fifty times as long as usual.
     let run = run.env("WEAVER_SIMD", set).env("RAYON_NUM_THREADS", "2").env("PROPTEST_CASES", "20");
     run.status().map(|status| status.code()).map_err(|e| format!("valgrind could not be started: {e}"))
 }

@@ -72,7 +72,7 @@ fn only_wheel(folder: &Path) -> Result<PathBuf, String> {
     wheels.next().ok_or_else(|| format!("{}: expected a wheel, found none", folder.display()))
 }
 
-/// Runs a program, and says so.
+/// Prints a command, and runs it.
 fn call(command: &mut Command) -> Result<(), String> {
     println!("{command:?}");
     let status = command.status().map_err(|error| format!("{command:?}: {error}"))?;

@@ -1,7 +1,7 @@
-//! Reference numbers of `tests/fixtures`, and comparison with them at the accuracy that the arithmetic can have.
+//! Reference numbers of `tests/fixtures`, and comparison with them at the accuracy of the arithmetic.
 //!
-//! A file holds inputs, weights, cotangents, outputs and gradients computed in `f64`, and in its metadata the relative errors that
-//! the same code makes in `f32` (`f32_error`: L2 and largest).
+//! A file holds inputs, weights, cotangents, outputs and gradients computed in `f64`, and in its metadata the relative
+//! errors that the same code makes in `f32` (`f32_error`: L2 and largest).
 
 use half::f16;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
@@ -31,14 +31,14 @@ pub struct Tolerance {
     pub least: f64,
     /// Smallest size that an error is relative to.
     pub size: f64,
-    /// True if the largest error over the largest number is bounded, too, beside that in L2.
+    /// True if the largest error over the largest number is bounded as well as the L2 error.
     pub largest: bool,
 }
 
 impl Tolerance {
-    /// Of code that runs in `f32`.
+    /// Tolerance for code that runs in `f32`.
     pub const SINGLE: Self = Self { times: 20.0, least: 1e-5, size: 0.0, largest: true };
-    /// Of code that runs in `f64`, where sums that cancel are as exact as the file.
+    /// Tolerance for code that runs in `f64`, where sums that cancel are as exact as the file.
     pub const DOUBLE: Self = Self { times: 1.0, least: 1e-6, size: 1e-6, largest: false };
 }
 
@@ -51,7 +51,7 @@ pub struct Fixture {
 }
 
 impl Fixture {
-    /// Reads a file of `tests/fixtures`, which must be there, for comparison in single precision.
+    /// Reads a file in `tests/fixtures`, which must exist, for comparison in single precision.
     pub fn open(name: &str) -> Self {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures").join(name);
         let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -91,7 +91,7 @@ impl Fixture {
         &self.array(key).shape
     }
 
-    /// The numbers, in single precision, and the shape of a tensor.
+    /// The shape of a tensor, and its numbers in single precision.
     pub fn tensor(&self, key: &str) -> (Vec<f32>, Vec<usize>) {
         (self.f32(key), self.shape(key).to_vec())
     }
@@ -168,7 +168,8 @@ impl Fixture {
         }
     }
 
-    /// Panics unless every parameter's gradient is the file's: in full where the file has it, and its norm, sum and a weighted sum.
+    /// Panics unless every parameter's gradient is the file's: in full where the file has it, and its norm, sum and a
+    /// weighted sum.
     #[track_caller]
     pub fn assert_gradients(&self, params: &Params<f32>, tape: &Tape<f32>) {
         let mut compared = 0;
@@ -197,7 +198,7 @@ impl Fixture {
     }
 }
 
-/// Norm, sum and a weighted sum of a gradient, as files have them.
+/// Norm, sum and a weighted sum of a gradient, as stored in files.
 pub fn gradient_statistics<T: Real>(gradient: &[T]) -> [f64; 3] {
     let all = || gradient.iter().map(|g| g.to_f64());
     let weighted = all().enumerate().map(|(i, g)| g * (0.7 * i as f64 + 0.3).cos());

@@ -5,7 +5,7 @@ use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, Pose, se3};
 use weaver_pose::descent::{Descent, Method, twist_gradient};
 
-/// All of it is in f64, whatever the rest is compared in.
+/// Compares in f64, also where other files are compared in f32.
 pub fn run(file: Reference) -> Reference {
     let start: Vec<f64> = file.data("in.w2c");
     let twists: Vec<f64> = file.data("in.twist");
@@ -36,7 +36,7 @@ pub fn run(file: Reference) -> Reference {
     // The file spells it otherwise.
     let centers: Vec<f64> = ends.iter().flat_map(|end| end.translation.to_array()).collect();
     file.check(concat!("out.2xplat_cent", "re"), &centers);
-    // That descent does not keep its quaternions at length 1, and a rotation does not know their sign.
+    // That descent does not keep its quaternions at length 1, and a rotation leaves their sign open.
     let expected: Vec<f64> = file.data("out.2xplat_quaternion");
     let of_end = |(end, expected): (&Pose, &[f64])| {
         let [w, x, y, z] = end.wxyz();
@@ -80,7 +80,7 @@ fn flat(pose: &Pose) -> [f64; 12] {
     std::array::from_fn(|i| rows[i / 4][i % 4])
 }
 
-/// The stand-in loss: the mean over views of half the weighted square of `[A | t]` less what is wanted.
+/// The stand-in loss: the mean over views of half the weighted square of `[A | t]` minus its target.
 struct Quadratic {
     weight: Vec<f64>,
     wanted: Vec<f64>,

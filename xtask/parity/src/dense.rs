@@ -7,7 +7,7 @@ use weaver_nn::{Builder, Context, WeightInit};
 use weaver_pose::{cameras, unproject};
 use weaver_vggt::{DenseTokens, DepthHead, DepthHeadConfig, DptConfig};
 
-/// The sizes of a dense trunk, from where they stand in a file's configuration.
+/// The sizes of a dense trunk, from their place in a file's configuration.
 pub fn dpt(file: &Reference, dim: usize, at: &str) -> DptConfig {
     let channels = file.sizes(&format!("{at}out_channels"));
     let features = file.size(&format!("{at}features"));
@@ -29,7 +29,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let grid = [file.size("grid_h"), file.size("grid_w")];
     let tokens = DenseTokens { layers: &layers, special: file.size("special_tokens"), grid, image: [height, width] };
     tape.without_gradient(|| {
-        // Of view 0 alone.
+        // The file has view 0 alone.
         let fused = head.trunk().fuse(cx, tokens);
         file.check("out.refinenet3", &fused[2].slice(0, 0, 1).value());
         file.check("out.refinenet4", &fused[3].slice(0, 0, 1).value());

@@ -75,7 +75,7 @@ fn config(file: &Reference) -> ModelConfig {
 /// The tensors whose gradients are compared beside the parameters'.
 struct Stages<'t, T: Real> {
     total: Var<'t, T>,
-    /// The same with LPIPS, where there are weights for it.
+    /// The loss with LPIPS, where there are weights for it.
     with_lpips: Result<Var<'t, T>, String>,
     images: Var<'t, T>,
     image_raw: Var<'t, T>,
@@ -86,8 +86,8 @@ struct Stages<'t, T: Real> {
 }
 
 impl<T: Real> Stages<'_, T> {
-    /// Compares the gradient of the images before clamping. Where nothing is drawn it leads nowhere, and the files have 0
-    /// though the clamp lets it pass; there it is not compared.
+    /// Compares the gradient of the images before clamping. Pixels without Gaussians are not compared: there the files
+    /// have 0, although the clamp passes the gradient.
     fn check_image_raw(&self, file: &Reference, key: &str) {
         let (alpha, [height, width]) = (self.render_alpha.value(), [2, 3].map(|axis| self.image_raw.shape()[axis]));
         let plane = height * width;
@@ -162,7 +162,7 @@ fn forward<'t, T: Real>(
     let assigned: Vec<u32> = predicted.assignment.expert.iter().map(|e| u32::from(*e)).collect();
     file.check_indices("out.assigned", &assigned);
     let g = &predicted.gaussians;
-    // The stage is what the rasterizer is given: a copy, since the neighbor attention has its share in the original.
+    // The stage is the rasterizer's input: a copy, since the gradient of the original includes the neighbor attention.
     let count = g.means.shape()[0];
     let (means, opacities) = (g.means.slice(0, 0, count).retain_grad(), g.opacities.retain_grad());
     let gaussians = [

@@ -12,7 +12,7 @@ use weaver_splat::GaussianVars;
 use weaver_vggt::{DenseTokens, FeatureHead, FeatureHeadConfig};
 use weaver_wavelet::{Wavelet, analysis, luma};
 
-/// A choice that was made before: that of a file's noise.
+/// The choice of experts by a file's recorded noise.
 #[derive(Debug)]
 pub struct Recorded<T> {
     pub noise: Vec<T>,
@@ -103,7 +103,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let size = [views, height, width];
     let planes = maps(logits, size).retain_grad();
     file.check("out.logits", &planes.value());
-    // The planes are what the file's gradient belongs to, so the rest goes on from them.
+    // The file's gradient is with respect to the planes, so the rest goes on from them.
     let logits = rows(planes);
 
     let request = AllocationRequest {
@@ -122,7 +122,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let mut assignment = Recorded { noise: file.data("in.gumbel") }.allocate(&request);
     let assigned: Vec<u32> = assignment.expert.iter().map(|e| u32::from(*e)).collect();
     if file.check_indices("out.assigned", &assigned) {
-        // Those few that may differ would change the number of rows of all that follows.
+        // The few entries that may differ would change the number of rows from here on.
         let expected = file.indices("out.assigned");
         assignment.expert.iter_mut().zip(expected).for_each(|(e, expected)| *e = expected as u8);
     }

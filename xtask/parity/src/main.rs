@@ -1,6 +1,6 @@
 //! `cargo xtask parity`: every module against files of reference numbers.
 //!
-//! A package of its own, so that `cargo xtask tidy` need not compile the model.
+//! A package of its own, so that `cargo xtask tidy` does without compiling the model.
 
 mod aggregator;
 mod alignment;
@@ -76,8 +76,7 @@ impl Comparison {
         self.lines.iter().filter(|line| line.verdict == verdict).count()
     }
 
-    /// Comparisons that fail the command. A file that nothing here can be compared with fails it only where every file must
-    /// be known.
+    /// Comparisons that fail the command. A file without a comparison here fails it in `strict` mode alone.
     fn failures(&self, strict: bool) -> usize {
         self.count(Verdict::Fail) + if strict { self.count(Verdict::Unknown) } else { 0 }
     }
@@ -104,7 +103,7 @@ pub fn command(arguments: &[String]) -> Result<(), String> {
     }
     let files = files_below(&options.folder)?;
     let wanted = |file: &&PathBuf| options.only.as_ref().is_none_or(|only| name_of(file).contains(only.as_str()));
-    // What panics becomes a line of the report.
+    // Panics become lines of the report.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     let results: Vec<(&PathBuf, Comparison)> = files
@@ -153,7 +152,7 @@ fn report(options: &Options, results: &[(&PathBuf, Comparison)]) {
             (results.iter().map(lines).collect(), results.iter().map(summary).collect());
         format!("  error largest     f32  verdict\n{lines}{summary}")
     };
-    // A reader that has seen enough is no reason to fail.
+    // A closed pipe is no failure.
     let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
@@ -180,13 +179,13 @@ fn files_below(folder: &Path) -> Result<Vec<PathBuf>, String> {
 /// Largest error in f32 that flipped rectifiers explain.
 const FLIPPED: f64 = 1e-2;
 
-/// True if a comparison is of LPIPS, whose rectifiers and maxima are so many that some sum is always close to another.
+/// True if a comparison is of LPIPS, with so many rectifiers and maxima that some sum is always close to a branch.
 fn of_lpips(key: &str) -> bool {
     key.contains("lpips")
 }
 
-/// All comparisons of one file in f32. What is beyond its bar is compared once more in f64, to tell what rounding did to
-/// rectifiers from another formula; a comparison that may flip is then excused.
+/// All comparisons of one file in f32. A comparison beyond its bar is repeated in f64, to distinguish rectifiers that
+/// rounding flipped from another formula; a comparison that may flip is then excused.
 fn compare(path: &Path, weights: Option<&Path>, may_flip: impl Fn(&str) -> bool) -> Comparison {
     let (mut lines, rectified) = compare_in::<f32>(path, weights);
     if lines.iter().all(|line| matches!(line.verdict, Verdict::Pass | Verdict::Unknown)) {
@@ -209,8 +208,8 @@ fn compare(path: &Path, weights: Option<&Path>, may_flip: impl Fn(&str) -> bool)
     Comparison { lines, flips }
 }
 
-/// All comparisons of one file in one precision, and what rectifiers made. What cannot be run at all is a comparison that
-/// failed.
+/// All comparisons of one file in one precision, and the outputs of rectifiers. A file that cannot be run at all counts
+/// as a failed comparison.
 fn compare_in<T: Real>(path: &Path, weights: Option<&Path>) -> (Vec<Line>, Vec<Rectified>) {
     let without_numbers =
         |verdict: Verdict, remark: String| (vec![Line::without_numbers(name_of(path), verdict, remark)], Vec::new());

@@ -6,7 +6,7 @@ use weaver_dynamic::{Code, CodeConfig, Field, FieldConfig, Keys, KeysConfig, Mot
 use weaver_nn::{Builder, Context};
 
 pub fn run<T: Real>(file: Reference) -> Reference {
-    // The file spells it otherwise, and holds as inputs what are parameters here; those have no gradients in it.
+    // The file spells a word otherwise, and holds some of our parameters as inputs, without gradients.
     let file = file
         .with_word(concat!("cent", "re"), "center")
         .with_word("in.field.", "w.field.")

@@ -1,5 +1,5 @@
-//! Single operations: `<op>.in.*`, `<op>.cot`, `<op>.out` and `<op>.grad.*`. What an operation is follows from its name,
-//! its sizes from the tensors, and its constants from the note in the metadata.
+//! Single operations: `<op>.in.*`, `<op>.cot`, `<op>.out` and `<op>.grad.*`. The kind of an operation follows from its
+//! name, its sizes from the tensors, and its constants from the note in the metadata.
 
 use super::camera_head::{intrinsics, matrices};
 use super::reference::Reference;

@@ -31,7 +31,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         x = block.forward(cx, x, None);
         file.check(&format!("out.block{i}"), &x.value());
     }
-    // The way that everybody runs it.
+    // The published way of running it.
     let tokens = encoder.forward(cx, images);
     file.check("out.patch_tokens", &tokens.value());
     file.backward(file.weighted(tokens, "cot.patch_tokens"));

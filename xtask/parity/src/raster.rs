@@ -1,4 +1,4 @@
-//! The rasterizer. Its files say by their contents what they are: plain colors or harmonics, classic or antialiased.
+//! The rasterizer. The kind of a file follows from its contents: plain colors or harmonics, classic or antialiased.
 
 use super::camera_head::intrinsics;
 use super::reference::Reference;

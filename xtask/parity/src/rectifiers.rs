@@ -1,7 +1,8 @@
-//! Which rectifiers the rounding of f32 has flipped: the outputs of one run, unit by unit, against those of a run in f64.
+//! Rectifiers flipped by the rounding of f32: the outputs of one run, unit by unit, against the outputs of a run in
+//! f64.
 //!
-//! A rectifier has no slope at 0. A sum that rounding moves over it changes no output by more than the rounding, but the
-//! gradient that passes there appears or is gone.
+//! A rectifier has no slope at 0. A sum that rounding moves over it changes no output by more than the rounding, but
+//! the gradient that passes there appears or is gone.
 
 use serde_json::{Value, json};
 use weaver_autograd::{Real, Tape};
@@ -60,7 +61,7 @@ impl Flip {
     }
 }
 
-/// All units that differ; none to be compared where the runs went different ways.
+/// All units that differ; `None` where the runs took different branches and cannot be compared.
 pub fn flips(a: &[Rectified], b: &[Rectified]) -> Option<Vec<Flip>> {
     let mut flips = Vec::new();
     if a.len() != b.len() {

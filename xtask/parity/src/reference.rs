@@ -1,7 +1,8 @@
-//! One file of reference numbers, and how close to them is close enough.
+//! One file of reference numbers, and the tolerances of comparisons with it.
 //!
-//! A file holds inputs, weights, cotangents, outputs and gradients computed in f64, and in its metadata its configuration
-//! and what the same code loses in f32. Every comparison leaves a [`Line`]; what was never compared leaves one too.
+//! A file holds inputs, weights, cotangents, outputs and gradients computed in f64, and in its metadata its
+//! configuration and the error of the same code in f32. Every comparison leaves a [`Line`]; results that were never
+//! compared leave one too.
 
 use super::rectifiers::{self, Rectified};
 use serde_json::{Value, json};
@@ -50,7 +51,7 @@ pub struct Line {
     pub error: f64,
     /// Largest error.
     pub largest: f64,
-    /// Error by f32 of the file's own code, where it says so.
+    /// Error by f32 of the file's own code, where the metadata has it.
     pub f32_error: Option<f64>,
     pub allowed: f64,
     pub verdict: Verdict,
@@ -58,7 +59,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// A line about a whole file of which nothing could be compared.
+    /// A line about a whole file without any comparison.
     pub fn without_numbers(key: String, verdict: Verdict, remark: String) -> Self {
         let nothing = f64::NAN;
         Self { key, error: nothing, largest: nothing, f32_error: None, allowed: 0.0, verdict, remark }
@@ -84,7 +85,7 @@ impl Line {
     }
 }
 
-/// JSON knows neither NaN nor infinity.
+/// JSON has neither NaN nor infinity.
 fn finite(x: f64) -> Value {
     if x.is_finite() { json!(x) } else { json!(x.to_string()) }
 }
@@ -94,7 +95,7 @@ fn finite(x: f64) -> Value {
 pub struct Reference {
     tensors: Tensors,
     lines: RefCell<Vec<Line>>,
-    /// Keys that are outputs of the file but were used as what they are.
+    /// Output keys whose values were used as inputs.
     used: RefCell<BTreeSet<String>>,
     rectified: RefCell<Vec<Rectified>>,
     f32_error: Value,
@@ -129,7 +130,7 @@ impl Reference {
         })
     }
 
-    /// The same with one bar for every comparison.
+    /// The file with one bar for every comparison.
     pub fn with_bar(self, bar: f64) -> Self {
         Self { bar: Some(bar), ..self }
     }
@@ -231,23 +232,23 @@ impl Reference {
         }
     }
 
-    /// Walks back from a scalar, and remembers what rectifiers let through on the way there.
+    /// Runs the backward pass from a scalar, and records the outputs of rectifiers of the forward pass.
     pub fn backward<T: Real>(&self, loss: Var<'_, T>) {
         self.backward_with(loss, &[T::ONE]);
     }
 
-    /// The same from a tensor, given its cotangent.
+    /// As [`backward`](Self::backward), from a tensor and its cotangent.
     pub fn backward_with<T: Real>(&self, y: Var<'_, T>, cotangent: &[T]) {
         self.rectified.borrow_mut().extend(rectifiers::on(y.tape()));
         y.backward_with(cotangent);
     }
 
-    /// Compares numbers with those of a key, where the file has it.
+    /// Compares numbers with the values of a key, where the file has it.
     pub fn check<T: Real>(&self, key: &str, found: &[T]) {
         self.check_where(key, found, |_| true);
     }
 
-    /// The same where `counts(i)`.
+    /// As [`check`](Self::check), at the numbers where `counts(i)`.
     pub fn check_where<T: Real>(&self, key: &str, found: &[T], counts: impl Fn(usize) -> bool) {
         if !self.has(key) {
             return;
@@ -275,12 +276,12 @@ impl Reference {
         }
     }
 
-    /// Compares indices one by one; as many as the file counts may differ. Whether they are equal enough.
+    /// Compares indices one by one; as many as the file allows may differ. True if they pass.
     pub fn check_indices(&self, key: &str, found: &[u32]) -> bool {
         self.check_rows(key, found, 1)
     }
 
-    /// Compares indices as sets, row by row; as many rows as the file counts may differ.
+    /// Compares indices as sets, row by row; as many rows as the file allows may differ.
     pub fn check_rows(&self, key: &str, found: &[u32], row: usize) -> bool {
         if !self.has(key) {
             return true;
@@ -363,7 +364,7 @@ impl Reference {
         result
     }
 
-    /// The lines, one for each output and gradient that nothing was compared with among them, and what rectifiers made.
+    /// The lines, with one for each output and gradient that was never compared, and the outputs of rectifiers.
     pub fn finish(self) -> (Vec<Line>, Vec<Rectified>) {
         let compared: BTreeSet<String> = self.lines.borrow().iter().map(|line| line.key.clone()).collect();
         for key in self.tensors.tensors.keys().filter(|key| is_result(key)) {

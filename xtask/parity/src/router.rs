@@ -1,4 +1,4 @@
-//! MoE-GS: three experts, what they carry, the gate, the mixture, the losses, and what each Gaussian is worth.
+//! MoE-GS: three experts, their features, the gate, the mixture, the losses, and the importance of each Gaussian.
 
 use super::reference::Reference;
 use weaver_autograd::{Params, Real, Tape, ops};

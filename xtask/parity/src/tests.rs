@@ -1,4 +1,4 @@
-//! The files of the repository pass; what differs is found, and told from a rectifier that rounding flipped.
+//! The files of the repository pass; differences are found, and distinguished from rectifiers that rounding flipped.
 
 use super::*;
 use weaver_autograd::{Params, Tape};
@@ -35,7 +35,7 @@ fn everything_equals_its_reference() {
     }
 }
 
-/// So that no comparison is left out where there is nothing but the repository.
+/// Every module has a comparison with the files of the repository alone.
 #[test]
 fn every_module_has_a_file_in_the_repository() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures");
@@ -82,8 +82,9 @@ const UNIT: &str = "residual_conv_unit";
 /// Column and row of the sum that is all but 0.
 const AT: [usize; 2] = [2, 3];
 
-/// A file about a residual unit with `w1`, `b1`, ... of random numbers. One of the sums that its rectifier sees is as close
-/// to 0 as a bias in f32 can bring it, and the cotangents about it are small, so that they change gradients a little.
+/// A file about a residual unit with `w1`, `b1`, ... of random numbers. One of the sums that its rectifier sees is as
+/// close to 0 as a bias in f32 can bring it, and the cotangents about it are small, so that they change gradients a
+/// little.
 fn balanced_on_zero(seed: u64) -> Tensors {
     let stream = Stream::new(seed, 0, "numbers");
     let mut drawn = 0..;
@@ -141,7 +142,7 @@ fn keys(comparison: &Comparison, verdict: Verdict) -> Vec<&str> {
     comparison.lines.iter().filter(|line| line.verdict == verdict).map(|line| line.key.as_str()).collect()
 }
 
-/// A flipped rectifier passes for what it is and excuses nothing else.
+/// A flipped rectifier is recognized, and excuses no other difference.
 ///
 /// Promise (kept): only rectifiers of LPIPS may flip where numbers of reference implementations are compared.
 #[test]
@@ -149,7 +150,7 @@ fn a_flipped_rectifier_excuses_only_itself() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("unit.safetensors");
     let write = |tensors: &Tensors| tensors.write(&file).unwrap();
-    // How f32 rounds depends on the machine; on none does it round all of these as f64 does.
+    // Rounding in f32 depends on the machine; on none do all of these round as in f64.
     let flipping = |tensors: &Tensors| {
         write(tensors);
         !compare(&file, None, |_| true).flips.is_empty()
@@ -170,7 +171,7 @@ fn a_flipped_rectifier_excuses_only_itself() {
     assert_eq!(keys(&strict, Verdict::Fail), flipped);
     assert!(command(std::slice::from_ref(&path)).is_err());
 
-    // A gradient that is wrong stays wrong, beside those that flipped.
+    // A wrong gradient stays a failure beside flipped ones.
     let key = format!("{UNIT}.grad.w2");
     let shape = [CHANNELS, CHANNELS, 3, 3];
     let mut gradient = tensors.values::<f32>(&key, &shape).unwrap().to_vec();

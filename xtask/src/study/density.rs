@@ -1,5 +1,5 @@
-//! What adaptive density is worth: the same training with cells that follow the photos, with even ones, and with one Gaussian for every
-//! pixel; and what each part of the method brings.
+//! Benefit of adaptive density: the same training with cells that follow the photos, with even cells, and with one
+//! Gaussian for every pixel; and ablations of each part of the method.
 
 use super::{Study, mean_and_spread};
 use serde_json::Value;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// Gaussians per pixel at which runs are compared.
 const BUDGETS: [f64; 7] = [1.0, 0.4, 0.3, 0.25, 0.1, 0.05, 0.02];
-/// Which of them an arm without a budget is compared at.
+/// Index of the budget at which an arm without a budget is compared.
 const SPARSE: usize = 2;
 /// Seeds of the arms that are compared with each other.
 const SEEDS: u64 = 3;
@@ -18,7 +18,7 @@ const PRESET: &str = "small";
 /// The arm that the others are compared with.
 const ADAPTIVE: &str = "adaptive";
 
-/// One way to train, and how that is evaluated.
+/// One way of training, and its evaluation.
 struct Arm {
     name: &'static str,
     /// Its settings in the configuration.
@@ -59,7 +59,7 @@ const ARMS: [Arm; 10] = [
         allocations: &["quadtree"],
         seeds: 1,
     },
-    // Cells do not ask the router; density by pixels does.
+    // Cells do without the router; density by pixels uses it.
     Arm { name: "dithered", settings: &[PIXELS, MIX], allocations: &["dithered", "grid"], seeds: 1 },
     Arm {
         name: "dithered-no-frequency-prior",
@@ -143,7 +143,7 @@ pub fn run(out: &Path, captures: &[&str], lpips: Option<&str>, more: &[String]) 
     Ok(())
 }
 
-/// Quality of each expert on every pixel, by held-out photos and by those that it was made of.
+/// Quality of each expert on every pixel, by held-out photos and by context photos.
 fn experts(study: &Study, runs: &[PathBuf]) -> Result<Vec<String>, String> {
     let head = ["", "| Gaussians for every pixel | held-out photos, PSNR | context photos |", "|---|---|---|"];
     let mut rows = head.map(String::from).to_vec();

@@ -1,5 +1,6 @@
-//! What it costs that photos are distorted, stored on their side or masked: the same capture clean and in each of these ways, by the
-//! weights that come with the program and by weights trained on it, judged by the same pixels of the same photos.
+//! Cost of photos that are distorted, stored on their side or masked: the same capture clean and in each of these ways,
+//! by the weights that come with the program and by weights trained on it, judged by the same pixels of the same
+//! photos.
 
 use super::{Study, mean_and_spread};
 use crate::cargo;
@@ -69,7 +70,7 @@ impl Capture<'_> {
         self.psnr(&self.copies.join(copy).join("built-in.json"), arguments)
     }
 
-    /// The same by weights trained on the copy.
+    /// PSNR of held-out photos by weights trained on the copy.
     fn trained(&self, copy: &str, masks: bool, seed: u64) -> Result<f64, String> {
         let data = self.copies.join(copy).display().to_string();
         let fixed = ["--preset", "tiny-endless", "--init", "built-in", "--steps", STEPS, "--data", &data];

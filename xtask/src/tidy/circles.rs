@@ -1,7 +1,7 @@
 //! Import circles between the files of one crate.
 //!
-//! Files that import each other can only be read together. A file and the files of its own folder are one unit and may know
-//! each other; a re-export (`pub use`) is an address, not a use.
+//! Files that import each other can only be read together. A file and the files of its own folder are one unit and may
+//! import each other; a re-export (`pub use`) is an address, not a use.
 
 use super::Workspace;
 use super::sources::{Source, product};
@@ -58,7 +58,7 @@ pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
 /// The names from the crate's root down to a module.
 type Module = Vec<String>;
 
-/// A crate's modules and what they import.
+/// A crate's modules and their imports.
 #[derive(Default)]
 struct Crate {
     places: BTreeMap<Module, String>,
@@ -119,7 +119,7 @@ fn reach<'a>(edges: &'a BTreeMap<&Module, BTreeSet<Module>>, from: &Module) -> B
 }
 
 impl Crate {
-    /// The module whose file holds what a path names; re-exports are followed.
+    /// The module whose file defines the item of a path; re-exports are followed.
     fn file_of(&self, path: &[String], depth: usize) -> Module {
         let mut module = Module::new();
         for name in path {
@@ -130,7 +130,7 @@ impl Crate {
                 continue;
             }
             return match self.imports.get(&module).and_then(|imports| imports.get(name)) {
-                // A name that stands for itself is one that this reading does not understand.
+                // A name that stands for itself is not understood here.
                 Some(path) if depth < 8 => self.file_of(path, depth + 1),
                 _ => module,
             };
@@ -227,7 +227,7 @@ fn expand(prefix: &str, tree: &str, paths: &mut Vec<String>) {
     };
     let prefix = format!("{prefix}{}", &tree[..open]);
     let inner = tree[open + 1..].trim_end().trim_end_matches('}');
-    // The last brace closed this one; those before belong to the branches.
+    // The last brace closed this one; earlier braces belong to the branches.
     let closing = tree.trim_end().len() - tree.trim_end().trim_end_matches('}').len();
     let inner = format!("{inner}{}", "}".repeat(closing.saturating_sub(1)));
     let (mut depth, mut start) = (0, 0);

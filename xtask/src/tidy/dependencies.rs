@@ -1,4 +1,4 @@
-//! Dependencies: none that nobody uses, none on a git revision, none from outside in the lower crates, and each one explained in
+//! Dependencies: none unused, none on a git revision, none from outside in the lower crates, and each one explained in
 //! docs/contribute/dependencies.md.
 
 use super::sources::{Source, product};
@@ -11,7 +11,7 @@ const DOCUMENT: &str = "docs/contribute/dependencies.md";
 /// Outside crates that the crates below the formats may use: embedding one of them brings in nothing else.
 const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "libc", "crc32c"];
 
-/// Crates that weaver-gpu reaches a device with; nothing below it does, so that nobody gets them who does not ask.
+/// Crates by which weaver-gpu reaches a device; no crate below has them, so that only users of the GPU get them.
 const DEVICE: &[&str] = &["wgpu", "pollster", "bytemuck"];
 
 pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
@@ -22,7 +22,7 @@ pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     let edges = floors::declared(workspace);
     for package in &workspace.packages {
         check_unused(package, &workspace.others, faults);
-        // Configurations and files are formats: of the upper floors, and of what has weaver-io below it.
+        // Configurations and files are formats: a matter of the upper floors, and of crates above weaver-io.
         let upper = ["nets", "app", "methods"].contains(&floors::of(package));
         let formats = upper || package.short() == "io" || floors::below(&edges, package.short()).contains("io");
         if !package.exempt() && !formats {
@@ -41,7 +41,7 @@ fn dependencies(package: &Package) -> impl Iterator<Item = &Value> {
     package.metadata["dependencies"].as_array().into_iter().flatten()
 }
 
-/// Crates from outside that come with a crate, without being asked for by a feature.
+/// Crates from outside that come with a crate without any feature.
 fn outside(package: &Package) -> impl Iterator<Item = &str> {
     let normal = dependencies(package).filter(|d| d["kind"].is_null() && d["optional"] != true);
     normal.map(|d| text(d, "name")).filter(|name| !name.starts_with("weaver-"))

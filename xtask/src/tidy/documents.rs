@@ -1,4 +1,4 @@
-//! Documents say what is so: versions agree, links lead somewhere, the index names every page.
+//! Documents are true: versions agree, links lead somewhere, the index names every page.
 
 use super::sources::Source;
 use super::{Workspace, required, text};
@@ -39,7 +39,7 @@ fn check_index(workspace: &Workspace, page: &str, faults: &mut Vec<String>) {
     }
 }
 
-/// Limits of pages: they can be read in one sitting, those of the guide sooner; the notebook is for looking up.
+/// Limits of pages: a page can be read in one sitting, a page of the guide sooner; the notebook is for looking up.
 fn check_length(source: &Source, faults: &mut Vec<String>) {
     let longest = LONGEST_PAGES.iter().find(|(folder, _)| source.place.starts_with(folder)).map_or(400, |rule| rule.1);
     let lines = source.text.lines().count();
@@ -61,7 +61,7 @@ fn check_versions(workspace: &Workspace, faults: &mut Vec<String>) {
             faults.push(format!("{}: version {own}, the others have {version}", package.name));
         }
     }
-    // What only tests use is not published.
+    // Crates used by tests alone are not published.
     let crates = manifest.lines().filter(|line| line.starts_with("weaver-") && line.contains("path = "));
     for line in crates.filter(|line| !line.contains("\"tests/")) {
         if !line.contains(&format!("version = \"{version}\"")) {
@@ -119,7 +119,7 @@ fn slug(heading: &str) -> String {
     kept.map(|letter| if letter == ' ' { '-' } else { letter }).collect()
 }
 
-/// The targets of `[text](target)`, those in indented code and in fences left out.
+/// The targets of `[text](target)`, without indented code and fences.
 fn links(text: &str) -> Vec<&str> {
     let mut fenced = false;
     let mut links = Vec::new();

@@ -3,7 +3,23 @@
 use super::sources::Source;
 
 /// Folders that the rules hold for.
-const FOLDERS: &[&str] = &["crates/engine", "crates/scene", "crates/photos", "crates/fit", "crates/nets", "docs"];
+const FOLDERS: &[&str] = &[
+    "crates/engine",
+    "crates/scene",
+    "crates/photos",
+    "crates/fit",
+    "crates/nets",
+    "crates/app/cli/tests",
+    "crates/app/py",
+    "crates/app/reconstruct",
+    "crates/app/run",
+    "crates/app/trainer/examples",
+    "crates/app/trainer/tests",
+    "crates/app/view-run",
+    "docs",
+    "tests",
+    "xtask",
+];
 
 /// Pages made of the texts of the program, whose lines do not wrap.
 const GENERATED: &[&str] = &["docs/reference/flags.md", "docs/reference/python/"];

@@ -1,5 +1,6 @@
-//! The floors of the workspace: a folder of `crates/` each, one above the other, and beside them `methods/`. A crate may use those of its own
-//! floor and of the floors below. A method may use any crate and other methods; no crate knows a method, but for the command line's table.
+//! The floors of the workspace: a folder of `crates/` each, one above the other, and beside them `methods/`. A crate
+//! may use crates of its own floor and of the floors below. A method may use any crate and other methods; no crate uses
+//! a method, but for the command line's table.
 
 use super::{Package, Workspace, required, short, text};
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,13 +13,13 @@ const FLOORS: &[&str] = &["engine", "scene", "photos", "fit", "nets", "app", MET
 /// The folder of the published methods, behind the wall.
 pub const METHODS: &str = "methods";
 
-/// The one crate that may know methods: it has the table of their commands.
+/// The only crate that may use methods: it has the table of their commands.
 const DOOR: &str = "cli";
 
 /// Outside crates that may not come with crates above these parts.
 const CLOSED: &[(&str, &[&str])] = &[("inference", &["toml", "clap", "indicatif"])];
 
-/// Crates that know no tape, whatever others ask of the crates below them.
+/// Crates without the tape; feature unification by other crates does not count.
 const TAPELESS: &[&str] = &[
     "kernels", "geometry", "scene", "codec", "io", "mesh", "surfel", "sfm", "data", "fit", "align", "gpu", "view",
     "lidar", "lift", "image",
@@ -67,13 +68,13 @@ fn floor(manifest: &str) -> &str {
     parents.next().unwrap_or_default()
 }
 
-/// The dependencies of a package that are no part of the workspace, those of tests left out.
+/// The dependencies of a package from outside the workspace, without dev-dependencies.
 fn outside(package: &Package) -> impl Iterator<Item = &str> {
     let dependencies = package.metadata["dependencies"].as_array().into_iter().flatten();
     dependencies.filter(|d| d["kind"].is_null()).map(|d| text(d, "name")).filter(|name| !name.starts_with("weaver-"))
 }
 
-/// The edges that manifests declare, those of tests and of packages outside the product left out.
+/// The edges that manifests declare, without dev-dependencies and packages outside the product.
 pub fn declared(workspace: &Workspace) -> Edges {
     let product = workspace.packages.iter().filter(|package| !package.exempt());
     let edges = product.map(|package| {

@@ -1,5 +1,5 @@
-//! A crate can be published: it says what it is, its license is beside it, and its README begins with an example that is compiled.
-//! A target that is not tested has no unit tests.
+//! A crate can be published: it has a description, its license is beside it, and its README begins with an example that
+//! is compiled. A target that is not tested has no unit tests.
 
 use super::sources::Source;
 use super::{Package, text};
@@ -21,7 +21,7 @@ pub fn check(package: &Package, faults: &mut Vec<String>) {
             faults.push(format!("{name}: no {key} in Cargo.toml"));
         }
     }
-    // What `cargo package` takes in: a link to the workspace's becomes a copy.
+    // Files for `cargo package`: a link to the workspace's becomes a copy.
     if !Path::new(text(metadata, "manifest_path")).with_file_name("LICENSE").is_file() {
         faults.push(format!("{name}: no LICENSE beside Cargo.toml; expected a link to the workspace's"));
     }

@@ -120,7 +120,7 @@ fn page(marks: &[Mark], faults: &mut Vec<String>) -> String {
     page
 }
 
-/// The test whose promise another shares: the one of this name in the same file, or the only one elsewhere.
+/// The test whose promise another shares: the test of this name in the same file, or the only one elsewhere.
 fn first_test<'a>(mark: &Mark, marks: &'a [Mark<'a>]) -> Option<&'a Mark<'a>> {
     let name = mark.shared()?;
     let named = || marks.iter().filter(|other| other.test == name && other.own().is_some());

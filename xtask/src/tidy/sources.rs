@@ -64,7 +64,7 @@ pub fn borrowed(root: &Path, sources: &[Source]) -> Result<Vec<Source>, String> 
     Ok(borrowed)
 }
 
-/// A rule on source text: a pattern, the crates that are free to use it, and what it is.
+/// A rule on source text: patterns, the crates that are free to use them, and a description.
 struct Rule {
     patterns: &'static [&'static str],
     free: &'static [&'static str],
@@ -73,7 +73,7 @@ struct Rule {
     except: &'static [&'static str],
 }
 
-/// Where files are mapped into memory, which no safe function of the standard library does.
+/// The only source that maps files into memory, for which the standard library has no safe function.
 const MAPPED_FILE: &str = "crates/scene/io/src/files/mapped_file.rs";
 
 const RULES: &[Rule] = &[
@@ -113,7 +113,7 @@ const RULES: &[Rule] = &[
     },
 ];
 
-/// The text of a source without its unit tests, which may do what the product may not.
+/// The text of a source without its unit tests, which are free of rules for the product.
 pub fn product(text: &str) -> &str {
     text.split("#[cfg(test)]").next().unwrap_or(text)
 }
@@ -170,7 +170,8 @@ fn check_names(source: &Source, faults: &mut Vec<String>) {
     }
 }
 
-/// Tests have short names, and property tests draw a part of the cases that proptest is told to, so that `cargo xtask stress` can ask for more.
+/// Tests have short names, and property tests draw a part of proptest's configured cases, so that `cargo xtask stress`
+/// can set more.
 pub fn check_test(source: &Source, faults: &mut Vec<String>) {
     check_names(source, faults);
     for (number, line) in source.text.lines().enumerate() {

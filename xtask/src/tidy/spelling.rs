@@ -136,7 +136,7 @@ const ENDINGS: &[&str] = &["ise", "ised", "iser", "isers", "ising", "isation", "
 /// Foreign spellings that stay: names of tensors in files of reference numbers, and of attributes of HTML.
 const FOREIGN: &[&str] = &["intrinsics_normalised", "aria-labelledby"];
 
-/// Files that have to name what is forbidden: this one, and the one that says what was renamed.
+/// Files that have to contain forbidden words: this one, and the changelog with its renamed words.
 const EXEMPT: &[&str] = &["xtask/src/tidy/spelling.rs", "docs/changelog.md"];
 
 pub fn check(source: &Source, faults: &mut Vec<String>) {

@@ -45,7 +45,8 @@ pub struct CommandLine {
     pub threads: Option<usize>,
 }
 
-/// Arguments without a say in results: the folder for these, how fast they come, and what is said of them.
+/// Arguments that do not affect results: output folder, threads, live page, reuse of complete results, pace of
+/// checkpoints, and form of the output.
 const SILENT: [&str; 7] = ["out", "threads", "json", "live", "port", "if_complete", "save_every"];
 
 impl CommandLine {
@@ -91,7 +92,7 @@ fn settings(matches: &ArgMatches) -> String {
     given.fold(format!("{name}\n"), |text, id| text + &line(id))
 }
 
-/// The threads that a command, or a second word of it, is asked to use.
+/// The threads requested of a command or subcommand.
 fn threads(matches: &ArgMatches) -> Option<usize> {
     let asked = matches.try_get_one::<u16>("threads").ok().flatten().map(|count| usize::from(*count));
     asked.or_else(|| threads(matches.subcommand()?.1))

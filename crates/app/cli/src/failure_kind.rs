@@ -9,7 +9,7 @@ use weaver_command::Failure;
 pub enum FailureKind {
     /// Arguments that mean nothing, or do not belong together.
     Input,
-    /// A file that cannot be read or written, or does not hold what it should.
+    /// A file that cannot be read or written, or has unexpected content.
     File,
     /// More memory than there is.
     Memory,
@@ -61,7 +61,7 @@ fn of_library(error: &(dyn Error + 'static)) -> Option<FailureKind> {
     }
 }
 
-/// Errors of runs, which pass on those of others.
+/// Errors of runs, which may wrap errors of other crates.
 fn of_run(error: &(dyn Error + 'static)) -> Option<FailureKind> {
     use weaver_reconstruct::Error as Fit;
     use weaver_run::Error as Run;

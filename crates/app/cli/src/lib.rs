@@ -28,8 +28,8 @@ use command_line::CommandLine;
 use std::ffi::OsString;
 use weaver_command::Failure;
 
-/// Runs one command line, whose first argument is the program's name, and returns the exit code: 0 for success, 1 for an
-/// error, 2 for wrong usage.
+/// Runs one command line, whose first argument is the program's name, and returns the exit code: 0 for success, 1 for
+/// an error, 2 for wrong usage.
 pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console, interrupt: &Interrupt) -> u8 {
     let (arguments, notes) = old_names::current(arguments.into_iter().collect());
     notes.iter().for_each(|note| console.note(note));
@@ -49,7 +49,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
     failure.exit_code()
 }
 
-/// Ends programs that were started and removes files that were begun: to be called before the process ends without unwinding.
+/// Ends programs that were started and removes files that were begun: to be called before the process ends without
+/// unwinding.
 pub fn leave() {
     weaver_clip::end_all();
     weaver_io::remove_unfinished();
@@ -60,7 +61,7 @@ pub fn leave() {
 pub struct Refusal {
     /// Kind of the failure.
     pub kind: FailureKind,
-    /// The message in one line; `None` where nobody reads it.
+    /// The message in one line; `None` where standard output was closed.
     pub line: Option<String>,
 }
 

@@ -35,8 +35,8 @@ fn main() -> ExitCode {
     ExitCode::from(panic::catch_unwind(run).unwrap_or(1))
 }
 
-/// Turns a file beyond the shell's size limit (`ulimit -f`) into an ordinary error of writing that names the file. Without a
-/// handler, the signal would end the process silently.
+/// Turns a file beyond the shell's size limit (`ulimit -f`) into an ordinary error of writing that names the file.
+/// Without a handler, the signal would end the process silently.
 #[cfg(unix)]
 fn handle_file_size_limit() {
     let heard = std::sync::Arc::default();

@@ -1,4 +1,4 @@
-//! The published methods: the one place where the product knows them. Each is behind a Cargo feature of its name.
+//! The published methods: the one place where the product refers to them. Each is behind a Cargo feature of its name.
 
 use crate::table::table;
 use clap::Subcommand;

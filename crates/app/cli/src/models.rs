@@ -1,4 +1,4 @@
-//! The models that a name selects: SplatWeaver, and those of the methods that are built in.
+//! The models that a name selects: SplatWeaver and the models of built-in methods.
 
 use weaver_trainer::Registry;
 

@@ -58,7 +58,7 @@ pub fn current(mut words: Vec<OsString>) -> (Vec<OsString>, Vec<String>) {
     if first == "eval"
         && let Some(at) = words.iter().position(|word| word == "--scene" || text(Some(word)).starts_with("--scene="))
     {
-        // The scene is what `compare` is given first.
+        // The scene is the first argument of `compare`.
         words[1] = "compare".into();
         match text(words.get(at)).strip_prefix("--scene=") {
             Some(scene) => words[at] = scene.into(),

@@ -5,7 +5,7 @@ use clap::ArgMatches;
 use std::path::PathBuf;
 use weaver_command::{Failure, Output};
 
-/// The paths that a command is given: an argument's type says whether they are written; all others are read.
+/// The paths among a command's arguments. The type of an argument marks written paths; all others are read.
 #[derive(Debug, Default)]
 pub struct Paths {
     read: Vec<PathBuf>,
@@ -33,7 +33,7 @@ impl Paths {
     /// Checks that each output can be written and replaces nothing that is read.
     ///
     /// # Errors
-    /// Names the first one that does not.
+    /// The first output that cannot.
     pub fn check(&self) -> Result<(), Failure> {
         self.written.iter().try_for_each(|output| output.check(&self.read))
     }
@@ -84,7 +84,7 @@ mod tests {
         "lidar photos -o @out",
         "mesh scene.ply --cameras cameras.json -o @out.ply",
     ];
-    /// The same of commands whose outputs are those of others.
+    /// More lines, of commands with the same kinds of outputs as commands above.
     const MORE: [&str; 5] = [
         "image fit photos -o @out",
         "image draw scene.ply -o @out.png",
@@ -93,7 +93,7 @@ mod tests {
         "bench compress scene.ply --peer other.ply --data capture -o @out --html @out.html",
     ];
 
-    /// Paths of a line, those that it reads in a folder, with `@` taken away and its n-th output replaced.
+    /// Paths of a line, with inputs in `folder`, `@` removed, and the n-th output replaced.
     fn paths(line: &str, folder: &Path, replaced: Option<(usize, &Path)>) -> Result<Paths, String> {
         let mut outputs = 0;
         let word = |word: &str| match word.strip_prefix('@') {
@@ -112,7 +112,8 @@ mod tests {
         parsed.map(|line| line.paths).map_err(|error| error.to_string())
     }
 
-    /// No output of any command goes over anything that it reads, a photo in it, a device, or a link that leads nowhere.
+    /// No output of any command goes over anything that it reads, a photo in it, a device, or a link that leads
+    /// nowhere.
     ///
     /// Promise (files): the type of an argument marks it as an output, and no output of any command goes over any of
     /// its inputs.
@@ -141,7 +142,7 @@ mod tests {
                 over.extend(plain.read.iter().filter(|path| path.is_dir()).map(|path| path.join("photo.jpg")));
                 if let Some(ending) = output.extension().and_then(|ending| ending.to_str()) {
                     over.extend(["dangling", "socket"].map(|name| folder.join(format!("{name}.{ending}"))));
-                    // A folder is what the demonstration of `lift` writes.
+                    // The demonstration of `lift` writes a folder.
                     over.extend((!line.starts_with("lift ")).then(|| folder.to_path_buf()));
                 }
                 for path in over {

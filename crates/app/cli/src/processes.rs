@@ -24,18 +24,18 @@ impl Processes {
         false
     }
 
-    /// Of no process.
+    /// Never called: there are no processes.
     pub fn ranks(&self) -> Arc<dyn Ranks> {
         match *self {}
     }
 
-    /// Ends no process.
+    /// Never called, as [`ranks`](Self::ranks).
     pub fn abort(&self, _: u8) -> ! {
         match *self {}
     }
 }
 
-/// Does what is asked, alone or with the other processes; a failure of one ends all.
+/// Calls `run` alone or with the other processes; a failure of one ends all.
 pub fn together(
     console: &mut Console,
     run: impl FnOnce(Option<&Arc<dyn Ranks>>, &mut Console) -> Result<(), Failure>,
@@ -52,8 +52,8 @@ pub fn together(
     done
 }
 
-/// Tells what processes would pass to each other in a step of so many `parts`, of which each takes so many seconds, and from which network on two
-/// of them gain by that. A step of one part is taken to have two.
+/// A line about the traffic between processes: the megabytes of a step, and the bandwidth above which two processes
+/// gain. A step has `parts` parts of `seconds` each; one part is taken for two.
 pub fn network(bytes: u64, parts: usize, seconds: f64) -> String {
     let parts = parts.max(2);
     let saved = (parts - parts.div_ceil(2)) as f64 * seconds;

@@ -1,4 +1,4 @@
-//! The page of flags: every command with what it takes, from the definition that the program parses by.
+//! The page of flags: every command with its arguments, from the definition that the program parses by.
 
 use crate::command_line::CommandLine;
 use clap::CommandFactory;

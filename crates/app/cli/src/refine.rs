@@ -1,4 +1,4 @@
-//! Refinement of what a network predicts.
+//! Refinement of a network's predictions.
 
 use crate::flags::RefineFlags;
 use std::path::PathBuf;
@@ -8,7 +8,8 @@ use weaver_fit::FitRasterizer;
 use weaver_inference::{Effort, Predictor, Refined};
 use weaver_io::Image;
 
-/// The predictor, refined by `rasterizer` if that is asked for. `photos` say how large the photos are, where there are any to ask.
+/// The predictor, refined by `rasterizer` if the flags request it. The size of refinement follows from the smallest of
+/// `photos`, or from the network where there are none.
 pub fn refined(
     predictor: Box<dyn Predictor>,
     flags: &RefineFlags,

@@ -1,4 +1,4 @@
-//! A command with its settings, said in words or by name.
+//! A command with its settings, given as words or by name.
 
 use crate::command_line::CommandLine;
 use crate::{FailureKind, Refusal, units};
@@ -7,9 +7,10 @@ use std::ffi::OsString;
 use weaver_command::{Console, Failure, Interrupt, fewer_threads};
 use weaver_kernels::simd;
 
-/// A command and its settings: what the command line and the Python package make, and what runs.
+/// A command and its settings, ready to run, as the command line and the Python package make them.
 ///
-/// The settings are one struct for each command, which clap fills; so defaults, limits and messages are the same whoever asks.
+/// The settings are one struct for each command, which clap fills; so defaults, limits and messages are the same for
+/// both callers.
 #[derive(Debug)]
 pub struct Request(CommandLine);
 
@@ -28,18 +29,18 @@ impl Request {
     /// Reads the words of a command line, whose first is the program's name.
     ///
     /// # Errors
-    /// Wrong usage, and the texts that `--help` and `--version` ask for.
+    /// Wrong usage, and the texts of `--help` and `--version`.
     pub fn of_words(words: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
         CommandLine::of(words).map(Self)
     }
 
     /// Takes settings by name: a flag's long one with `_` for `-`, or a place's as the struct of the command has it.
     ///
-    /// A switch is given as yes or no, a flag that may be repeated or a place that takes several as a list; another list is one
-    /// value with commas, as a color is.
+    /// A switch is given as yes or no, a flag that may be repeated or a place that takes several as a list; another
+    /// list is one value with commas, as a color is.
     ///
     /// # Errors
-    /// Wrong usage as the command line tells it, in one line and without the help.
+    /// Wrong usage in the words of the command line, in one line and without the help.
     pub fn of_settings(command: &str, settings: impl IntoIterator<Item = (String, Value)>) -> Result<Self, Refusal> {
         let program = CommandLine::command();
         let known = program.find_subcommand(command);
@@ -67,7 +68,7 @@ impl Request {
         })
     }
 
-    /// Runs the command; what it prints goes to the console.
+    /// Runs the command, with its output on the console.
     pub(crate) fn carry_out(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
         simd::requested_level().map_err(Failure::Usage)?;
         self.0.paths.check()?;

@@ -21,7 +21,7 @@ macro_rules! table {
             /// Titles of the groups in the help, and how many commands are in each, in the commands' order.
             pub const GROUPS: &[(&str, usize)] = &[$(($title, 0 $(+ table!(@one $($when)?))+)),+];
 
-            /// Does what the command says.
+            /// Runs the command.
             // A program without methods has a table without rows.
             #[allow(unused_variables)]
             pub fn run(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
@@ -36,7 +36,7 @@ macro_rules! table {
     (@one $when:meta) => { cfg!($when) as usize };
 }
 
-/// Calls what a row names; this signature tells its types.
+/// Calls the function of a row; this signature lets its argument types be inferred.
 pub fn call<A>(
     run: impl FnOnce(&A, &mut Console, &Interrupt) -> Result<(), Failure>,
     arguments: &A,

@@ -24,9 +24,10 @@ struct Mark {
     files: Option<Vec<String>>,
 }
 
-/// Runs a command. One that is a unit of work is left out where it is complete, goes on where it can, and is marked when it is done.
+/// Runs a command. One that is a unit of work is left out where it is complete, goes on where it can, and is marked
+/// when it is done.
 ///
-/// `settings` are the words of the command line that have a say in the results.
+/// `settings` are the words of the command line that affect the results.
 ///
 /// # Errors
 /// As the command's; when the folder belongs to a unit with other inputs or settings.
@@ -42,7 +43,7 @@ pub fn run(command: &Command, settings: &str, console: &mut Console, interrupt: 
     }
     let goes_on = unit.resume.is_some() && unit.out.join(Run::SETTINGS).is_file();
     if mark.is_none() && goes_on && !Processes::follows() {
-        // It may have other settings, and would be taken for what was asked.
+        // The run there may have other settings, and would be taken for the requested one.
         return Err(weaver_run::Error::run_exists(&unit.out).into());
     }
     if let Some(mark) = mark.filter(|mark| mark.complete) {
@@ -58,7 +59,7 @@ pub fn run(command: &Command, settings: &str, console: &mut Console, interrupt: 
         if Processes::follows() {
             return Ok(());
         }
-        // A folder that is claimed for the moment of writing is nobody's while the command claims it.
+        // The claim ends with this write, so that the command can claim the folder in turn.
         let folder = OutputFolder::claim(&unit.out, "unit", &unit.inputs)?;
         let mark = Mark { unit: checksum.clone(), complete: files.is_some(), files };
         Ok(write_text(folder.file(MARK)?, &(serde_json::to_string(&mark)? + "\n"))?)
@@ -78,7 +79,7 @@ pub fn run(command: &Command, settings: &str, console: &mut Console, interrupt: 
             command.run(console, interrupt)?;
         }
     }
-    // What was stopped goes on when it is started again.
+    // A stopped unit goes on when it is started again.
     if interrupt.is_requested() { Ok(()) } else { write(Some(results(&unit.out)?)) }
 }
 
@@ -88,7 +89,7 @@ fn skipped(unit: &Unit, console: &mut Console) -> Result<(), Failure> {
     if unit.json && !Processes::follows() { console.print(&read_text(unit.out.join(unit.figures))?) } else { Ok(()) }
 }
 
-/// Removes what a fit would go on from, where this program wrote it.
+/// Removes the settings and the checkpoint that a fit would go on from, where this program wrote them.
 fn forget(unit: &Unit) -> Result<(), Failure> {
     let left = [Run::SETTINGS, Folder::CHECKPOINT].map(|name| (name, unit.out.join(name)));
     if Processes::follows() || !left.iter().any(|(_, path)| path.exists()) {

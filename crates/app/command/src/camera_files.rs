@@ -6,7 +6,7 @@ use std::path::Path;
 use weaver_geometry::{Camera, Undistortion};
 use weaver_scene::Frame;
 
-/// The size that was asked for; what is missing follows from the file.
+/// The requested image size; missing sides follow from the camera file.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Size {
     /// Pixels from left to right.
@@ -36,8 +36,8 @@ pub fn read(path: &Path, size: Size) -> Result<Vec<Frame>, Failure> {
     Ok(read_with_lenses(path, size)?.into_iter().map(|(frame, _)| frame).collect())
 }
 
-/// The same, each with the distortion of its photo where there is one; the cameras are those of photos whose distortion is undone, as
-/// it is in captures.
+/// As [`read`], each camera with the distortion of its photo, if any; the cameras themselves are for undistorted
+/// photos, as in captures.
 pub fn read_with_lenses(path: &Path, size: Size) -> Result<Vec<(Frame, Option<Undistortion>)>, Failure> {
     let frames = weaver_io::read_cameras(path)?;
     if frames.is_empty() {

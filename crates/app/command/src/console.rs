@@ -5,7 +5,7 @@ use crate::printable::printable;
 use std::io::Write;
 use weaver_io::Part;
 
-/// The two streams of a command. What is printed by its methods is [printable].
+/// The two streams of a command. Its methods print [printable] text alone.
 pub struct Console<'a> {
     /// For results.
     pub stdout: &'a mut (dyn Write + Send),
@@ -13,7 +13,7 @@ pub struct Console<'a> {
     pub stderr: &'a mut (dyn Write + Send),
     /// True if the standard error of the process is a terminal, on which a progress bar can be drawn.
     pub terminal: bool,
-    /// Told of each part of a job that is done, in place of a bar or of lines.
+    /// Receives each finished part of a job, in place of a bar or of lines.
     pub watcher: Option<&'a mut (dyn FnMut(&Part) + Send + 'a)>,
 }
 
@@ -29,7 +29,7 @@ impl<'a> Console<'a> {
         written.map_err(Failure::output)
     }
 
-    /// Tells the watcher, where there is one, of a part of a job that is done.
+    /// Passes a finished part of a job to the watcher, if any.
     pub fn tell(&mut self, part: impl FnOnce() -> Part) {
         if let Some(watcher) = &mut self.watcher {
             watcher(&part());

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use weaver_fit::FitRasterizer;
 use weaver_splat::CpuRasterizer;
 
-/// The rasterizer that is asked for.
+/// The rasterizer selected by the flag.
 pub fn rasterizer(flag: &DeviceFlag) -> Result<Arc<dyn FitRasterizer>, Failure> {
     Ok(match name(flag) {
         Some(name) => Device::open(name)?.into_rasterizer(),
@@ -22,7 +22,7 @@ pub fn rasterizer(flag: &DeviceFlag) -> Result<Arc<dyn FitRasterizer>, Failure> 
     })
 }
 
-/// The device that is asked for; `None` is the processor.
+/// The device selected by the flag; `None` is the processor.
 pub fn name(flag: &DeviceFlag) -> Option<&str> {
     flag.device.as_deref().filter(|device| *device != "cpu")
 }

@@ -20,7 +20,8 @@ pub struct DrawingOptions {
 }
 
 impl DrawingOptions {
-    /// The color behind the scene, and how it is drawn: as asked, else as the summary of what made it says, else as its file does.
+    /// The background color and the rasterizer's settings: from these options, else from the summary beside the scene,
+    /// else from the scene's file.
     pub fn beside(self, scene: &Path, file: Drawing) -> Result<([f32; 3], RasterSettings), Failure> {
         let summary = Self::of_summary(scene)?;
         let default = RasterSettings::default();
@@ -33,8 +34,8 @@ impl DrawingOptions {
         Ok((self.background.or(summary.background).unwrap_or([1.0; 3]), settings))
     }
 
-    /// Reads the summary.json in the scene's folder. There need not be one, and it need not say anything: a run of training
-    /// has a file of that name as well.
+    /// Reads the summary.json in the scene's folder. There need not be one, and it need not say anything: a run of
+    /// training has a file of that name as well.
     fn of_summary(scene: &Path) -> Result<Self, Failure> {
         let path = scene.with_file_name("summary.json");
         if !path.is_file() {

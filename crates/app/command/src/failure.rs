@@ -10,8 +10,8 @@ use weaver_io::{Advice, TooLittleMemory};
 pub enum Failure {
     /// Wrong usage: exit code 2.
     Usage(String),
-    /// Something went wrong: exit code 1, or 75 where another machine, or the same one later, may do better: too little memory, a full
-    /// disk, a file system that does not answer.
+    /// Something went wrong: exit code 1, or 75 where another machine, or the same one later, may do better: too little
+    /// memory, a full disk, a file system that does not answer.
     Error(Box<dyn Error + Send + Sync>),
     /// Standard output was closed, as by `head`: exit code 0.
     OutputClosed,
@@ -20,7 +20,7 @@ pub enum Failure {
 /// The exit code of failures that are the machine's: `EX_TEMPFAIL` of sysexits.
 const MACHINE: u8 = 75;
 
-/// True if a failure is the machine's and not that of what it was given.
+/// True if the machine is the cause of a failure, not the input.
 fn is_of_machine(error: &(dyn Error + 'static)) -> bool {
     use io::ErrorKind as Kind;
     let kind = error.downcast_ref::<io::Error>().map(io::Error::kind);
@@ -147,7 +147,7 @@ mod tests {
         assert_eq!(failure.exit_code(), 1);
     }
 
-    /// A name with a line break or an escape leaves an error one line of plain text, of whatever kind it is.
+    /// Errors of every kind stay one line of plain text around a name with a line break or an escape.
     ///
     /// Promise of `names_do_not_steer_the_terminal`.
     #[test]

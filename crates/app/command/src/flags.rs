@@ -3,7 +3,7 @@
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
-/// Upper limit on threads, each of which costs memory.
+/// Upper limit on threads, since each costs memory.
 pub const MOST_THREADS: i64 = 1024;
 
 /// Upper limit on seeds, which TOML must be able to hold.
@@ -38,7 +38,7 @@ pub struct Threads {
 }
 
 impl Threads {
-    /// So many; one per core where nothing was said.
+    /// The number of threads; `None`, the default, is one per core.
     pub fn count(self) -> Option<usize> {
         self.threads.map(usize::from)
     }

@@ -18,7 +18,8 @@ impl Interrupt {
         Self { requested: AtomicBool::new(false), watched: AtomicBool::new(false), awaited: OnceLock::new() }
     }
 
-    /// Asks the job to stop. False when the job does not watch for requests (it has nothing to save) or was asked before.
+    /// Requests a stop. False when the job does not watch for requests (it has nothing to save) or a stop was requested
+    /// before.
     pub fn request(&self) -> bool {
         !self.requested.swap(true, Ordering::Relaxed) && self.watched.load(Ordering::Relaxed)
     }
@@ -28,8 +29,8 @@ impl Interrupt {
         self.requested.load(Ordering::Relaxed)
     }
 
-    /// The flag that a job promises to check from now on, after each `part` of its work, such as a step. A stop waits for the end of that, which
-    /// is [said](Self::awaited).
+    /// The flag that a job promises to check from now on, after each `part` of its work, such as a step. A stop waits
+    /// for the end of the current part, whose kind is [reported](Self::awaited).
     pub fn watch_after(&self, part: &'static str) -> &AtomicBool {
         let _ = self.awaited.set(part);
         self.watch()

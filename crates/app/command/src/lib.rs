@@ -1,4 +1,5 @@
-//! What the commands of `splatweaver` share: the console, progress, Ctrl-C, failures and exit codes, threads, and the device that draws.
+//! Infrastructure shared by the commands of `splatweaver`: the console, progress, Ctrl-C, failures and exit codes,
+//! threads, and the device that draws.
 //!
 //! A command is a struct of clap's and a function `run(&Arguments, &mut Console) -> Result<(), Failure>`.
 

@@ -4,7 +4,7 @@ use crate::Failure;
 use std::path::Path;
 use weaver_io::safetensors::{TensorData, Tensors};
 
-/// Lifted features of the Gaussians of a scene, with what they were made by.
+/// Lifted features of the Gaussians of a scene, with a record of how they were lifted.
 #[derive(Clone, Debug)]
 pub struct LiftedFile {
     tensors: Tensors,
@@ -13,10 +13,10 @@ pub struct LiftedFile {
 }
 
 impl LiftedFile {
-    /// Reads the features of a scene of so many Gaussians, as `splatweaver lift` writes them.
+    /// Reads the features of a scene of `gaussians` Gaussians, as `splatweaver lift` writes them.
     ///
     /// # Errors
-    /// When the file cannot be read, or has no features of so many Gaussians.
+    /// When the file cannot be read, or has features of another number of Gaussians.
     pub fn read(path: &Path, scene: &Path, gaussians: usize) -> Result<Self, Failure> {
         let tensors = Tensors::read(path)?;
         let tensor = tensors.get("features")?;
@@ -39,7 +39,7 @@ impl LiftedFile {
         }
     }
 
-    /// A value that says how the features were lifted.
+    /// An entry of the record of how the features were lifted.
     pub fn said(&self, name: &str) -> Option<&String> {
         self.tensors.metadata.get(name)
     }

@@ -18,7 +18,7 @@ impl<'a, 'c> ConsoleObserver<'a, 'c> {
         Self { console, interrupt: None, progress: None }
     }
 
-    /// An observer of work of which a stage [leaves results](Stage::stops_after) when it is stopped.
+    /// An observer of work with a stage that [leaves results](Stage::stops_after) when it is stopped.
     pub fn interruptible(console: &'a mut Console<'c>, interrupt: &'a Interrupt) -> Self {
         Self { console, interrupt: Some(interrupt), progress: None }
     }

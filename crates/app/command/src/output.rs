@@ -9,7 +9,8 @@ use weaver_io::{check_output_file, check_output_folder};
 
 /// Path that a command writes, as the type of its argument says; paths of every other type are read.
 ///
-/// The command line checks all outputs beside all paths that are read before a command begins, so that none has to think of it.
+/// The command line checks all outputs beside all paths that are read before a command begins, so that no command has
+/// its own check.
 ///
 /// ```
 /// use clap::Parser;
@@ -36,12 +37,13 @@ enum Kind {
     File(&'static [&'static str]),
     /// A folder of results.
     Folder,
-    /// Either, as the other arguments ask.
+    /// Either, depending on the other arguments.
     Either(&'static [&'static str]),
 }
 
 impl Output {
-    /// Parser of a file whose name ends with a dot and one of `endings`, in either case; with any ending where there are none.
+    /// Parser of a file whose name ends with a dot and one of `endings`, in either case; with any ending where there
+    /// are none.
     ///
     /// The ending keeps a mistyped name from replacing a file of another kind.
     pub fn file(endings: &'static [&'static str]) -> impl TypedValueParser<Value = Self> {
@@ -56,12 +58,12 @@ impl Output {
         PathBufValueParser::new().map(|path| Self { path, kind: Kind::Folder })
     }
 
-    /// Parser of what may be a file, as [`file`](Self::file), or a folder.
+    /// Parser of a path to either a file, as [`file`](Self::file), or a folder.
     pub fn file_or_folder(endings: &'static [&'static str]) -> impl TypedValueParser<Value = Self> {
         PathBufValueParser::new().map(move |path| Self { path, kind: Kind::Either(endings) })
     }
 
-    /// The path as that of a file.
+    /// The path, required to name a file.
     ///
     /// # Errors
     /// When its name has another ending.

@@ -1,9 +1,11 @@
-//! Text that is safe to print: file names may hold what moves a cursor or changes colors and titles of a terminal.
+//! Text that is safe to print: file names may hold sequences that move the cursor of a terminal or change its colors
+//! and title.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-/// Text with control characters, other than ends of lines and tabs, as escapes `\u001b`, which also JSON reads as the same characters.
+/// Text with control characters, other than ends of lines and tabs, as escapes `\u001b`, which also JSON reads as the
+/// same characters.
 ///
 /// ```
 /// assert_eq!(weaver_command::printable("a\u{1b}[31m.ply\n"), "a\\u001b[31m.ply\n");
@@ -25,7 +27,7 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     out.into()
 }
 
-/// The lines of a text that say something, in one, without decoration.
+/// The lines of a text with letters or digits, joined to one, without decoration.
 pub fn one_line(text: &str) -> String {
     let lines = text.lines().map(str::trim).filter(|line| line.chars().any(char::is_alphanumeric));
     lines.collect::<Vec<_>>().join("; ")

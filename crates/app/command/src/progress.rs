@@ -16,7 +16,7 @@ const BAR: &str = "{prefix} {wide_bar} {pos}/{len}  {rate}  {eta} left  {msg}";
 pub struct Progress {
     label: &'static str,
     bar: Option<ProgressBar>,
-    /// When the last line was written, and what was done by then.
+    /// Time of the last line, and the number of parts done by then.
     mark: (Instant, usize),
 }
 
@@ -35,7 +35,7 @@ impl Progress {
         Self { label, bar, mark: (Instant::now(), done) }
     }
 
-    /// Shows that `done` of `total` parts are done; `note` is called only when something is shown.
+    /// Shows `done` of `total` parts as done; `note` is called only when something is shown.
     pub fn at(&mut self, done: usize, total: usize, note: impl FnOnce() -> String, console: &mut Console) {
         if let Some(watcher) = &mut console.watcher {
             return watcher(&Part { label: self.label, done, total, note: note() });

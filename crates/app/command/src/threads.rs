@@ -2,11 +2,12 @@
 
 use crate::Failure;
 
-/// Threads for each core, at most: a job that was written for a larger machine would stand still, as idle threads look for work on the cores that
-/// others need. Results do not depend on their number.
+/// Threads for each core, at most: a job that was written for a larger machine would stand still, as idle threads look
+/// for work on the cores that others need. Results do not depend on their number.
 const FOR_EACH_CORE: usize = 8;
 
-/// Runs `job` where parallel loops use `threads` threads, [no more](pool_size) than a few for each core, or one per core.
+/// Runs `job` where parallel loops use `threads` threads, [no more](pool_size) than a few for each core, or one per
+/// core.
 ///
 /// Fails where the system refuses the threads, and where the job does.
 pub fn in_pool<R: Send>(threads: Option<usize>, job: impl FnOnce() -> Result<R, Failure> + Send) -> Result<R, Failure> {
@@ -16,7 +17,7 @@ pub fn in_pool<R: Send>(threads: Option<usize>, job: impl FnOnce() -> Result<R, 
         .install(job)
 }
 
-/// Number of threads where so many are asked for on a machine with so many cores.
+/// Number of threads used on a machine with `cores` cores when `asked` are requested.
 ///
 /// ```
 /// use weaver_command::pool_size;
@@ -31,7 +32,7 @@ pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Remark where fewer threads are used than were asked for.
+/// Remark where fewer threads are used than requested.
 pub fn fewer_threads(asked: Option<usize>) -> Option<String> {
     let asked = asked?;
     let used = pool_size(asked, cores());
@@ -43,7 +44,7 @@ pub fn fewer_threads(asked: Option<usize>) -> Option<String> {
 mod tests {
     use super::*;
 
-    /// promise: a number of threads that the machine cannot use is lowered, with a word; any other is taken as it is.
+    /// promise: a number of threads that the machine cannot use is lowered, with a remark; any other is taken as it is.
     ///
     /// Promise (fits): threads that the machine cannot use are left out with a word, and results are the same.
     #[test]

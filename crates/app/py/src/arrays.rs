@@ -29,8 +29,8 @@ scalar!(f64);
 
 type Read<'py, T> = PyReadonlyArrayDyn<'py, T>;
 
-/// Gaussians and cameras as arrays: means `[N, 3]`, quats `[N, 4]`, scales `[N, 3]`, opacities `[N]`, colors `[N, 3]`, `[N, K, 3]` or
-/// `[N, 0]`, features `[N, F]`, viewmats `[C, 4, 4]`, Ks `[C, 3, 3]`, background `[C, 3]`.
+/// Gaussians and cameras as arrays: means `[N, 3]`, quats `[N, 4]`, scales `[N, 3]`, opacities `[N]`, colors `[N, 3]`,
+/// `[N, K, 3]` or `[N, 0]`, features `[N, F]`, viewmats `[C, 4, 4]`, Ks `[C, 3, 3]`, background `[C, 3]`.
 #[derive(Debug, FromPyObject)]
 #[allow(clippy::type_complexity)]
 pub struct Arrays<'py, T: Element>(

@@ -72,13 +72,13 @@ impl Camera {
         &self.0.name
     }
 
-    /// Path of the photo, as far as the file tells it.
+    /// Path of the photo, as given in the file.
     #[getter]
     fn path(&self) -> PathBuf {
         self.0.path.clone()
     }
 
-    /// True if the photo has a distortion, which drawing does not know.
+    /// True if the photo has a distortion, which drawing leaves out.
     #[getter]
     fn distorted(&self) -> bool {
         self.0.distortion.is_some()

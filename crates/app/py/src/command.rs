@@ -23,10 +23,10 @@ pub fn flags(command: &str) -> Vec<(String, Option<String>, Option<String>)> {
     flags.map(|flag| (flag.name, flag.value, flag.default)).collect()
 }
 
-/// Runs a command with settings by name, None for those that are not given, and returns what it prints on standard output.
+/// Runs a command with settings by name, None for those that are not given, and returns its standard output.
 ///
-/// `log` gets the lines of standard error, `callback` the label, done, total and note of each part that is done; an answer of False
-/// stops the work as Ctrl-C does.
+/// `log` gets the lines of standard error, `callback` the label, done, total and note of each part that is done; an
+/// answer of False stops the work as Ctrl-C does.
 #[pyfunction]
 pub fn run_command(
     py: Python<'_>,
@@ -50,13 +50,13 @@ pub fn run_command(
             Ok(Event::Part(part, answer)) => {
                 let told = listener.told((part.label, part.done, part.total, part.note));
                 let noted = listener.note(told);
-                // The work goes on only now, so that it sees a wish to stop at this very step.
+                // The work goes on only now, so that it sees a requested stop at this very step.
                 let _ = answer.send(());
                 noted?;
             }
             Ok(Event::End(result)) => return listener.end(result),
             Err(RecvTimeoutError::Timeout) => {}
-            // The thread ended without a word.
+            // The thread ended without an event.
             Err(RecvTimeoutError::Disconnected) => {
                 let message = "internal error in a command; please report what standard error says";
                 return Err(Failed::new(FailureKind::Other, message).into());
@@ -66,7 +66,7 @@ pub fn run_command(
     }
 }
 
-/// The value of a setting: paths and numbers as text, what else can be gone through as a list.
+/// The value of a setting: paths and numbers as text, other iterables as a list.
 fn setting(value: &Bound<'_, PyAny>) -> PyResult<Value> {
     if let Ok(flag) = value.extract::<bool>() {
         return Ok(Value::Flag(flag));
@@ -98,7 +98,7 @@ struct Work {
     abandoned: Arc<AtomicBool>,
 }
 
-// Whoever waited is gone: the work ends at its next word.
+// The caller is gone: the work ends at its next event.
 impl Drop for Work {
     fn drop(&mut self) {
         self.abandoned.store(true, Ordering::Relaxed);
@@ -133,12 +133,12 @@ struct Listener<'py, 'w> {
     work: &'w Work,
     log: Bound<'py, PyAny>,
     callback: Option<Bound<'py, PyAny>>,
-    /// Why the work was asked to stop: an exception, or nothing but the wish.
+    /// Reason of a requested stop: an exception, or `None` for a plain request.
     reason: Option<Option<PyErr>>,
 }
 
 impl Listener<'_, '_> {
-    /// Tells the callback of a part; it may wish to stop, or fail.
+    /// Passes a part to the callback, which may request a stop, or fail.
     fn told(&mut self, part: (&str, usize, usize, String)) -> PyResult<()> {
         let Some(callback) = self.callback.as_ref().filter(|_| self.reason.is_none()) else { return Ok(()) };
         let answer = callback.call1(part)?;
@@ -148,7 +148,7 @@ impl Listener<'_, '_> {
         Ok(())
     }
 
-    /// Asks the work to stop after an exception; a second one is not waited for.
+    /// Requests a stop after an exception; after a second one the work ends at once.
     fn note(&mut self, called: PyResult<()>) -> PyResult<()> {
         called.or_else(|error| self.stop(Some(error)))
     }
@@ -158,7 +158,7 @@ impl Listener<'_, '_> {
             self.reason = Some(error);
             return Ok(());
         }
-        // It has nothing to save, or was asked before: it ends at once.
+        // The work has nothing to save, or was stopped before: it ends at once.
         weaver_cli::leave();
         let stopped = || Failed::new(FailureKind::Other, "stopped before there was anything to write").into();
         Err(error.unwrap_or_else(stopped))

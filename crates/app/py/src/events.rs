@@ -1,4 +1,4 @@
-//! Words between the thread that works and the one that Python called from.
+//! Events between the working thread and the thread that Python called from.
 
 use std::io::{self, Write};
 use std::panic;
@@ -14,14 +14,14 @@ pub enum Event {
     Line(String),
     /// A part that is done; the work waits for the answer.
     Part(Part, SyncSender<()>),
-    /// The end, with what was printed.
+    /// The end, with the standard output.
     End(Result<String, Refusal>),
 }
 
-/// The end of work that nobody waits for any longer, as the payload of an unwinding thread.
+/// The end of abandoned work, as the payload of an unwinding thread.
 pub struct Abandoned;
 
-/// The sending side, which ends the work where nobody listens any longer.
+/// The sending side, which ends the work once the receiver is gone.
 #[derive(Clone)]
 pub struct Voice {
     events: Sender<Event>,
@@ -33,21 +33,21 @@ impl Voice {
         Self { events, abandoned }
     }
 
-    /// Says something.
+    /// Sends an event.
     ///
     /// # Panics
-    /// Unwinds with [`Abandoned`], silently, once nobody listens.
+    /// Unwinds with [`Abandoned`], silently, once the receiver is gone.
     pub fn say(&self, event: Event) {
         if self.abandoned.load(Ordering::Relaxed) || self.events.send(event).is_err() {
             panic::resume_unwind(Box::new(Abandoned));
         }
     }
 
-    /// Tells of a part and waits until it was heard.
+    /// Sends a part and waits until it was handled.
     pub fn part(&self, part: &Part) {
         let (answer, answered) = sync_channel(1);
         self.say(Event::Part(part.clone(), answer));
-        // An answer that never comes means that nobody listens, which the next word finds out.
+        // An answer that never comes means that the receiver is gone; the next event then ends the work.
         let _ = answered.recv();
     }
 }

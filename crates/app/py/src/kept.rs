@@ -10,7 +10,7 @@ use pyo3::types::PyTuple;
 use std::sync::{Mutex, PoisonError};
 use weaver_splat::{Cotangents, GaussianStatistics, Gradients, Session, Target, Workspace};
 
-/// A drawing: what its gradients need, and where its Gaussians are on the image.
+/// A drawing: the state for its gradients, and the places of its Gaussians on the image.
 #[pyclass(frozen, module = "splatweaver._splatweaver")]
 #[derive(Debug)]
 pub struct Drawing {
@@ -96,7 +96,8 @@ impl Drawing {
 
 #[pymethods]
 impl Drawing {
-    /// Writes gradients into arrays, in the order and with the shapes of those that were drawn; None for what is not wanted.
+    /// Writes gradients into arrays, in the order and with the shapes of the drawn arrays; None for gradients that are
+    /// not wanted.
     ///
     /// With `statistics`, absolute screen gradients are summed as well.
     fn backward<'py>(
@@ -124,7 +125,8 @@ impl Drawing {
         }
     }
 
-    /// Centers `[C, N, 2]`, radii `[C, N, 2]` and depths `[C, N]` on the image, as rows of numbers; zeros for Gaussians that are not seen.
+    /// Centers `[C, N, 2]`, radii `[C, N, 2]` and depths `[C, N]` on the image, as rows of numbers; zeros for Gaussians
+    /// that are not seen.
     fn splats<'py>(&self, py: Python<'py>) -> Answer<'py> {
         match &self.kept {
             Kept::Single(kept) => splats(py, kept),
@@ -143,7 +145,7 @@ impl Drawing {
 
 /// Runs `job` on the memory of a drawing, with the lock of the interpreter released.
 ///
-/// Whoever waits for a drawing does so without the interpreter: the thread that has the drawing needs the interpreter to go on.
+/// A thread waits for a drawing without the interpreter's lock, which the thread that holds the drawing needs to go on.
 fn with_workspace<T: Scalar, R: Send>(
     py: Python<'_>,
     kept: &Mutex<Shelved<T>>,

@@ -1,7 +1,7 @@
 //! `splatweaver._splatweaver`, the compiled part of the Python package `splatweaver`.
 //!
-//! Python's side checks shapes and gives names their meaning; here arrays become slices, without a copy, and the lock of the
-//! interpreter is released while anything is computed.
+//! Python's side checks shapes and gives names their meaning; here arrays become slices, without a copy, and the lock
+//! of the interpreter is released while anything is computed.
 
 mod arrays;
 mod camera;

@@ -12,7 +12,8 @@ use weaver_splat::{Images, Session, Workspace};
 
 type Write<'py, T> = Option<PyReadwriteArrayDyn<'py, T>>;
 
-/// Where drawings go: image `[C, H, W, 3]`, alpha `[C, H, W, 1]`, depth `[C, H, W, 1]` and features `[C, H, W, F]`, None where there are none.
+/// Arrays to draw into: image `[C, H, W, 3]`, alpha `[C, H, W, 1]`, depth `[C, H, W, 1]` and features `[C, H, W, F]`,
+/// None where there are none.
 #[derive(Debug, FromPyObject)]
 #[allow(clippy::type_complexity)]
 pub struct Planes<'py, T: Element>((Write<'py, T>, Write<'py, T>, Write<'py, T>, Write<'py, T>));
@@ -24,14 +25,14 @@ pub enum AnyPlanes<'py> {
     Double(Planes<'py, f64>),
 }
 
-/// Refuses arrays of so many bytes where there is no memory for them.
+/// Refuses arrays of `bytes` bytes where there is no memory for them.
 #[pyfunction]
 pub fn check_memory(bytes: u64) -> Result<(), Failed> {
     let refused = weaver_command::memory::check(bytes, "fewer pixels or cameras take less").err();
     refused.map_or(Ok(()), |failure| Err(Failed::new(FailureKind::Memory, failure.line().unwrap_or_default())))
 }
 
-/// Draws into arrays, and returns what gradients need.
+/// Draws into arrays, and returns the state for gradients.
 #[pyfunction]
 pub fn rasterize<'py>(
     py: Python<'py>,

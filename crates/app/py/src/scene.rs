@@ -27,7 +27,7 @@ pub struct SceneData {
     background: [f32; 3],
 }
 
-/// Formats of scenes: name, end of file names, and what each keeps.
+/// Formats of scenes: name, end of file names, and the kept attributes.
 #[pyfunction]
 pub fn formats() -> Vec<(String, String, String)> {
     let row = |format: &weaver_io::SceneFormat| {
@@ -90,7 +90,7 @@ impl SceneData {
         })
     }
 
-    /// Reads a file; what a summary.json beside it says about drawing is followed, as the command line does.
+    /// Reads a file, with the settings of drawing from a summary.json beside it, as on the command line.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> Result<Self, Failed> {
         compute(py, || {

@@ -11,7 +11,7 @@ use weaver_command::{cores, pool_size};
 static POOL: Mutex<Pool> = Mutex::new(Pool { wanted: None, running: None });
 
 struct Pool {
-    /// Threads that were asked for; `None` is one per core.
+    /// The number of threads that was set; `None` is one per core.
     wanted: Option<usize>,
     /// The process, and its pool.
     running: Option<(u32, Arc<ThreadPool>)>,
@@ -20,7 +20,8 @@ struct Pool {
 /// The most threads that the command line takes.
 const MOST: usize = weaver_command::MOST_THREADS as usize;
 
-/// Sets the number of threads; None is one per core, and more than eight per core are not used. Results do not depend on it.
+/// Sets the number of threads; None is one per core, and more than eight per core are not used. Results do not depend
+/// on it.
 #[pyfunction]
 #[pyo3(signature = (count))]
 pub fn set_threads(count: Option<usize>) -> Result<(), Failed> {

@@ -1,4 +1,4 @@
-//! Cuts points along a bend into blocks, and prints what each has.
+//! Cuts points along a bend into blocks, and prints the photos and points of each.
 
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;

@@ -2,9 +2,9 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `block-NN/block.json` | [`BlockFile`]: what is the block's own |
+//! | `block-NN/block.json` | [`BlockFile`]: region, sizes and memory of the block |
 //! | `block-NN/capture/` | the block as an ordinary capture: `transforms.json`, `sparse/0`; the photos stay where they are |
-//! | `block-NN/fit/` | where its fit goes |
+//! | `block-NN/fit/` | its fit |
 
 mod merge;
 mod split;

@@ -21,14 +21,15 @@ const HOLD_OUT: usize = 8;
 /// Bytes that a photo takes while it is matched with hundreds of others, as measured of 250 and of 1000.
 const MATCHED: u64 = 3_300_000;
 
-/// Cameras that are asked for.
+/// A request for cameras.
 #[derive(Clone, Debug)]
 pub struct CamerasRequest {
     /// Folder for the results.
     pub out: PathBuf,
-    /// At most so many frames of each clip; `None` takes as many as show something new.
+    /// The most frames of each clip; `None` takes as many as show something new.
     pub frames: Option<usize>,
-    /// Options of matching; frames of clips [follow one another](EstimatePhotosOptions::sequence), whatever they say.
+    /// Options of matching; clips override [`sequence`](EstimatePhotosOptions::sequence), since their frames follow one
+    /// another.
     pub matching: EstimatePhotosOptions,
     /// Further files that are read, and that no result may replace.
     pub read: Vec<PathBuf>,
@@ -107,7 +108,7 @@ pub(crate) fn estimated_capture(
     Ok(folder.path().join("transforms.json"))
 }
 
-/// The photos that are held out of an estimated capture, which lists its photos for testing.
+/// The choice of held-out photos for an estimated capture, which lists its photos for testing.
 pub(crate) fn held_out_of_estimated(hold_out: HoldOut) -> HoldOut {
     match hold_out {
         HoldOut::Nothing => HoldOut::Nothing,
@@ -120,7 +121,8 @@ fn cameras_folder(out: &OutputFolder, photos: &[PathBuf]) -> Result<OutputFolder
     Ok(OutputFolder::claim(out.path().join("cameras"), COMMAND, photos)?)
 }
 
-/// Estimates cameras, and writes a capture into a folder. Where `located` is true a photo finds no points.
+/// Estimates cameras, and writes a capture into a folder. A photo with `located` true is located alone, and finds no
+/// points.
 fn estimate(
     photos: &PhotoFiles,
     located: &[bool],
@@ -151,8 +153,8 @@ fn estimate(
         duration(start.elapsed().as_secs_f64())
     ));
     remark(&found, options.shared, observe);
-    // All is said before anything is written: an observer that unwinds, as nobody waits for the work any longer,
-    // leaves nothing written.
+    // All is reported before anything is written: an observer that unwinds, since its caller is gone, leaves nothing
+    // written.
     let part = Part { label: COMMAND, done: placed, total: photos.len(), note: sureness(&found) };
     let _ = observe.progress(&part);
     let photos = found.write(out)?;

@@ -10,8 +10,8 @@ use weaver_scene::Gaussians;
 /// The file.
 pub(crate) const FILE: &str = "scene.wsz";
 
-/// Part of the run from which on the scene is drawn as the file will hold it: behind the last new Gaussians, and while
-/// rates fall. With those of the middle of a run, numbers move by more than the steps of the file.
+/// Part of the run from which on the scene is drawn with the file's rounding: behind the last new Gaussians, and while
+/// rates fall. With the rates of the middle of a run, parameters move by more than the file's quantization steps.
 const FROM: f64 = 0.8;
 
 /// Least cost of removing a Gaussian that stays, over the mean error that rounding gives one. Chosen on fern, banana

@@ -1,25 +1,25 @@
-//! How much of each photo others show too.
+//! The part of each photo that other photos show too.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Part of photos whose depth two others agree about, by name; empty if they were not asked.
+/// Part of each photo with a depth that two others agree about, by name; empty if it was not measured.
 ///
-/// What one photo alone shows has no depth that photos could tell.
+/// Surfaces that a single photo shows have no depth that follows from photos.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Coverage(pub BTreeMap<String, f64>);
 
-/// Less of a photo than this is hardly any.
+/// Coverage below which a photo counts as alone.
 const ALONE: f64 = 0.1;
 
 impl Coverage {
-    /// True if photos were not asked.
+    /// True if coverage was not measured.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// The mean over photos; 0 if they were not asked.
+    /// The mean over photos; 0 if it was not measured.
     pub fn mean(&self) -> f64 {
         self.0.values().sum::<f64>() / self.0.len().max(1) as f64
     }
@@ -37,7 +37,7 @@ impl Coverage {
         std::iter::once(name).chain(ends).find_map(|end| self.0.get(end).copied())
     }
 
-    /// Photos of which others show hardly anything.
+    /// Photos that share hardly anything with others.
     ///
     /// ```
     /// use weaver_reconstruct::Coverage;

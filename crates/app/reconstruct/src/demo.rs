@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use weaver_io::{OutputFolder, atomic_write};
 
-/// Folder of the photos in that of the results.
+/// Folder of the photos inside the folder of results.
 const FOLDER: &str = "photos";
 
 /// The photos by their names in `demo/`.

@@ -78,7 +78,7 @@ pub enum Error {
         /// The value found.
         found: String,
     },
-    /// The capture is no longer what the run began with.
+    /// The capture differs from the start of the run.
     #[error("{}: {key}: expected {expected}, found {found}", capture.display())]
     Changed {
         /// The capture.

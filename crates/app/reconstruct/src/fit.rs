@@ -26,7 +26,7 @@ const FEW_POINTS: usize = 50;
 /// Fewer Gaussians than this for each pixel of a photo cannot show much.
 const FEW: f64 = 0.005;
 
-/// A fit that is asked for.
+/// A request for a fit.
 #[derive(Clone, Debug)]
 pub struct FitRequest {
     /// Folder for the results.
@@ -105,7 +105,7 @@ impl fmt::Debug for FitContext {
 
 /// Fits Gaussians to the photos of a capture, and writes scene, cameras, summary and report into a folder.
 ///
-/// An observer that answers a part of the stage `fit` with a break ends the fit, with results.
+/// An observer that returns a break to a part of the stage `fit` ends the fit, with results.
 ///
 /// # Errors
 /// As [`reconstruct`](crate::reconstruct()).

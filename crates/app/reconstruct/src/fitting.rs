@@ -19,8 +19,8 @@ pub(crate) struct Fitting {
     pub judge: Judge,
     /// The processes that share the steps.
     pub ranks: Arc<dyn Ranks>,
-    /// The pace, where the run is to end in its time. One that goes on after a stop leaves out what it has written
-    /// down, and no more.
+    /// The pace, where the run is to end in its time. A resumed run leaves out the steps written down before, and no
+    /// more.
     pub keeping: Option<Keeping>,
     /// Seconds of earlier sessions.
     before: f64,
@@ -29,14 +29,14 @@ pub(crate) struct Fitting {
 
 /// The Gaussians that a run began with.
 pub(crate) const INIT: &str = "init.ply";
-/// Records of a run, whatever its length.
+/// Records in the log of a run of any length.
 const RECORDS: usize = 500;
 /// Name in the log of the mean PSNR of held-out photos, dB.
 pub(crate) const HELD_OUT: &str = "held_out";
 /// Where a checkpoint has the seconds that were spent before it.
 const SECONDS: &str = "seconds";
 
-/// Next thing that processes which share a run do, as the first one says.
+/// Next action of the processes that share a run, chosen by the first one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Next {
     /// Nothing more.
@@ -56,7 +56,7 @@ impl Next {
         }
     }
 
-    /// That of a number that processes have agreed about.
+    /// The action for a number that processes have agreed about.
     pub fn of(number: u64) -> Self {
         match number {
             0 => Self::End,
@@ -71,7 +71,7 @@ impl Fitting {
         Self { settings, capture, judge, ranks: Arc::new(Alone), keeping: None, before: 0.0, started }
     }
 
-    /// The job of the run in a folder, which says `file` of itself, at its beginning.
+    /// The job of the run in a folder, with the settings of `file`, at its beginning.
     pub fn stored(
         file: RunFile,
         folder: &Path,
@@ -88,7 +88,7 @@ impl Fitting {
         Ok(Self::new(settings, capture, judge, started))
     }
 
-    /// Writes what was asked for and what was read.
+    /// Writes settings, input checksums and coverage.
     pub fn store(&self, folder: &Folder) -> Result<(), Error> {
         let Loaded { sources, coverage, .. } = &self.capture;
         let file = RunFile { settings: self.settings.clone(), sources: sources.clone(), coverage: coverage.clone() };
@@ -104,7 +104,7 @@ impl Fitting {
         Ok(())
     }
 
-    /// Tells the other processes what comes next.
+    /// Announces the next action to the other processes.
     pub fn announce(&self, next: Next) {
         self.ranks.agreed(next.number());
     }
@@ -118,7 +118,7 @@ impl Fitting {
             fit.leave_out(kept);
             self.settings.fit.thinned = fit.settings().thinned.clone();
             self.announce(Next::LeaveOut(kept));
-            // Whoever goes on from an earlier checkpoint leaves out the same.
+            // A run resumed from an earlier checkpoint leaves out the same.
             self.store(folder)?;
         }
         Ok(())
@@ -134,7 +134,7 @@ impl Fitting {
         self.settings.most_rounds.map(|rounds| rounds * round)
     }
 
-    /// Seconds since the run began, those of earlier sessions included.
+    /// Seconds since the run began, with earlier sessions.
     pub fn seconds(&self) -> f64 {
         self.before + self.started.elapsed().as_secs_f64()
     }

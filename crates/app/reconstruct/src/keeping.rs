@@ -16,7 +16,7 @@ pub(crate) struct Keeping {
     pub results: f64,
     /// The least steps that are taken.
     least: usize,
-    /// Seconds of the run when its steps began, and those that the steps since then should have taken.
+    /// Seconds of the run when its steps began, and the expected seconds of the steps since then.
     began: f64,
     expected: f64,
     /// Number of the last step that was compared.
@@ -29,8 +29,8 @@ impl Keeping {
         Self { rehearsal, seconds, results, least, began, expected: 0.0, compared: 0 }
     }
 
-    /// Steps to take of those that are left, where these are too many or too few for the time that is left: `now` is
-    /// the time of the run after `done` of its steps.
+    /// Number of the remaining steps to take, where there are too many or too few for the remaining time: `now` is the
+    /// time of the run after `done` of its steps.
     ///
     /// A machine that is slower than it was rehearsed to be makes fewer steps, and more again once it is faster; never
     /// more than were planned.

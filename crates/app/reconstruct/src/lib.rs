@@ -10,17 +10,17 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `run.json` | what was asked for, with the number of steps once it is known, and checksums of what was read |
+//! | `run.json` | the settings, with the number of steps once it is known, and checksums of the inputs |
 //! | `init.ply` | the Gaussians it began with, if they were given or lie on surfaces that photos agree about |
 //! | `checkpoint.safetensors` | everything needed to go on |
-//! | `scene.ply` | the Gaussians; also in other formats if asked for, as `scene.spz` |
+//! | `scene.ply` | the Gaussians; also in other requested formats, as `scene.spz` |
 //! | `scene.wsz` | the Gaussians compressed, if the fit was made for it |
 //! | `transforms.json`, `sparse/0` | the cameras, refined ones too, of the photos as they are on disk; the points, moved with them |
 //! | `summary.json` | the outcome |
 //! | `metrics.jsonl`, `events/` | logged values, also for TensorBoard |
 //! | `report.html` | held-out photos beside renders, maps, curves |
 //! | `view.html` | the scene to look at in a browser, with cameras and photos |
-//! | `written.jsonl` | which of these files the fit wrote, and may replace |
+//! | `written.jsonl` | the list of files that the fit wrote, and may replace |
 
 pub mod blocks;
 mod cameras;

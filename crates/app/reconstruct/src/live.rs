@@ -14,7 +14,7 @@ const LABEL: &str = "fit";
 /// Weight of a photo in the PSNR that is shown: about fifty photos count.
 const SMOOTHED: f64 = 0.02;
 
-/// Makes the steps that are left, until the observer or somebody at the page wants a stop.
+/// Makes the remaining steps, until the observer or a visitor of the page requests a stop.
 pub(crate) fn advance(
     run: &mut Run,
     folder: &Path,

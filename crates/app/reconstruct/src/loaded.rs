@@ -15,7 +15,7 @@ use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
 /// A photo on disk.
 #[derive(Clone, Debug)]
 pub(crate) struct Origin {
-    /// The file, and what the capture says of it.
+    /// The file, with its entry in the capture.
     pub frame: Frame,
     /// The camera of the photo as it is fitted, before refinement.
     pub given: Camera,
@@ -26,15 +26,15 @@ pub(crate) struct Origin {
 pub(crate) struct Loaded {
     pub fit: Fit,
     pub held_out: Vec<Photo>,
-    /// Of the training photos, then of the held-out ones.
+    /// Origins of the training photos, then of the held-out ones.
     pub origins: Vec<Origin>,
     /// The capture's points, where its cameras are as they are before the fit.
     pub points: PointCloud,
     pub matching: Option<Matching>,
     /// True if photos agree about colors.
     pub colors: ColorAgreement,
-    /// Gaussians that the run begins with, where they were found by looking at the photos: they are stored, so that it
-    /// goes on from them.
+    /// Gaussians that the run begins with, where they were found from the photos: they are stored, so that it goes on
+    /// from them.
     pub found: Option<Gaussians>,
     pub coverage: Coverage,
     /// Checksums of the inputs.
@@ -43,8 +43,8 @@ pub(crate) struct Loaded {
     pub remarks: Vec<String>,
 }
 
-/// Loads what a run fits, and decides [what the photos decide](crate::ByPhotos). `given` are the Gaussians of
-/// [`Initial::Given`].
+/// Loads the inputs of a run, and decides [settings that depend on the photos](crate::ByPhotos). `given` are the
+/// Gaussians of [`Initial::Given`].
 pub(crate) fn load(
     settings: &mut RunSettings,
     given: Option<&Gaussians>,
@@ -95,7 +95,7 @@ pub(crate) fn prepare(
         });
     }
     let colors = ColorAgreement::of(&training, &capture.points, &visible);
-    // What is decided goes into run.json, so that a run goes on as it began.
+    // Decisions go into run.json, so that a run goes on as it began.
     let undecided = settings.by_photos;
     settings.fit.exposure |= undecided.exposure && colors.differ();
     if undecided.background && !capture.transparent {

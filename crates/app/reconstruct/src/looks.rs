@@ -13,7 +13,7 @@ const LOOKS: usize = 20;
 const PHOTOS: usize = 4;
 
 impl Fitting {
-    /// Photos that are looked at: some of those that are held out. Where cameras are refined there are none, since
+    /// Some of the held-out photos, judged while the fit goes on. Where cameras are refined there are none, since
     /// held-out photos would have to be located in the scene first.
     fn looked_at(&self) -> Vec<usize> {
         let photos = if self.settings.fit.poses.refine { 0 } else { self.capture.held_out.len() };

@@ -17,8 +17,8 @@ pub struct Matching {
 }
 
 impl Matching {
-    /// Refines the cameras of photos; those of held-out ones are located by what the others agree about. Points go with
-    /// the cameras that see them, and what was found joins them.
+    /// Refines the cameras of training photos, and locates held-out photos by points that the training photos agree
+    /// about. Points move with the cameras that see them, and the found points join them.
     pub fn refine(training: &mut [Photo], held_out: &mut [Photo], points: &mut PointCloud, refine_focal: bool) -> Self {
         let views: Vec<View<'_>> =
             (training.iter().map(|p| view(p, false))).chain(held_out.iter().map(|p| view(p, true))).collect();

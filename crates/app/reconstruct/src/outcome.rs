@@ -13,7 +13,7 @@ pub struct Outcome {
     pub steps: usize,
     /// Steps of the whole run.
     pub planned: usize,
-    /// Those of the steps that were left out, so that the run ended in its time
+    /// The number of planned steps left out, so that the run ended in its time
     /// ([`FitSettings::thinned`](weaver_fit::FitSettings::thinned)).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub left_out: usize,
@@ -38,15 +38,15 @@ pub struct Outcome {
     pub alpha_max: f64,
     /// The color behind everything.
     pub background: [f32; 3],
-    /// Color correction of each photo, `[A | b]` row by row, if photos have them; of held-out ones that of their
-    /// neighbors ([`Fit::exposure_at`](weaver_fit::Fit::exposure_at)), with which they are judged.
+    /// Color correction of each photo, `[A | b]` row by row, if photos have them; held-out photos are judged with the
+    /// correction of their neighbors ([`Fit::exposure_at`](weaver_fit::Fit::exposure_at)).
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub exposures: BTreeMap<String, [f32; 12]>,
-    /// Part of each training photo that was left out, since no other photo shows what is there; photos with nothing of
-    /// the kind are not named.
+    /// Part of each training photo that was left out as transient, since no other photo shows the same; photos without
+    /// transients are not named.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub transients: BTreeMap<String, f64>,
-    /// Part of training photos whose depth two others agree about, where they were asked.
+    /// Part of each training photo with a depth that two others agree about, where it was measured.
     #[serde(default, skip_serializing_if = "Coverage::is_empty")]
     pub coverage: Coverage,
     /// Training photos that are met far worse than the others: they may not belong to the scene.
@@ -57,7 +57,7 @@ pub struct Outcome {
     pub missing: Vec<String>,
 }
 
-/// True of a count that is not worth a word.
+/// True for a count of 0, which is left out.
 fn is_zero(count: &usize) -> bool {
     *count == 0
 }

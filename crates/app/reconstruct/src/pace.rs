@@ -29,7 +29,7 @@ pub struct Sides {
     pub range: RangeInclusive<usize>,
     /// Time of the fit.
     pub minutes: f64,
-    /// Passes through the photos that the time must suffice for.
+    /// The least passes through the photos within the time.
     pub rounds: usize,
 }
 
@@ -38,7 +38,7 @@ pub struct Sides {
 pub struct Pace {
     /// Everything before the first step.
     pub loading: f64,
-    /// Those of its steps.
+    /// The steps.
     pub steps: Rehearsal,
     /// Judging every photo at the end, and the report.
     pub results: f64,
@@ -64,12 +64,11 @@ impl Pace {
         Ok(Self { loading, steps, results })
     }
 
-    /// The longest side of photos, of those that may be, at which so many minutes are enough for so many passes through
-    /// them, and memory for the run.
+    /// The largest allowed longest side of photos at which the time is enough for the passes through them, and memory
+    /// for the run.
     ///
-    /// `cameras` are the capture's. Steps are timed with a few photos of the least side, and take as much longer as
-    /// larger photos have more pixels. Nothing is timed where photos are no larger than that. `settings` are those of
-    /// the run. Writes nothing.
+    /// `cameras` are the capture's, and `settings` the run's. Steps are timed with a few photos of the least side, and
+    /// scaled by the number of pixels. Nothing is timed where photos are no larger than the least side. Writes nothing.
     ///
     /// # Errors
     /// As [`Run::begin`](crate::Run::begin).
@@ -107,7 +106,7 @@ impl Pace {
         Ok((side as usize).clamp(least, most))
     }
 
-    /// Seconds of a run of so many steps.
+    /// Seconds of a run of `steps` steps.
     pub fn total(&self, steps: usize) -> f64 {
         self.loading + self.steps.seconds(steps) + self.results
     }

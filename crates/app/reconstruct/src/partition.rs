@@ -23,8 +23,8 @@
 //!
 //! 1. [`regions`] cuts space by planes that stand on the ground, so that every region has as many points as any other.
 //! 2. [`blocks`] gives each region the photos that see enough of it, and the points that these photos see.
-//! 3. Each block is fitted anywhere, by whatever fits captures.
-//! 4. [`color_maps`] brings the colors of fits that correct those of their photos together.
+//! 3. Each block is fitted on its own, anywhere.
+//! 4. [`color_maps`] matches the colors of fits with corrected photo colors.
 //! 5. [`merged`] keeps of each fit the Gaussians whose centers lie in its region.
 //!
 //! Regions do not overlap and leave no gap: each center belongs to exactly one.

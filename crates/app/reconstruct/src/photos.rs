@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Files and folders that tell cameras, of which a capture has one.
+/// Files and folders with cameras; a capture has one of them.
 const CAMERAS: [&str; 7] =
     ["transforms.json", "transforms_train.json", "sparse", "cams", "cameras_sphere.npz", "cameras.npz", "cameras.txt"];
 
@@ -18,7 +18,7 @@ pub enum Photos {
 }
 
 impl Photos {
-    /// The photos at some paths: one that tells cameras is a capture.
+    /// The photos at some paths; a single path with cameras is a capture.
     ///
     /// ```
     /// use weaver_reconstruct::Photos;
@@ -42,7 +42,7 @@ impl Photos {
     }
 }
 
-/// True if a folder or file tells its cameras.
+/// True for a JSON file, and for a folder with cameras.
 fn is_capture(path: &Path) -> bool {
     path.is_file() && path.extension().is_some_and(|e| e == "json")
         || CAMERAS.iter().any(|name| weaver_io::is_taken(path.join(name)))

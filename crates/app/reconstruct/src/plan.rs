@@ -32,11 +32,11 @@ pub struct Plan {
 const RASTERIZER: (u64, u64, u64) = (360, 360, PROGRAM);
 const PROGRAM: u64 = 22_000_000;
 
-/// Gaussians for each pixel of a photo when nothing is said about them, and the limits of that.
+/// Default number of Gaussians for each pixel of a photo, and the limits of their number.
 const GAUSSIANS: (f64, usize, usize) = (0.4, 5_000, 1_000_000);
 
 impl Plan {
-    /// Plans a run of photos with these cameras, of which some are held out.
+    /// Plans a run of photos with these cameras, each with true for a held-out photo.
     pub(crate) fn of(cameras: &[(Camera, bool)], masks: bool, fit: &FitSettings) -> Self {
         let pixels = |camera: &Camera| (camera.width * camera.height) as u64;
         let held_out = cameras.iter().filter(|(_, held_out)| *held_out).count();
@@ -46,7 +46,7 @@ impl Plan {
         let size = largest.map_or([0, 0], |camera| [camera.width, camera.height]);
         let numbers = 3 + 3 + 4 + 1 + 3 * coefficients(fit.sh_degree) as u64;
         let n = fit.gaussians as u64;
-        // Of a step that looks at several photos: gradients and statistics of those whose sum is not yet made.
+        // Rows for a step with several photos: gradients and statistics that are not summed yet.
         let rows = if fit.views_per_step > 1 { 2 + u64::from(fit.views_per_step.ilog2()) } else { 0 };
         Self {
             training: cameras.len() - held_out,
@@ -69,7 +69,7 @@ impl Plan {
         Self { start: copies as u64 + Stereo::bytes(&sizes, &StereoSettings::default()), ..self }
     }
 
-    /// True if there are photos enough to find depth where nothing is said about the start.
+    /// True if there are enough photos to find depth with the default start.
     pub(crate) fn asks_for_depth(&self) -> bool {
         self.training >= FEWEST
     }

@@ -57,15 +57,15 @@ impl Quality {
     }
 }
 
-/// A scene that is asked for.
+/// A request for a scene.
 #[derive(Debug)]
 pub struct Request {
     /// Folder for the results.
     pub out: PathBuf,
     /// Time and size of the photos.
     pub quality: Quality,
-    /// Time for all of it, minutes, which is used up; `None` is the quality's, of which a fit ends early once it has
-    /// used each photo often enough.
+    /// Time for all of it, minutes, which is used up; `None` is the time of the quality, but then a fit ends early once
+    /// it has used each photo often enough.
     pub minutes: Option<f64>,
     /// The most Gaussians; `None` follows the size of the photos.
     pub gaussians: Option<usize>,
@@ -77,7 +77,7 @@ pub struct Request {
     pub compress: Option<f64>,
     /// True if a page to look at the scene is written.
     pub html: bool,
-    /// At most so many frames of each clip; `None` takes as many as show something new.
+    /// The most frames of each clip; `None` takes as many as show something new.
     pub frames: Option<usize>,
     /// Options of estimated cameras.
     pub matching: EstimatePhotosOptions,
@@ -119,7 +119,7 @@ impl Request {
 /// Makes a scene from photos: takes a capture's cameras or estimates them, fits Gaussians, and writes scene, cameras,
 /// summary and report into a folder.
 ///
-/// An observer that answers a part of the stage `fit` with a break ends the fit, with results.
+/// An observer that returns a break to a part of the stage `fit` ends the fit, with results.
 ///
 /// # Errors
 /// When photos cannot be read or give no cameras, a setting is out of range, memory does not suffice, or a file cannot

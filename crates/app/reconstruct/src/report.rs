@@ -14,12 +14,12 @@ use weaver_splat::Workspace;
 
 /// Fewer photos than this leave much of a scene unseen.
 const FEW: usize = 4;
-/// Longest side of pictures of what was left out, pixels.
+/// Longest side of pictures of transients, pixels.
 const TINTED: usize = 400;
 /// Views with pictures.
 const PICTURES: usize = 6;
 
-/// Better names of curves than those of the log.
+/// Readable names of curves, by their names in the log.
 pub const CURVES: [(&str, &str); 4] = [
     (HELD_OUT, "PSNR of held-out photos, dB"),
     ("psnr", "PSNR of the photos looked at, dB"),
@@ -27,7 +27,7 @@ pub const CURVES: [(&str, &str); 4] = [
     ("pairs", "million pairs of Gaussian and pixel"),
 ];
 
-/// Which of so many views have pictures.
+/// Numbers of the views with pictures, among `views`.
 pub fn pictured(views: usize) -> impl Iterator<Item = usize> {
     let chosen = views.min(PICTURES);
     (0..chosen).map(move |i| i * views / chosen)
@@ -120,7 +120,7 @@ pub fn page(
     Ok(page)
 }
 
-/// Tells the part of photos that others agree about, and which photos stand alone.
+/// Reports the part of photos that others agree about, and the photos that stand alone.
 fn coverage(outcome: &Outcome, page: &mut Page) {
     if outcome.coverage.is_empty() {
         return;
@@ -155,7 +155,7 @@ fn transients(run: &Fitting, outcome: &Outcome, page: &mut Page) {
     page.picture("What was left out", &Image::mosaic(&pictures.iter().collect::<Vec<_>>()));
 }
 
-/// A photo with what was left out in red.
+/// A photo with its transients in red.
 fn tinted(run: &Fitting, photo: usize) -> Image {
     let Photo { camera, rgb, .. } = run.fit().photo(photo);
     let step = camera.width.max(camera.height).div_ceil(TINTED);

@@ -24,9 +24,8 @@ const OUTLIER: f64 = 8.0;
 const LOCATE: usize = 30;
 
 impl Run {
-    /// Writes scene, cameras, summary and report, then the page to look at the scene and further formats, which take
-    /// nothing of the others with them if they cannot be written. A scene that no page can hold has none, which
-    /// [`Outcome::missing`] says.
+    /// Writes scene, cameras, summary and report, then the page to look at the scene and further formats, whose failure
+    /// leaves the other results intact. A scene that no page can hold has none, listed in [`Outcome::missing`].
     ///
     /// # Errors
     /// When a file cannot be written, or the rasterizer refuses.
@@ -36,7 +35,7 @@ impl Run {
         job.capture.fit.fetch()?;
         if let Some(level) = job.settings.compress {
             compressed::write(&out.file(compressed::FILE)?, &job.fit().gaussians(), level)?;
-            // All further results are those of what the file holds.
+            // All further results are of the scene as rounded in the file.
             job.capture.fit.settle()?;
         }
         let gaussians = job.fit().gaussians();
@@ -68,7 +67,7 @@ impl Run {
     }
 }
 
-/// Bytes of a photo's name in those of files that have more in them; 255 is the most that file systems take.
+/// The most bytes of a photo's name within longer file names; file systems allow 255.
 const STEM: usize = 200;
 
 /// A name that leaves place for a number and another ending.
@@ -118,7 +117,7 @@ impl Fitting {
         (0..fit.photos()).filter_map(|i| Some((fit.photo(i).name.clone(), fit.transients(i)?.part()))).collect()
     }
 
-    /// Writes what was left out of photos as masks: white counts, black was left out.
+    /// Writes the transients of photos as masks: white counts, black was left out.
     fn write_transients(&self, out: &OutputFolder) -> Result<(), Error> {
         let mut names = Vec::new();
         for photo in 0..self.fit().photos() {
@@ -155,7 +154,7 @@ impl Fitting {
     }
 
     /// The cameras that held-out photos are judged with: as given; where cameras were refined, as matched, carried
-    /// along with those of the training photos, and located in the scene, which is frozen.
+    /// along with the training cameras, and located in the scene, which is frozen.
     fn held_out_cameras(&mut self) -> Result<Vec<Camera>, Error> {
         let given: Vec<Camera> = self.capture.held_out.iter().map(|photo| photo.camera).collect();
         if !self.settings.fit.poses.refine {
@@ -194,7 +193,7 @@ impl Fitting {
         let frames: Vec<Frame> = self.capture.origins.iter().zip(&cameras).map(frame).collect();
         let model = Model { points: self.points(), ..Model::from_frames(&frames) };
         model.write_binary(out.files(MODEL, Model::FILES)?)?;
-        // A fit knows which photos are held out, also if none is.
+        // The held-out photos are listed also if there are none.
         let test_filenames = Some(frames[self.fit().photos()..].iter().map(|frame| frame.name.clone()).collect());
         Transforms { frames, test_filenames, ..Transforms::default() }.write(out.file("transforms.json")?)?;
         Ok(())
@@ -239,8 +238,8 @@ impl Fitting {
         held_out.iter().zip(cameras).enumerate().map(judged).collect()
     }
 
-    /// Seconds that looks and that results will take, from judging one photo now; with a budget full of Gaussians and
-    /// pictures for the report it takes longer than with the few that there are.
+    /// Seconds that looks and that results will take, from judging one photo now; with a full budget of Gaussians and
+    /// pictures for the report it takes longer than with the few of now.
     pub(crate) fn seconds_of_results(&mut self) -> Result<[f64; 2], Error> {
         let camera = self.fit().camera(0);
         let mut seconds = 0.0;

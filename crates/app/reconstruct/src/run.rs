@@ -17,13 +17,13 @@ use weaver_run::{Folder, Job, Kind, StepReport};
 use weaver_scene::{Gaussians, Photo};
 use weaver_view::Shot;
 
-/// A run under way. Its folder is its own until this value is dropped.
+/// A run under way. Its folder is locked until this value is dropped.
 #[derive(Debug)]
 pub struct Run(pub(crate) weaver_run::Run<Fitting>);
 
 /// The folder of the cameras and points as COLMAP has them.
 pub(crate) const MODEL: &str = "sparse/0";
-/// The folder of masks of what photos alone show.
+/// The folder of masks of transients, which single photos show.
 pub(crate) const TRANSIENTS: &str = "transients";
 const KIND: Kind = Kind {
     command: "fit",
@@ -54,11 +54,11 @@ impl Run {
         Ok(folder)
     }
 
-    /// Claims a folder and begins a run in it: [`claim`](Self::claim), with the capture as what is read, and
+    /// Claims a folder and begins a run in it: [`claim`](Self::claim), with the capture as input, and
     /// [`begin`](Self::begin).
     ///
     /// # Errors
-    /// As these two.
+    /// As [`claim`](Self::claim) and [`begin`](Self::begin).
     pub fn create(
         folder: &Path,
         settings: RunSettings,
@@ -142,8 +142,8 @@ impl Run {
         Self::resume_shared(folder, judge, rasterizer, Arc::new(Alone))
     }
 
-    /// [Goes on](Self::resume) with a run whose steps several processes share, whatever their number was before; the
-    /// others [take part](Self::take_part).
+    /// [Goes on](Self::resume) with a run whose steps several processes share, in any number; the others [take
+    /// part](Self::take_part).
     ///
     /// # Errors
     /// As [`resume`](Self::resume), and as [`Fit::share`].
@@ -166,12 +166,11 @@ impl Run {
         Ok(Self(run))
     }
 
-    /// The part of a process that is not the first of those that share a run, of which it knows nothing yet: reads what
-    /// the first one has begun, in its folder, and takes part in every step until the first one has no more. Writes
-    /// nothing.
+    /// The work of every process but the first in a shared run: reads the run that the first one has begun, in its
+    /// folder, and takes part in every step until the last. Writes nothing.
     ///
     /// # Errors
-    /// When run, capture or checkpoint cannot be read or are others than those of the first process; as [`Fit::step`].
+    /// When run, capture or checkpoint cannot be read or differ from the first process; as [`Fit::step`].
     pub fn take_part(rasterizer: Arc<dyn FitRasterizer>, ranks: Arc<dyn Ranks>) -> Result<(), Error> {
         // Waits for the first process.
         let folder = PathBuf::from(agreed_text(&*ranks, ""));
@@ -247,7 +246,7 @@ impl Run {
         crate::view::shots(&self.0.job, &given)
     }
 
-    /// Seconds since the run began, those of earlier sessions included.
+    /// Seconds since the run began, with earlier sessions.
     pub fn seconds(&self) -> f64 {
         self.0.job.seconds()
     }
@@ -274,7 +273,7 @@ impl Run {
 }
 
 impl Fitting {
-    /// Chooses the steps that so many minutes are enough for, the time since the run began and its results included.
+    /// Chooses the number of steps that fits into `minutes`, with the time since the run began and its results.
     fn plan_steps(&mut self, minutes: f64) -> Result<(), Error> {
         let [looks, results] = self.seconds_of_results()?;
         let seconds = 60.0 * minutes;

@@ -22,10 +22,10 @@ pub struct RunSettings {
     pub capture: PathBuf,
     /// Longest side of the photos, pixels; `None` takes them as they are.
     pub long_side: Option<usize>,
-    /// Which photos are held out.
+    /// The choice of held-out photos.
     #[serde(flatten, with = "held")]
     pub hold_out: HoldOut,
-    /// At most so many photos to fit to, evenly spread in the capture's order.
+    /// The most photos to fit to, evenly spread in the capture's order.
     pub views: Option<usize>,
     /// True if masks are read.
     pub masks: bool,
@@ -39,11 +39,11 @@ pub struct RunSettings {
     pub init: Initial,
     /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].
     pub minutes: Option<f64>,
-    /// With [`minutes`](Self::minutes), at least so many steps, however long they take.
+    /// With [`minutes`](Self::minutes), the least number of steps, however long they take.
     #[serde(default)]
     pub least_steps: usize,
-    /// With [`minutes`](Self::minutes), at most so many passes through the photos, though there be time for more: what
-    /// they bring is met in the fitted photos alone. `None` uses the time.
+    /// With [`minutes`](Self::minutes), the most passes through the photos, though there be time for more: further
+    /// passes improve the fitted photos alone. `None` uses the time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub most_rounds: Option<usize>,
     /// Seconds between checkpoints, at least.
@@ -66,20 +66,20 @@ fn written() -> bool {
     true
 }
 
-/// Settings of the fit that follow from the photos, since nobody named them. Once they are decided, they are in
-/// [`RunSettings::fit`], and this is all false.
+/// Settings of the fit that follow from the photos, for lack of a choice by the user. Once they are decided, they are
+/// in [`RunSettings::fit`], and all of these are false.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct ByPhotos {
     /// The colors of photos are corrected ([`FitSettings::exposure`]) where the photos differ in exposure or white
     /// balance ([`ColorAgreement::differ`](weaver_fit::ColorAgreement::differ)).
     pub exposure: bool,
     /// The background is the [mean color](weaver_fit::mean_color) of the photos that are fitted; where photos have
-    /// transparent parts, it stays what these are laid over.
+    /// transparent parts, it stays the color behind these parts.
     pub background: bool,
     /// [`FitSettings::dropout`] is the larger the fewer photos there are ([`FitSettings::dropout_for`]).
     pub dropout: bool,
-    /// Gaussians begin on what photos agree about ([`Initial::Dense`]) where that is most of what they show, and is
-    /// found in a small part of the time; with [`Initial::Auto`] alone.
+    /// Gaussians begin on surfaces that photos agree about ([`Initial::Dense`]) where these cover enough of the photos,
+    /// and are found in a small part of the time; with [`Initial::Auto`] alone.
     pub start: bool,
     /// Where Gaussians begin so, their means move the more slowly the larger the photos are
     /// ([`Rates::means_on_surfaces`](weaver_fit::Rates::means_on_surfaces)).
@@ -109,7 +109,7 @@ pub enum Initial {
 }
 
 impl RunSettings {
-    /// The least steps of a run in a time when nothing is said: fewer make nothing worth seeing.
+    /// Default least number of steps of a run in a time: fewer make nothing worth seeing.
     pub const LEAST_STEPS: usize = 200;
 
     /// A run of this capture with everything else as usual.
@@ -134,7 +134,7 @@ impl RunSettings {
         }
     }
 
-    /// Settings of a fit of which nothing is said: objects that photos alone show are left out.
+    /// Default settings of a fit: transients, which single photos show, are left out.
     pub fn usual_fit() -> FitSettings {
         FitSettings { transients: true, ..FitSettings::default() }
     }
@@ -182,7 +182,7 @@ impl RunSettings {
     }
 }
 
-/// Which photos are held out, in run.json: none where `all` of them are fitted to, or `every` so many.
+/// The choice of held-out photos in run.json: none with `all`, or each `every`-th, else the listed ones.
 mod held {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
     use weaver_data::capture::HoldOut;
@@ -208,14 +208,14 @@ mod held {
     }
 }
 
-/// The content of run.json: what was asked for, and what was read. Runs of earlier versions do not say the latter.
+/// The content of run.json: the settings, and checksums of the inputs. Runs of earlier versions lack the latter.
 #[derive(Debug, Deserialize, Serialize)]
 pub(crate) struct RunFile {
     #[serde(flatten)]
     pub settings: RunSettings,
     #[serde(default)]
     pub sources: Sources,
-    /// Part of photos whose depth two others agree about.
+    /// Part of each photo with a depth that two others agree about.
     #[serde(default, skip_serializing_if = "Coverage::is_empty")]
     pub coverage: Coverage,
 }

@@ -9,7 +9,7 @@ use weaver_io::Checksum;
 
 /// Checksums of photos with their masks, of their cameras, and of the points, as they were loaded.
 ///
-/// The inputs' content decides the bits, and not where it lay: a capture may have been moved, but not changed.
+/// The content of the inputs decides the bits, not their place: a capture may have been moved, but not changed.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[serde(transparent)]
 pub(crate) struct Sources(BTreeMap<String, String>);
@@ -30,10 +30,10 @@ impl Sources {
         Self(all)
     }
 
-    /// Checks that a run which goes on has read what it `began` with. A run that does not say what that was passes.
+    /// Checks that a resumed run has read the same inputs as it `began` with. A run without checksums passes.
     ///
     /// # Errors
-    /// Names the first photo, camera or the points that are others.
+    /// When inputs differ; names the first photo or camera that does, or the points.
     pub fn check(&self, began: &Self, capture: &Path, run: &Path) -> Result<(), Error> {
         if began.0.is_empty() {
             return Ok(());
@@ -58,7 +58,7 @@ impl Sources {
 fn pixels(photo: &PosedPhoto) -> Checksum {
     let mut sum = Checksum::default();
     sum.bytes(&photo.photo.rgb);
-    // As bytes that are 255 where a pixel counts.
+    // The mask as bytes, 255 where a pixel counts.
     let mask = photo.photo.mask.iter().flatten().map(|counts| if *counts { 255 } else { 0 });
     sum.bytes(&mask.collect::<Vec<u8>>());
     sum

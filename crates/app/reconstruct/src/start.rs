@@ -37,8 +37,8 @@ pub(crate) const FEWEST: usize = 13;
 const COVERAGE: f64 = 0.4;
 
 impl Start {
-    /// The start that the settings ask for. What they leave to the photos is written to them. `given` are the Gaussians
-    /// of a file, or those that the run began with before.
+    /// The start by the settings. Choices that they leave to the photos are written to them. `given` are the Gaussians
+    /// of a file, or of an earlier start of the run.
     ///
     /// # Errors
     /// When there is nothing to begin with.
@@ -92,7 +92,7 @@ impl Start {
     }
 }
 
-/// True if finding depth takes no more than its share of the run's time, by that of photos a quarter as large.
+/// True if finding depth takes no more than its share of the run's time, as extrapolated from small photos.
 fn in_time(settings: &RunSettings, seen: Seen<'_>) -> bool {
     let Some(minutes) = settings.minutes else { return true };
     let usual = StereoSettings::default();

@@ -5,12 +5,12 @@ use weaver_io::{Observe, duration};
 
 /// The shortest time that a fit takes, minutes.
 const SHORTEST: f64 = 0.05;
-/// The least share of the time that is the fit's, however long matching took.
+/// The least share of the time for the fit, however long matching took.
 const SHARE: f64 = 0.5;
 /// Excess of a time that is worth a remark, seconds.
 const SHOWN: f64 = 0.5;
 
-/// A time that began with this value.
+/// The time of a reconstruction, which began at `start`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TimeBudget {
     start: Instant,
@@ -18,7 +18,7 @@ pub(crate) struct TimeBudget {
 }
 
 impl TimeBudget {
-    /// So many minutes from `start` on.
+    /// A time of `minutes` minutes from `start` on.
     pub fn new(start: Instant, minutes: f64) -> Self {
         Self { start, minutes }
     }

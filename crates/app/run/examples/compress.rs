@@ -1,5 +1,5 @@
-//! A run of one's own: `cargo run --release -p weaver-run --example compress`. A picture becomes the weights of waves; the run stops
-//! halfway, goes on to the bits of one that was left alone, and writes runs/compress/report.html.
+//! A run of one's own: `cargo run --release -p weaver-run --example compress`. A picture becomes the weights of waves;
+//! the run stops halfway, goes on to the bits of an uninterrupted one, and writes runs/compress/report.html.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use weaver_autograd::{Params, Tape};

@@ -1,7 +1,7 @@
 //! A run and its report: `cargo run --release -p weaver-run --example descent`.
 //!
-//! Gradient descent with momentum in Rosenbrock's valley. Writes runs/descent: metrics.jsonl, events for TensorBoard and
-//! report.html with the curves and a map of the way, and prints where it ended.
+//! Gradient descent with momentum in Rosenbrock's valley. Writes runs/descent: metrics.jsonl, events for TensorBoard
+//! and report.html with the curves and a map of the way, and prints where it ended.
 
 use serde::Serialize;
 use weaver_io::{Image, false_color};

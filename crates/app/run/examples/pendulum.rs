@@ -1,7 +1,7 @@
 //! Settings of a small program: `cargo run --release -p weaver-run --example pendulum -- angle=2.5 method.kind=euler`.
 //!
-//! Swings a pendulum and prints how much of its energy the integration has made up or lost. Each argument is a setting, or a
-//! file of them; the settings are printed first, as a file with its documentation that can be changed and given.
+//! Swings a pendulum and prints how much of its energy the integration has made up or lost. Each argument is a setting,
+//! or a file of them; the settings are printed first, as a file with its documentation that can be changed and given.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

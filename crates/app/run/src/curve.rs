@@ -10,8 +10,9 @@ const LEFT: f64 = 64.0;
 /// Quotient of the largest and the smallest value above which an axis is logarithmic.
 const TENFOLD: f64 = 10.0;
 
-/// A small line chart of points (step, value), finite ones, and whether its axis is logarithmic, which it is if all values are
-/// positive and the largest is more than ten times the smallest, and the last value; none without points.
+/// A small line chart of points (step, value), finite ones, with true for a logarithmic axis, and the last value; none
+/// without points. The axis is logarithmic if all values are positive and the largest is more than ten times the
+/// smallest.
 pub(crate) fn svg(points: &[(usize, f64)]) -> Option<(String, bool, f64)> {
     let points: Vec<(f64, f64)> = points.iter().map(|(step, value)| (*step as f64, *value)).collect();
     let (first, (last, end)) = (points.first()?.0, *points.last()?);

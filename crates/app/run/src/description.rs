@@ -1,4 +1,4 @@
-//! The folder of a run of any command: what was asked for, how far it came, what it wrote.
+//! The description of a run of any command from its folder: settings, progress, files.
 
 use crate::{Error, Folder, read_records};
 use serde_json::Value;
@@ -12,7 +12,7 @@ pub const SETTINGS: &str = "run.json";
 const SHOWN: usize = 20;
 /// Characters of an entry.
 const LINE: usize = 200;
-/// Files that every run has, which are described or say nothing.
+/// Files that every run has; they are described in other words, or not at all.
 const COMMON: [&str; 5] = [SETTINGS, Folder::CHECKPOINT, Folder::LOG, Folder::SUMMARY, "unit.json"];
 
 /// Describes the folder of a run, but for its summary.

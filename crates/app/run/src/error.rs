@@ -1,9 +1,9 @@
-//! What can go wrong with a run.
+//! Errors of runs.
 
 use std::path::PathBuf;
 use weaver_io::Advice;
 
-/// Why a run cannot begin or go on, whatever it does.
+/// Why a run of any kind cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -23,7 +23,7 @@ pub enum Error {
     Complete {
         /// The folder.
         folder: PathBuf,
-        /// That there is none, [`Advice::Complete`].
+        /// There is no remedy, [`Advice::Complete`].
         source: Advice,
     },
 }

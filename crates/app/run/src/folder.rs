@@ -7,14 +7,14 @@ use std::path::{Path, PathBuf};
 use weaver_io::OutputFolder;
 use weaver_io::safetensors::Tensors;
 
-/// A kind of run: what its folder holds.
+/// A kind of run, by the files in its folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kind {
     /// The command that the record of written files names.
     pub command: &'static str,
     /// The file of settings. A folder that has it holds a run.
     pub settings: &'static str,
-    /// Files beside those that every run has.
+    /// Files beside the common files of runs.
     pub results: &'static [&'static str],
 }
 
@@ -22,7 +22,7 @@ pub struct Kind {
 ///
 /// | file | content |
 /// |---|---|
-/// | [`Kind::settings`] | what was asked for |
+/// | [`Kind::settings`] | the settings |
 /// | [`CHECKPOINT`](Self::CHECKPOINT) | everything needed to go on |
 /// | [`LOG`](Self::LOG), [`EVENTS`](Self::EVENTS) | logged values, also for TensorBoard |
 /// | [`SUMMARY`](Self::SUMMARY), [`REPORT`](Self::REPORT) | the outcome, for programs and for people |
@@ -48,14 +48,14 @@ impl Folder {
     /// The outcome with curves and pictures, in one file.
     pub const REPORT: &str = "report.html";
 
-    /// The first of `PARENT/NAME-1`, `PARENT/NAME-2`, ... that does not exist: where a run goes that is given no folder.
+    /// The first of `PARENT/NAME-1`, `PARENT/NAME-2`, ... that does not exist: the default folder of a run.
     pub fn free(parent: &Path, name: &str) -> PathBuf {
         let numbered = |number: usize| parent.join(format!("{name}-{number}"));
         (1..).map(numbered).find(|path| !weaver_io::is_taken(path)).expect("one of infinitely many names is free")
     }
 
-    /// Claims a folder for a new run that reads these files and folders. Meant to be called before any other work: a folder that did
-    /// not exist is removed again if nothing is written into it.
+    /// Claims a folder for a new run that reads these files and folders. Meant to be called before any other work: a
+    /// folder that did not exist is removed again if nothing is written into it.
     ///
     /// # Errors
     /// When the folder holds a run, or as [`OutputFolder::claim`] and [`OutputFolder::check`].
@@ -76,7 +76,7 @@ impl Folder {
         Self::reopen_with(path, kind, [])
     }
 
-    /// Claims the folder of a run that goes on and may have further files beside those of its kind.
+    /// Claims the folder of a run that goes on and may have further files, beside the files of its kind.
     ///
     /// # Errors
     /// As [`OutputFolder::reopen`].
@@ -90,18 +90,18 @@ impl Folder {
         self.out.path()
     }
 
-    /// The folder as one of results, for files beside those that every run has.
+    /// The folder of results, for files beside the common files of runs.
     pub fn out(&self) -> &OutputFolder {
         &self.out
     }
 
-    /// Lets somebody follow the run by its files: a checkpoint that is written by time comes every three seconds, or as often as writing it
-    /// is worth its time.
+    /// Lets others follow the run by its files: checkpoints that are written by time come every three seconds, or less
+    /// often where writing takes too large a share of the time.
     pub fn follow(&mut self) {
         self.followed = true;
     }
 
-    /// The time of the next checkpoint, of a run that would save so.
+    /// The interval of checkpoints, at most three seconds for a followed run that saves by time.
     pub(crate) fn pace(&self, save: Save) -> Save {
         match save {
             Save::Seconds(seconds) if self.followed => Save::Seconds(seconds.min(FOLLOWED)),
@@ -121,7 +121,7 @@ impl Folder {
         self.store_text(&text)
     }
 
-    /// Writes the settings as they are to be in their file.
+    /// Writes the settings, given as the text of their file.
     ///
     /// # Errors
     /// When they cannot be written.
@@ -129,10 +129,10 @@ impl Folder {
         Ok(weaver_io::write_text(self.out.file(self.kind.settings)?, text)?)
     }
 
-    /// Reads the settings of the run in a folder; `of` says whose they are.
+    /// Reads the settings of the run in a folder; `of` names their owner in errors.
     ///
     /// # Errors
-    /// When there is no run, or its settings are others.
+    /// When there is no run, or its settings are of another kind.
     pub fn settings<S: DeserializeOwned>(path: &Path, kind: Kind, of: &str) -> Result<S, Error> {
         let path = path.join(kind.settings);
         let invalid = |error: serde_json::Error| weaver_io::Error::Invalid {
@@ -166,7 +166,8 @@ impl Folder {
         Ok(state.write(self.out.file(Self::CHECKPOINT)?)?)
     }
 
-    /// Removes the checkpoint of a complete run that has no more need of it. Should it stay, nothing reads it.
+    /// Removes the checkpoint of a complete run, for which it has no use. A failure is ignored, since nothing reads the
+    /// file.
     pub fn forget_checkpoint(&self) {
         let _ = self.out.remove(Self::CHECKPOINT);
     }
@@ -213,7 +214,8 @@ impl Kind {
 mod tests {
     use super::*;
 
-    /// Somebody who follows a run sees it as it was seconds ago; one that saves by steps, or more often, goes on as it does.
+    /// A followed run that saves by time saves every few seconds; runs that save by steps, or more often, keep their
+    /// interval.
     #[test]
     fn a_run_that_is_followed_saves_more_often() {
         let temporary = tempfile::tempdir().unwrap();

@@ -4,9 +4,10 @@ use crate::{Error, Folder, Recorder, Rhythm, StepReport};
 use std::sync::atomic::AtomicBool;
 use weaver_io::safetensors::Tensors;
 
-/// Work in steps, which knows nothing of files.
+/// Work in steps, independent of files.
 ///
-/// A job at its beginning that is given the [state](Self::state) of another after `n` steps goes on to the same bits as that one.
+/// A job at its beginning that is given the [state](Self::state) of another after `n` steps goes on to the same bits as
+/// that one.
 pub trait Job {
     /// Why a step fails.
     type Error: From<Error>;
@@ -17,7 +18,7 @@ pub trait Job {
     /// Does the next step.
     ///
     /// # Errors
-    /// When it cannot be done; the state is then that of the step before.
+    /// When it cannot be done; the state is then as before the step.
     fn step(&mut self) -> Result<StepReport, Self::Error>;
 
     /// Everything needed to go on.
@@ -26,7 +27,7 @@ pub trait Job {
     /// When it cannot be had, as from a device that is lost.
     fn state(&mut self) -> Result<Tensors, Self::Error>;
 
-    /// Goes to where a state was taken.
+    /// Takes the job back to a state.
     ///
     /// # Errors
     /// When the state is of other work.
@@ -37,7 +38,7 @@ pub trait Job {
         Rhythm::default()
     }
 
-    /// Writes what belongs to the step that was just done, such as a sample picture.
+    /// Writes files of the step just done, such as a sample picture.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -47,8 +48,8 @@ pub trait Job {
     }
 }
 
-/// Does the steps of a job to the last, or until `stop` is set, and leaves a checkpoint; says whether it came to the end. `observe` is called
-/// after every step.
+/// Does the steps of a job to the last, or until `stop` is set, and leaves a checkpoint; true if it came to the end.
+/// `observe` is called after every step.
 ///
 /// # Errors
 /// As [`Job::step`], and when a file cannot be written; the last checkpoint then stays as it was.

@@ -1,9 +1,11 @@
-//! Long work in a folder: a [`Job`] in steps, and a [`Run`] of it that is logged, saved, stopped, and gone on with to the same bits.
+//! Long work in a folder: a [`Job`] in steps, and a [`Run`] of it that is logged, saved, stopped, and gone on with to
+//! the same bits.
 //!
-//! A job knows nothing of files. It does a step, gives its [state](Job::state) as tensors and takes it back; [`state`](mod@state) has parameters,
-//! averages and optimizers ready for that. The [`Folder`] holds settings, checkpoint, log, summary and report under the same names for
-//! every command; nothing in it is replaced but what the same command wrote. [`settings`] resolves settings from layers; a [`Page`] is
-//! built from headings, tables, pictures and curves.
+//! A job is independent of files. It does a step, gives its [state](Job::state) as tensors and takes it back;
+//! [`state`](mod@state) has parameters, averages and optimizers ready for that. The [`Folder`] holds settings,
+//! checkpoint, log, summary and report under the same names for every command; only files that the same command wrote
+//! are replaced in it. [`settings`] resolves settings from layers; a [`Page`] is built from headings, tables, pictures
+//! and curves.
 
 mod curve;
 pub mod description;

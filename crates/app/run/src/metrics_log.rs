@@ -7,14 +7,14 @@ use weaver_io::{Appender, Result};
 
 /// A file of JSON lines to which a run appends one record after another.
 ///
-/// A record is anything that serializes to an object with a whole number `step`. A run that goes on from an earlier step
-/// drops what it is about to write again.
+/// A record is anything that serializes to an object with a whole number `step`. A run that goes on from an earlier
+/// step drops the records that it is about to write again.
 #[derive(Debug)]
 pub struct MetricsLog {
     file: Appender,
 }
 
-/// Where in a run a record belongs, whatever else it holds.
+/// The step of a record; its other keys are ignored.
 #[derive(Deserialize)]
 struct Position {
     step: u64,
@@ -25,15 +25,15 @@ fn step_of(line: &[u8]) -> Option<u64> {
 }
 
 impl MetricsLog {
-    /// Continues the log after `step` steps: lines of later steps, left by an interrupted run, are dropped, and so is an
-    /// incomplete last line, as after a crash. The lines that stay keep their bytes.
+    /// Continues the log after `step` steps: lines of later steps, left by an interrupted run, are dropped, and so is
+    /// an incomplete last line, as after a crash. The lines that stay keep their bytes.
     ///
     /// # Errors
     /// When the file cannot be read or written.
     pub fn open(path: impl AsRef<Path>, step: usize) -> Result<Self> {
         let path = path.as_ref();
         if path.exists() {
-            // Bytes: what was cut off may have been within a character.
+            // Bytes: the file may be cut off within a character.
             let bytes = weaver_io::read_bytes(path)?;
             let kept = lines(&bytes).filter(|line| step_of(line).is_some_and(|at| at <= step as u64));
             let kept: Vec<u8> = kept.flat_map(|line| [line, b"\n"].concat()).collect();

@@ -7,7 +7,8 @@ use std::fmt::Write;
 use std::path::Path;
 use weaver_io::{Bitmap, Error, Image, Result};
 
-/// An HTML page that is built from top to bottom. Pictures are inside the file; all text is escaped; nothing comes from elsewhere.
+/// An HTML page that is built from top to bottom. Pictures are inside the file; all text is escaped; nothing comes from
+/// elsewhere.
 ///
 /// ```
 /// let mut page = weaver_run::Page::new("Run 7");
@@ -24,7 +25,7 @@ pub struct Page {
     body: String,
     /// Titles of sections.
     sections: Vec<String>,
-    /// Something in it moves.
+    /// True if the page needs scripts.
     scripted: bool,
 }
 
@@ -56,7 +57,7 @@ impl Page {
         Self { title: escape(title), warnings, body, sections: Vec::new(), scripted: false }
     }
 
-    /// Adds a heading of a level, 1 to 6. Those of level 2 begin sections, which a long page lists at its top.
+    /// Adds a heading of a level, 1 to 6. Headings of level 2 begin sections, which a long page lists at its top.
     pub fn heading(&mut self, level: usize, text: &str) -> &mut Self {
         let (level, text) = (level.clamp(1, 6), escape(text));
         if level != 2 {
@@ -73,7 +74,7 @@ impl Page {
         self.spans(&[Span::Plain(text)])
     }
 
-    /// Adds a paragraph of which parts are bold.
+    /// Adds a paragraph with bold parts.
     pub fn spans(&mut self, spans: &[Span<'_>]) -> &mut Self {
         let texts = spans.iter().map(|span| match span {
             Span::Plain(text) => escape(text),
@@ -83,7 +84,7 @@ impl Page {
         self.put(format_args!("<p>{text}</p>"))
     }
 
-    /// Adds a paragraph above everything else: what the reader must know before the rest.
+    /// Adds a warning, a paragraph above everything else.
     pub fn warning(&mut self, text: &str) -> &mut Self {
         self.warnings += &format!("<p class=\"warning\"><b>Warning:</b> {}</p>", escape(text));
         self
@@ -95,8 +96,8 @@ impl Page {
         self.put(format_args!("<p><a class=\"open\" href=\"./{file}\">{text}</a></p>"))
     }
 
-    /// Adds another page, which needs no further file, in a frame that is looked at and takes no part until it is clicked, and a link to it as
-    /// a file beside this page. One of more than 20 MB is linked alone, and its size is said.
+    /// Adds another page, which needs no further file, in a frame that ignores input until it is clicked, and a link to
+    /// it as a file beside this page. A page of more than 20 MB is linked alone, with its size.
     pub fn embed(&mut self, text: &str, file: &str, page: &str) -> &mut Self {
         if page.len() > EMBEDDED {
             return self.link(&format!("{text} ({} MB)", page.len() / 1_000_000), file);
@@ -114,8 +115,8 @@ impl Page {
         self.put(format_args!("<pre>{}</pre>", escape(text)))
     }
 
-    /// Adds a table: a row of names above the rows. The first column is aligned to the left, the others, usually numbers, to the
-    /// right.
+    /// Adds a table: a row of names above the rows. The first column is aligned to the left, the others, usually
+    /// numbers, to the right.
     pub fn table<T: AsRef<str>>(&mut self, header: &[&str], rows: &[impl AsRef<[T]>]) -> &mut Self {
         let cell = |tag: &str, text: &str| format!("<{tag}>{}</{tag}>", escape(text));
         let head: String = header.iter().map(|name| cell("th", name)).collect();
@@ -157,7 +158,8 @@ impl Page {
         ))
     }
 
-    /// Adds two pictures of one size, one over the other, with a slider between them: each with its name, the first to the left.
+    /// Adds two pictures of one size, one over the other, with a slider between them: each with its name, the first to
+    /// the left.
     ///
     /// # Errors
     /// When a picture has no pixels, or more than 65535 on a side.
@@ -184,8 +186,8 @@ impl Page {
 
     /// Adds a small line chart of points (step, value) in order of their steps; adds nothing without points.
     ///
-    /// Values that are not finite are left out. The axis is logarithmic if all values are positive and the largest is more than ten times the
-    /// smallest.
+    /// Values that are not finite are left out. The axis is logarithmic if all values are positive and the largest is
+    /// more than ten times the smallest.
     pub fn curve(&mut self, name: &str, points: impl IntoIterator<Item = (usize, f64)>) -> &mut Self {
         let points: Vec<(usize, f64)> = points.into_iter().filter(|(_, value)| value.is_finite()).collect();
         let Some((svg, logarithmic, last)) = curve::svg(&points) else { return self };
@@ -199,7 +201,8 @@ impl Page {
         ))
     }
 
-    /// Adds a line chart of several series of points (x, y), each in order of x, with their names beside it; adds nothing without points.
+    /// Adds a line chart of several series of points (x, y), each in order of x, with their names beside it; adds
+    /// nothing without points.
     ///
     /// ```
     /// let mut page = weaver_run::Page::new("Codecs");

@@ -22,7 +22,7 @@ impl Record {
         self.values.iter().find(|(other, _)| other == name).map(|(_, value)| *value)
     }
 
-    /// A record from an object of a log. Those of earlier versions have losses as a list of pairs, `terms`.
+    /// A record from an object of a log. Logs of earlier versions have losses as a list of pairs, `terms`.
     fn of(object: &Map<String, Value>) -> Option<Self> {
         let step = object.get("step")?.as_u64()? as usize;
         let stage = object.get("stage").and_then(Value::as_str).unwrap_or_default().to_string();
@@ -63,8 +63,8 @@ pub fn read_records(path: impl AsRef<Path>) -> weaver_io::Result<Vec<Record>> {
 }
 
 impl Page {
-    /// Adds a curve for every number of a log under a heading. The loss of a run with several stages, which mean different things by it,
-    /// has a curve for each. `names` are better ones than those of the log.
+    /// Adds a curve for every number of a log under a heading. The loss of a run with several stages has a curve for
+    /// each, since each stage defines it differently. `names` are pairs of a name in the log and a readable name.
     pub fn curves(&mut self, records: &[Record], names: &[(&str, &str)]) -> &mut Self {
         self.heading(2, "Curves");
         let mut stages: Vec<&str> = Vec::new();
@@ -97,7 +97,7 @@ impl Page {
     }
 }
 
-/// Sums of steps, of which a record is the mean.
+/// Sums over steps, for a record with their means.
 #[derive(Debug, Default)]
 pub(crate) struct Mean {
     loss: f64,
@@ -118,7 +118,7 @@ impl Mean {
         }
     }
 
-    /// The record of what was added, after which there is nothing.
+    /// The record of the added steps; the sums then begin anew.
     pub fn take(&mut self, report: &StepReport, seconds: f64) -> Record {
         let Self { loss, sums, count } = std::mem::take(self);
         let over = 1.0 / count as f64;

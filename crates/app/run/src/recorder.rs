@@ -1,4 +1,4 @@
-//! What is done beside the steps of a run: logs and checkpoints.
+//! Logs and checkpoints, written between the steps of a run.
 
 use crate::record::{Mean, read_records};
 use crate::{Error, Folder, Log, MetricsLog, Rhythm, Save, StepReport, TensorBoard};
@@ -11,7 +11,8 @@ const SAVING: u32 = 30;
 
 /// Logs steps and writes checkpoints while a run is under way.
 ///
-/// [`Run::advance`](crate::Run::advance) uses one. A loop of another shape, such as one that calls an observer, has one of its own.
+/// [`Run::advance`](crate::Run::advance) uses one. A loop of another shape, such as one that calls an observer, has one
+/// of its own.
 #[derive(Debug)]
 pub struct Recorder<'a> {
     folder: &'a Folder,
@@ -29,8 +30,8 @@ pub struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    /// Continues the logs of a run after `done` steps: records of later steps, left by an interrupted session, are dropped.
-    /// TensorBoard gets a new event file.
+    /// Continues the logs of a run after `done` steps: records of later steps, left by an interrupted session, are
+    /// dropped. TensorBoard gets a new event file.
     ///
     /// # Errors
     /// When a file cannot be read or written.

@@ -12,18 +12,18 @@ pub struct Rhythm {
 /// Which steps have a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Log {
-    /// The first, and every so many steps, by themselves.
+    /// The first step and every n-th, each by itself.
     Every(usize),
-    /// About so many records of the whole run, of means over the steps since the last.
+    /// About this many records of the whole run, with means over the steps since the last record.
     Means(usize),
 }
 
 /// When a checkpoint is written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Save {
-    /// After every so many steps.
+    /// After every n-th step.
     Steps(usize),
-    /// After so many seconds, and so late that writing takes no more than a small share of the time.
+    /// After this many seconds, and so late that writing takes no more than a small share of the time.
     Seconds(f64),
 }
 

@@ -23,7 +23,8 @@ pub fn put_params(into: &mut Tensors, prefix: &str, params: &Params<f32>) {
 /// Gives parameters the values of tensors `PREFIX` `NAME`.
 ///
 /// # Errors
-/// When one is missing or of another shape, or a value is not finite: what is made of such parameters has figures that mean nothing.
+/// When one is missing or of another shape, or a value is not finite: results of such parameters have meaningless
+/// figures.
 pub fn take_params(from: &Tensors, prefix: &str, params: &mut Params<f32>) -> Result<()> {
     for id in params.ids().collect::<Vec<_>>() {
         let (name, shape) = (format!("{prefix}{}", params.get(id).name()), params.get(id).shape());
@@ -44,7 +45,7 @@ pub fn put_average(into: &mut Tensors, prefix: &str, params: &Params<f32>, avera
     }
 }
 
-/// Gives averages the values of tensors `PREFIX` `NAME` after so many steps.
+/// Gives averages the values of tensors `PREFIX` `NAME` and a number of steps.
 ///
 /// # Errors
 /// When one is missing or of another shape.
@@ -79,12 +80,13 @@ pub fn put_optimizer(into: &mut Tensors, params: &Params<f32>, optimizer: &impl 
 /// Gives an optimizer the state of tensors; parameters without any begin anew.
 ///
 /// # Errors
-/// When a tensor is of another size or kind, or of a parameter that is unknown.
+/// When a tensor is of another size or kind, or of an unknown parameter.
 pub fn take_optimizer(from: &Tensors, params: &Params<f32>, optimizer: &mut impl Optimizer<f32>) -> Result<()> {
     optimizer.set_state(params, optimizer_state(from)?).map_err(misfit(from, "optimizer"))
 }
 
-/// The state of an optimizer in tensors: steps and moments by the names of parameters. Checkpoints of earlier versions are read, too.
+/// The state of an optimizer in tensors: steps and moments by the names of parameters. Checkpoints of earlier versions
+/// are read, too.
 ///
 /// # Errors
 /// When a tensor is missing or of another kind.
@@ -117,7 +119,7 @@ const STEPS: &str = "moment_steps.";
 const ROW_STEPS: &str = "moment_row_steps.";
 /// Names that checkpoints of moving scenes and of detectors of anomalies had in earlier versions.
 const EARLIER: [&str; 3] = ["optimizer.first.", "optimizer.second.", "optimizer.steps."];
-/// Where those of detectors had the steps: `NAME=STEPS`, separated by commas.
+/// Metadata with the steps in earlier checkpoints of detectors: `NAME=STEPS`, separated by commas.
 const EARLIER_METADATA: &str = "vad.optimizer.steps";
 
 /// All numbers of a tensor.

@@ -1,4 +1,4 @@
-//! What is known of a step.
+//! Reports of steps.
 
 use std::borrow::Cow;
 
@@ -20,7 +20,7 @@ pub struct StepReport {
 /// A number of a step, by the name that logs, TensorBoard and curves have it by.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scalar {
-    /// The name; what stands before a slash groups charts.
+    /// The name; the part before a slash groups charts.
     pub name: Cow<'static, str>,
     /// The number.
     pub value: f64,
@@ -34,7 +34,7 @@ impl StepReport {
         self.scalars.iter().find(|scalar| scalar.name == name).map(|scalar| scalar.value)
     }
 
-    /// The numbers whose names begin with this and a slash, by what follows it.
+    /// The numbers whose names begin with `name` and a slash, by the rest of their names.
     pub fn group<'a>(&'a self, name: &'a str) -> impl Iterator<Item = (&'a str, f64)> {
         let within =
             move |scalar: &'a Scalar| scalar.name.strip_prefix(name)?.strip_prefix('/').map(|n| (n, scalar.value));
@@ -43,12 +43,12 @@ impl StepReport {
 }
 
 impl Scalar {
-    /// A number of which a record of several steps has the mean.
+    /// A number whose mean is recorded over several steps.
     pub fn mean(name: impl Into<Cow<'static, str>>, value: f64) -> Self {
         Self { name: name.into(), value, averaged: true }
     }
 
-    /// A number of which a record of several steps has the last.
+    /// A number whose last value is recorded of several steps.
     pub fn last(name: impl Into<Cow<'static, str>>, value: f64) -> Self {
         Self { name: name.into(), value, averaged: false }
     }

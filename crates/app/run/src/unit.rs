@@ -4,12 +4,12 @@ use crate::Folder;
 use std::path::Path;
 use weaver_io::written;
 
-/// The file that says whose results a folder holds, and whether they are complete.
+/// The file with the identity of a folder's results, and with their completeness.
 pub const MARK: &str = "unit.json";
-/// Folders in that of a unit which have a record of their own: the cameras that it estimated.
+/// Folders inside a unit's folder with a record of their own: the estimated cameras.
 const PARTS: [&str; 1] = ["cameras"];
 
-/// The results in a folder, by its record: those that are there.
+/// The existing results in a folder, by its record.
 ///
 /// # Errors
 /// When the record cannot be read.
@@ -19,7 +19,7 @@ pub fn results(out: &Path) -> Result<Vec<String>, weaver_io::Error> {
     Ok(files)
 }
 
-/// The results of a folder, by its record. A checkpoint is none: it may be removed to save space.
+/// The results of a folder, by its record, missing ones too. A checkpoint is none: it may be removed to save space.
 ///
 /// # Errors
 /// When the record cannot be read.

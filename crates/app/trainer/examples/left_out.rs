@@ -1,9 +1,11 @@
-//! Study of a stop by photos that are left out: for each place, as many steps of refinement as its photos do best with when they take no part.
+//! Study of stopping by left-out photos: for each place, the number of refinement steps at which its photos, left out
+//! in turn, are predicted best.
 //!
 //! `cargo run --release -p weaver-trainer --example left_out -- STEPS,STEPS,.. DIR..`
 //!
-//! Each of the photos that a prediction was made of takes no part in a refinement once, and judges it after each number of steps; that with the best
-//! mean then refines on all. Prints PSNR on held-out photos after each number, and after that choice. The weights that come with the program, given cameras, 0.3 Gaussians per pixel, one thread; DIR are captures.
+//! Each photo of a prediction is left out of one refinement, and judges it after each number of steps; the number with
+//! the best mean then refines on all. Prints PSNR on held-out photos after each number, and after that choice. The
+//! weights that come with the program, given cameras, 0.3 Gaussians per pixel, one thread; DIR are captures.
 
 use std::path::PathBuf;
 use weaver_geometry::Camera;
@@ -19,7 +21,7 @@ type Predicted = Result<Prediction, InferenceError>;
 /// Gaussians per pixel.
 const BUDGET: f64 = 0.3;
 
-/// A prediction that is predicted again.
+/// A predictor that returns a given prediction.
 #[derive(Debug, Default)]
 struct Again {
     prediction: Prediction,
@@ -51,7 +53,7 @@ impl Predictor for Again {
     }
 }
 
-/// A predictor whose Gaussians are refined, by the same number of steps everywhere or by that which photos left out ask for.
+/// A predictor whose Gaussians are refined, by a fixed number of steps or by the best number for left-out photos.
 #[derive(Debug)]
 struct Stopped {
     inner: Box<dyn Predictor>,
@@ -86,7 +88,7 @@ impl Stopped {
     ) -> Result<f64, InferenceError> {
         let used: Vec<usize> = (0..photos.views()).filter(|i| *i != photo).collect();
         let refined = self.refined(prediction, photos, &used, steps)?;
-        // The first of those that take part is the origin.
+        // The first photo that takes part is the origin.
         let camera = prediction.cameras[photo];
         let camera = Camera { pose: camera.pose.relative_to(&prediction.cameras[used[0]].pose), ..camera };
         let (settings, background) = (self.inner.raster_settings(), self.inner.background());
@@ -98,7 +100,7 @@ impl Stopped {
         Ok(psnr(&drawn[0], &truth))
     }
 
-    /// The number of steps that photos left out do best with.
+    /// The best number of steps for left-out photos.
     fn chosen(&mut self, prediction: &Prediction, photos: Photos<'_>) -> Result<usize, InferenceError> {
         let mut best = (f64::NEG_INFINITY, 0);
         for steps in self.steps.clone() {

@@ -1,7 +1,8 @@
 //! A second model through the trainer: one Gaussian for every pixel, by a plain CNN, with the data's cameras.
 //!
-//! `cargo run --release -p weaver-trainer --example pixel_cnn` trains half a run, resumes it from its checkpoint, and prints the
-//! evaluation and the path of the report. All of it is the trainer's; here are only the network and its losses.
+//! `cargo run --release -p weaver-trainer --example pixel_cnn` trains half a run, resumes it from its checkpoint, and
+//! prints the evaluation and the path of the report. All of it is the trainer's; here are only the network and its
+//! losses.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

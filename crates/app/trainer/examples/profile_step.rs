@@ -1,7 +1,7 @@
 //! Where the time of a `tiny` training step goes: `cargo run --release -p weaver-trainer --example profile_step`.
 //!
-//! Runs some pose steps and some full steps on the built-in scenes with two threads, and prints the share of each kind of
-//! work, steps per second, and the memory that the tape took.
+//! Runs some pose steps and some full steps on the built-in scenes with two threads, and prints the share of each kind
+//! of work, steps per second, and the memory that the tape took.
 
 use std::time::{Duration, Instant};
 use weaver_trainer::splatweaver::SplatWeaverRecipe;

@@ -1,11 +1,12 @@
-//! Study of what refinement is optimized by: held-out views after each change of its settings, beside the usual ones.
+//! Study of the settings of refinement: held-out views after each change, beside the usual settings.
 //!
 //! `cargo run --release -p weaver-trainer --example refinement -- STEPS WIDTH CAMERAS CHANGE,CHANGE,.. DIR..`
 //!
-//! WIDTH is that of the photos while they are refined, 64 for the network's own. CAMERAS are `given`, or `estimated` from the photos. A change is `usual`, or factors on settings joined by `+`, such
-//! as `means=0.5+quats=2`; `dropout=0.2`, `ssim=0.5` and `last=0` (of the last gradient) set a value, `seed=1` another order of the
-//! photos, `keep=1` moves no density. The weights that come with the program,
-//! 0.3 Gaussians per pixel, one thread; DIR are captures.
+//! WIDTH is the width of the photos during refinement, 64 for the network's own. CAMERAS are `given`, or `estimated`
+//! from the photos. A change is `usual`, or factors on settings joined by `+`, such as `means=0.5+quats=2`;
+//! `dropout=0.2`, `ssim=0.5` and `last=0` (of the last gradient) set a value, `seed=1` another order of the photos,
+//! `keep=1` moves no density. The weights that come with the program, 0.3 Gaussians per pixel, one thread; DIR are
+//! captures.
 
 use std::path::PathBuf;
 use std::time::Instant;

@@ -35,7 +35,7 @@ impl Default for Augmentation {
 const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
 
 impl Augmentation {
-    /// The tuple with its context in another order, if that is asked for.
+    /// The tuple, with its context in another order if the setting says so.
     #[must_use]
     pub fn ordered(&self, tuple: Tuple, stream: Stream) -> Tuple {
         if !self.order {
@@ -45,9 +45,9 @@ impl Augmentation {
         Tuple { context: order.into_iter().map(|i| tuple.context[i]).collect(), ..tuple }
     }
 
-    /// Varies an example: its photos with what is known of their pixels, and its cameras.
+    /// Varies an example: its photos with their masks and depth, and its cameras.
     ///
-    /// The draws are those of `stream` alone. What is off leaves every bit as it is.
+    /// The draws come from `stream` alone. A variation that is off leaves every bit as it is.
     pub fn apply(&self, example: &mut Example, stream: Stream) {
         let drawn = |purpose: u64| stream.uniform::<f64>(purpose);
         let side = 1.0 - (1.0 - self.crop) * drawn(1);
@@ -80,7 +80,7 @@ fn crop(example: &mut Example, side: f64) {
         let pixels = plane.iter().flat_map(|x| [*x; 3]).collect();
         Image { width, height, pixels }.resize(width, height, part).pixels.into_iter().step_by(3).collect()
     };
-    // Where each pixel comes from: what is known of single pixels is not mixed.
+    // The source of each pixel, for data of single pixels, which is not interpolated.
     let from = |i: usize| {
         let place = |at: usize, start: f64| (start + (at as f64 + 0.5) * side) as usize;
         place(i / width, top).min(height - 1) * width + place(i % width, left).min(width - 1)
@@ -92,7 +92,7 @@ fn crop(example: &mut Example, side: f64) {
     for (i, plane) in example.images.chunks_mut(pixels).enumerate() {
         plane.copy_from_slice(&resized(plane));
         if let Some(masks) = &masks {
-            // What is outside is white, of which pixels on the border have their share.
+            // Masked pixels are white, and pixels on the border have a share of it.
             for (x, inside) in plane.iter_mut().zip(&masks[i / 3]) {
                 *x = if *inside >= 0.5 { ((*x - (1.0 - inside)) / inside).clamp(0.0, 1.0) } else { 1.0 };
             }
@@ -118,7 +118,7 @@ fn mirror(example: &mut Example) {
     example.absolute.iter_mut().for_each(|pose| *pose = pose.mirrored());
 }
 
-/// Brightness, contrast about the middle, and saturation, of what counts.
+/// Changes brightness, contrast about the middle, and saturation of unmasked pixels.
 fn recolor(example: &mut Example, [brightness, contrast, saturation]: [f32; 3]) {
     let [width, height] = size(example);
     let pixels = width * height;

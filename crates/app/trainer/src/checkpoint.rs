@@ -24,7 +24,7 @@ pub struct TrainingState<'a> {
 }
 
 impl TrainingState<'_> {
-    /// The state after `step` steps, and all that inference needs to know.
+    /// The state after `step` steps, and everything needed for inference.
     pub(crate) fn tensors<R: Recipe>(&self, config: &Config<R>, step: usize, sources: &Sources) -> Tensors {
         let Self { params, optimizer, ema } = *self;
         let json = |value: serde_json::Result<String>| value.expect("a configuration is plain data");
@@ -64,7 +64,7 @@ impl TrainingState<'_> {
         }
     }
 
-    /// Checks that a checkpoint is one of a run with this preset and network.
+    /// Checks that a checkpoint is of a run with this preset and network.
     ///
     /// # Errors
     /// Names the entry that differs.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_run::settings::{Error as Wrong, Layers, Value};
 
-/// Steps and counts of steps are at most so many, which no run comes near; sums and products of them do not overflow.
+/// Upper limit on steps and counts of steps, far beyond any run; sums and products below it do not overflow.
 const MOST: u64 = 1_000_000_000;
 /// The most views or tuples of one step.
 const MOST_VIEWS: u64 = 10_000;
@@ -79,7 +79,7 @@ pub struct OptimizerConfig {
     pub accumulate: usize,
 }
 
-/// Batches of a step in configurations that do not say.
+/// Default batches of a step.
 fn one() -> usize {
     1
 }
@@ -200,7 +200,7 @@ impl<R: Recipe> StageConfig<R> {
 }
 
 impl<R: Recipe> Config<R> {
-    /// A configuration with this network and these stages, the rest as it is by default.
+    /// A configuration with this network and these stages, and defaults otherwise.
     pub fn new(preset: &str, model: R::Model, stages: Vec<StageConfig<R>>, evaluation: R::Evaluation) -> Self {
         Self {
             architecture: R::ARCHITECTURE.into(),
@@ -220,7 +220,7 @@ impl<R: Recipe> Config<R> {
     /// The configuration of a preset.
     ///
     /// # Errors
-    /// When there is no such preset; the message lists those there are.
+    /// When there is no such preset; the message lists the existing ones.
     pub fn preset(name: &str) -> Result<Self, Error> {
         R::preset(name).ok_or_else(|| {
             let hint = weaver_run::settings::nearest(name, R::PRESETS.iter().copied())
@@ -277,12 +277,13 @@ impl<R: Recipe> Config<R> {
         Self::settled(weaver_run::settings::parse(text, source)?, source)
     }
 
-    /// As TOML text.
+    /// The configuration as TOML text.
     pub fn to_toml(&self) -> String {
         weaver_run::settings::to_toml(self).expect("a configuration is plain data")
     }
 
-    /// As TOML text in which every key is preceded by its documentation; optional keys without a value are commented out.
+    /// The configuration as TOML text with documentation before every key; optional keys without a value are commented
+    /// out.
     pub fn to_annotated_toml(&self) -> String {
         weaver_run::settings::annotate(self).expect("a configuration is plain data")
     }

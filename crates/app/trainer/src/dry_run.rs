@@ -124,7 +124,7 @@ impl Probe {
         self.parts.push((part, self.began.elapsed()));
     }
 
-    /// The forward pass is done: what is on the tape now is needed for the way back.
+    /// The forward pass is done: all values now on the tape are needed for the backward pass.
     pub(crate) fn held(&mut self, tape: &Tape<f32>) {
         if let Kind::Memory(memory) = &mut self.kind {
             let used = tape.pool().used_bytes();
@@ -175,7 +175,7 @@ fn chrome_events(stage: &str, process: usize, parts: &[(&str, Duration)], tape: 
         start = *end;
     }
     for event in tape.trace() {
-        // What is computed again is computed on the way back, inside the event of its checkpoint.
+        // Recomputation belongs to the backward pass, inside the event of its checkpoint.
         let thread = if matches!(event.phase, Phase::Backward | Phase::Recompute) { 2 } else { 1 };
         events.push(span(event.name, thread, event.start, event.duration, &event.path));
     }

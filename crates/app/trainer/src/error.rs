@@ -1,4 +1,4 @@
-//! What can go wrong in a training run.
+//! Errors of training runs.
 
 use std::path::PathBuf;
 
@@ -29,7 +29,7 @@ pub enum Error {
     Checkpoint {
         /// The checkpoint.
         path: PathBuf,
-        /// The key, what was expected and what was found.
+        /// The key, the expected value and the value found.
         message: String,
     },
     /// A loss or a gradient is no longer a number.

@@ -16,7 +16,7 @@ pub struct Example {
     pub inside: Option<Vec<bool>>,
     /// Cameras in the tuple's frame: camera 0 is the identity, lengths in training units.
     pub cameras: Vec<Camera>,
-    /// When each photo was taken, in the capture's unit, where the capture says so.
+    /// Time of each photo, in the capture's unit, where the capture has it.
     pub times: Vec<Option<f64>>,
     /// The number that the capture gives to each photo, where it does.
     pub numbers: Vec<Option<u64>>,
@@ -24,8 +24,8 @@ pub struct Example {
     pub scale: f64,
     /// Depth of the context views `[C, H, W]` in training units, 0 where unknown.
     pub depth: Vec<f32>,
-    /// Poses of the context views in the scene's own frame, translations in training units; none in evaluation, where no loss
-    /// asks for them.
+    /// Poses of the context views in the scene's own frame, translations in training units; none in evaluation, which
+    /// has no loss on them.
     pub absolute: Vec<Pose>,
 }
 
@@ -33,7 +33,7 @@ impl Example {
     /// Gathers the views of a tuple. `layout` is the scene's.
     ///
     /// # Errors
-    /// When nothing tells the scene's scale.
+    /// When the scene's scale is unknown.
     pub fn new(scene: &Scene, layout: &Layout, tuple: Tuple) -> Result<Self, Error> {
         let center = &scene.views[layout.central_view()].camera.pose;
         let posed = scene.normalized(&tuple)?;
@@ -42,8 +42,8 @@ impl Example {
         Ok(Self { absolute, ..Self::with(scene, tuple, &posed) })
     }
 
-    /// Gathers the views of a tuple for evaluation. Where the scale is unknown, lengths stay in the scene's own units and the
-    /// second value is false.
+    /// Gathers the views of a tuple for evaluation. Where the scale is unknown, lengths stay in the scene's own units
+    /// and the second value is false.
     ///
     /// # Errors
     /// When the tuple does not fit the scene.
@@ -127,8 +127,8 @@ impl Example {
         (!points.positions.is_empty()).then_some(points)
     }
 
-    /// The cameras to predict with: the network's, or the context's, which come with points or whose scale is known if
-    /// `measured`.
+    /// The cameras to predict with: the network's, or the context's, with points if there are any, else with a known
+    /// scale if `measured`.
     pub fn camera_source<'a>(
         &'a self,
         mode: CameraMode,

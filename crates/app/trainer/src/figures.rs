@@ -17,8 +17,8 @@ pub struct SceneFigures {
     pub views: usize,
     /// PSNR, dB.
     pub psnr: f64,
-    /// With estimated cameras, PSNR where the held-out view's camera has the capture's own scale and lens; `psnr` has the scale
-    /// of the estimated cameras' spread, and their lens.
+    /// With estimated cameras, PSNR where the held-out view's camera has the capture's own scale and lens; `psnr` has
+    /// the scale of the estimated cameras' spread, and their lens.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub psnr_strict: Option<f64>,
     /// PSNR over the quarter of each view's pixels with most wavelet energy, dB.
@@ -42,10 +42,10 @@ pub struct SceneFigures {
     /// Area under the recall curve of the larger of the two up to 5, 10 and 20 degrees, from 0 to 1.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub pose_auc: Option<[f64; 3]>,
-    /// The same views from cameras that were aligned with the held-out photos, if asked for.
+    /// The same views from cameras aligned with the held-out photos, if the options align.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub aligned: Option<AlignedFigures>,
-    /// Figures of the light that views were drawn in, if one was asked for.
+    /// Figures of the light that views were drawn in, if one was chosen.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub look: Option<LookFigures>,
 }
@@ -53,12 +53,12 @@ pub struct SceneFigures {
 /// Quality of the light of held-out views, or the mean of that.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LookFigures {
-    /// PSNR after the best gain and offset of each channel: what structure alone is worth, dB.
+    /// PSNR after the best gain and offset of each channel, which measures structure alone, dB.
     pub psnr_fitted: f64,
     /// |difference of the mean color|, mean over channels.
     pub color_error: f64,
-    /// Of planted looks: the slope of log(mean of the render in one light / in another) by log(mean of the photo in the one / in the
-    /// other), over a scene's views, red, green and blue.
+    /// Of planted looks: the slope of log(mean of the render in one light / in another) by log(mean of the photo in the
+    /// one / in the other), over a scene's views, red, green and blue.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub slope: Option<[f64; 3]>,
     /// The correlation of the two.
@@ -88,9 +88,9 @@ pub struct Evaluation {
     pub points: bool,
     /// Which pixels got Gaussians, for models with a choice.
     pub allocation: Option<String>,
-    /// Gaussians per context pixel that were asked for, if the allocation has a budget.
+    /// The budget of Gaussians per context pixel, if the allocation has one.
     pub budget: Option<f64>,
-    /// In whose light held-out views were drawn, if that was asked for; all figures are then of the views' right halves.
+    /// The choice of light for held-out views, if there was one; all figures are then of the views' right halves.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub look: Option<String>,
     /// Context views for each held-out view.
@@ -118,7 +118,7 @@ pub(crate) fn mean(values: impl IntoIterator<Item = Option<f64>>) -> Option<f64>
     (count > 0).then(|| sum / count as f64)
 }
 
-/// The same of three values that are present together.
+/// The means of three values that are present together.
 fn mean_of_three(all: impl Iterator<Item = Option<[f64; 3]>> + Clone) -> Option<[f64; 3]> {
     let [a, b, c] = [0, 1, 2].map(|i| mean(all.clone().map(|three| Some(three?[i]))));
     Some([a?, b?, c?])
@@ -206,7 +206,7 @@ impl Evaluation {
         out
     }
 
-    /// The figures of light; nothing where none was asked for.
+    /// The figures of light; empty where none was chosen.
     fn look_table(&self) -> String {
         let mut out = String::new();
         let Some(which) = &self.look else { return out };

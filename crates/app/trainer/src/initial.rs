@@ -11,9 +11,10 @@ pub const BUILT_IN: &str = "built-in";
 /// Names that a remark lists of each kind.
 const LISTED: usize = 20;
 
-/// Takes what fits of a checkpoint, the averaged weights of a run or published ones, and says what that is.
+/// Takes the fitting parameters of a checkpoint, the averaged weights of a run or published ones, and returns a remark
+/// that counts them.
 ///
-/// Models of different kinds may share parts: a parameter is what it is called.
+/// Models of different kinds may share parts: parameters are matched by name.
 ///
 /// # Errors
 /// When the checkpoint cannot be read, or has nothing that fits.

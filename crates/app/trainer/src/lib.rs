@@ -1,9 +1,8 @@
-//! Trains models that turn photos into Gaussians: configuration, stages, checkpoints that resume to the bit, evaluation,
-//! logs and a report.
+//! Trains models that turn photos into Gaussians: configuration, stages, checkpoints that resume to the bit,
+//! evaluation, logs and a report.
 //!
-//! A model says by a [`Recipe`] what its configuration is, how it is built, what its losses are and how it predicts;
-//! [`Session`] does the rest and knows no model, and a [`Registry`] finds recipes by name. The product's own recipe is
-//! in [`splatweaver`].
+//! A [`Recipe`] defines a model's configuration, construction, losses and prediction; [`Session`] does the rest for any
+//! model, and a [`Registry`] finds recipes by name. The product's own recipe is in [`splatweaver`].
 
 mod augmentation;
 mod checkpoint;

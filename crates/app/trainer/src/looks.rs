@@ -1,4 +1,4 @@
-//! Photos in drawn light, with passers-by: what differs between photos of one place, planted.
+//! Photos in drawn light, with passers-by: planted differences between photos of one place.
 
 use crate::Example;
 use schemars::JsonSchema;
@@ -30,8 +30,8 @@ impl Default for LooksConfig {
 }
 
 impl LooksConfig {
-    /// Gives an example's photos drawn looks. With masks, a pixel of a target counts where nothing covers it and a context photo shows
-    /// the same (where depth is exact), or the sky.
+    /// Gives an example's photos drawn looks. With masks, a pixel of a target counts where nothing covers it and a
+    /// context photo shows the same (where depth is exact), or the sky.
     pub(crate) fn vary(&self, example: &mut Example, scene: &Scene, stream: Stream) {
         let size = [example.cameras[0].width, example.cameras[0].height];
         let pixels = size[0] * size[1];
@@ -51,7 +51,7 @@ impl LooksConfig {
             }
         }
         if !self.masks {
-            // Whatever is masked for another reason stays so.
+            // Pixels masked for other reasons stay masked.
             example.inside = inside.contains(&false).then_some(inside);
             return;
         }
@@ -64,13 +64,14 @@ impl LooksConfig {
         example.inside = Some(inside);
     }
 
-    /// The appearance of a view of an evaluation's scene: the same in every evaluation. `which` 0 is its own, others are further draws.
+    /// The appearance of a view of an evaluation's scene: the same in every evaluation. `which` 0 is its own, others
+    /// are further draws.
     pub(crate) fn of_view(&self, scene: usize, view: usize, which: u64, size: [usize; 2]) -> Appearance {
         let stream = Stream::new(0, scene as u64, "evaluated looks").fork(view as u64).fork(which);
         Appearance::drawn(stream, size, self.occluders)
     }
 
-    /// An evaluation's scene with looks; what a rectangle covers does not count.
+    /// An evaluation's scene with looks; pixels under a rectangle do not count.
     pub(crate) fn of_scene(&self, scene: &Scene, number: usize) -> Scene {
         let of_view = |(i, view): (usize, &View)| {
             let size = [view.image.width, view.image.height];

@@ -16,7 +16,7 @@ use weaver_scene::{intrinsics_row, viewmat};
 /// Number of terms that are kept without allocating.
 const MOST_TERMS: usize = 12;
 
-/// One loss: a sum over tuples, of which each counts `share`.
+/// One loss: a sum over tuples, each with the weight `share`.
 #[derive(Debug)]
 struct Term<'t> {
     name: &'static str,
@@ -80,18 +80,19 @@ pub struct ImageLosses {
     pub perceptual_weights: Option<PathBuf>,
 }
 
-/// The networks that renders and photos are compared by, where a stage needs them.
+/// The networks that compare renders with photos, where a stage needs them.
 #[derive(Debug, Default)]
 pub struct ImageNetworks {
-    /// Of LPIPS.
+    /// The network of LPIPS.
     pub lpips: Option<Lpips<f32>>,
-    /// Of the perceptual loss.
+    /// The network of the perceptual loss.
     pub perceptual: Option<Perceptual<f32>>,
 }
 
 impl ImageLosses {
-    /// Adds the losses of one tuple's renders `image` against `truth`, both `[V, 3, H, W]`; the tuple counts `share`. Of pixels
-    /// that do not count (`inside` `[V, H, W]`) the render is taken to be right, and losses are per pixel that does.
+    /// Adds the losses of one tuple's renders `image` against `truth`, both `[V, 3, H, W]`; the tuple counts `share`.
+    /// The render counts as exact at pixels outside of the mask (`inside` `[V, H, W]`), and losses are per pixel
+    /// inside.
     pub fn add<'t>(
         &self,
         terms: &mut Terms<'t>,
@@ -186,8 +187,8 @@ pub struct PoseCodes<'a, 't> {
 }
 
 impl PoseLosses {
-    /// 2Xplat's published weights for the poses of pairs, on top of the distance of pose codes, by which cameras are
-    /// learned from nothing.
+    /// 2Xplat's published weights for the poses of pairs, on top of the distance of pose codes, which teaches cameras
+    /// from scratch.
     pub fn relative(absolute: f64) -> Self {
         Self { l1: 2.0, absolute, rotation: 0.1, translation: 10.0, focal: 0.5, ..Self::default() }
     }
@@ -197,8 +198,8 @@ impl PoseLosses {
         self.l1 + self.huber + self.absolute + self.rotation + self.translation + self.focal
     }
 
-    /// Adds the losses of the examples' cameras, of as many views as there are codes: the context's, or the targets' as well. Of
-    /// the scene's own frame the context alone knows.
+    /// Adds the losses of the examples' cameras, for as many views as there are codes: the context's, or the targets'
+    /// as well. Poses in the scene's own frame exist for the context alone.
     pub fn add<'t>(
         &self,
         terms: &mut Terms<'t>,
@@ -264,7 +265,7 @@ impl DepthLosses {
         terms.add("depth", self.log_l1, share, || losses::sparse_log_depth_l1(depth.ln(), known, 1.0));
     }
 
-    /// Adds the loss of the rendered `depth` `[V, H, W]`, of which the first C views are the context.
+    /// Adds the loss of the rendered `depth` `[V, H, W]`, with the context as the first C views.
     pub fn add_rendered<'t>(
         &self,
         terms: &mut Terms<'t>,
@@ -278,8 +279,8 @@ impl DepthLosses {
             let views = example.context().len();
             let own = depth.slice(0, 0, views);
             let known = cx.tape.constant(&example.depth, own.shape());
-            // The published loss trusts a teacher's depth by its confidence. Known depth has none: what is near is
-            // trusted most, what is unknown not at all.
+            // The published loss trusts a teacher's depth by its confidence. Known depth has none: near depth is
+            // trusted most, unknown depth not at all.
             let confidence = example.depth.iter().map(|d| [if *d > 0.0 { 1.0 / d } else { 0.0 }]);
             losses::masked_depth_mse(own, known, rows(cx, confidence, known.shape()), 0.3)
         });

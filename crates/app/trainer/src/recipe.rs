@@ -1,4 +1,4 @@
-//! What a model says about its training.
+//! The recipe of a model: its part of training.
 
 use crate::losses::{ImageLosses, ImageNetworks};
 use crate::{CameraMode, Config, Error, Example, StageConfig, Terms};
@@ -27,8 +27,8 @@ impl<S> Section for S where
 
 /// The section `stages.N.losses`: weights of the losses.
 pub trait LossSection: Section {
-    /// The losses on rendered images, and the key of their table in this section, empty if they are the section itself; the
-    /// trainer checks them and loads what LPIPS needs. None for a model that renders nothing.
+    /// The losses on rendered images, and the key of their table in this section, empty if they are the section itself;
+    /// the trainer checks them and loads the weights of LPIPS. None for a model that renders nothing.
     fn image(&self) -> Option<(&'static str, &ImageLosses)>;
 }
 
@@ -62,7 +62,7 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     type Network: Debug + Send + Sync + 'static;
     /// The section `model`: sizes and switches of the network.
     type Model: Section;
-    /// The section `stages.N.model`: what this model does in a stage.
+    /// The section `stages.N.model`: the model's settings of a stage.
     type Stage: Section;
     /// The section `stages.N.losses`: weights of the losses.
     type Losses: LossSection;
@@ -72,13 +72,13 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// The configuration of a preset; `None` for an unknown name.
     fn preset(name: &str) -> Option<Config<Self>>;
 
-    /// Settles what follows from other settings, after the configuration was resolved.
+    /// Settles settings that follow from others, after the configuration was resolved.
     fn settle(_config: &mut Config<Self>) {}
 
-    /// Checks what the trainer cannot: the model's own sections.
+    /// Checks the model's own sections.
     ///
     /// # Errors
-    /// A message that names the key, what was expected and what was found.
+    /// A message that names the key, the expected value and the value found.
     fn check(_config: &Config<Self>) -> Result<(), String> {
         Ok(())
     }
@@ -89,8 +89,8 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Adds the parameters of a new network, drawn from `seed`.
     fn build(model: &Self::Model, params: &mut Params<f32>, seed: u64) -> Self::Network;
 
-    /// Declares the same parameters without values, so that their memory is known before it is taken. A model that
-    /// declares none is built unchecked.
+    /// Declares the same parameters without values, so that their memory can be checked before it is allocated. A model
+    /// that declares none is built unchecked.
     fn declare(_model: &Self::Model, _params: &mut Params<f32>) {}
 
     /// Parameters that share a learning rate; all of them, unless a model says otherwise. Every trained parameter is in
@@ -174,7 +174,7 @@ pub struct Step<'a, R: Recipe> {
     pub stage: &'a StageConfig<R>,
     /// Steps of this stage that were done before.
     pub local: usize,
-    /// Networks that images are compared by, where a stage needs them.
+    /// Networks that compare images, where a stage needs them.
     pub networks: &'a ImageNetworks,
     /// Memory of the rasterizer, kept from step to step.
     pub workspaces: &'a WorkspacePool<f32>,

@@ -1,4 +1,4 @@
-//! Recipes by name, without their types: what a command line needs.
+//! Recipes by name, without their types, for a command line.
 
 mod open_run;
 mod training;
@@ -30,7 +30,7 @@ pub struct ConfigSource {
     pub data: Vec<PathBuf>,
     /// A run's folder or checkpoint, or a published one, whose weights training starts from, or `built-in`.
     pub init: Option<PathBuf>,
-    /// A published checkpoint that tells cameras and depth of photos without cameras.
+    /// A published checkpoint that predicts cameras and depth of photos without cameras.
     pub teacher: Option<PathBuf>,
     /// The seed.
     pub seed: Option<u64>,
@@ -89,8 +89,8 @@ pub trait ModelEntry: Debug + Send + Sync {
     /// When the data cannot be read or has too few views.
     fn start(&self, config: &ResolvedConfig) -> Result<Box<dyn Training>, Error>;
 
-    /// Continues the run of a folder, to so many steps in all if its last stage is to be longer, which is then recorded in the
-    /// folder's configuration.
+    /// Continues the run of a folder; `steps` prolongs its last stage to this many steps in all, and is then recorded
+    /// in the folder's configuration.
     ///
     /// # Errors
     /// When the folder or the data cannot be read, or do not fit together, or more steps were planned already.
@@ -170,7 +170,7 @@ impl<R: Recipe> ModelEntry for Named<R> {
         }
         let session = Session::resume(config, &folder.checkpoint_path())?;
         if steps.is_some() {
-            // Only now that the run is known to go on.
+            // Only now that the run has been opened.
             weaver_io::write_text(folder.config_path(), &session.config().to_toml())?;
         }
         Ok(Box::new(session))
@@ -244,7 +244,7 @@ impl Registry {
     /// The recipe with a name, or the first.
     ///
     /// # Errors
-    /// When no recipe has that name; the message lists those there are.
+    /// When no recipe has that name; the message lists the existing ones.
     pub fn find(&self, name: Option<&str>) -> Result<&dyn ModelEntry, Error> {
         let found = self.iter().find(|entry| name.is_none_or(|name| entry.name() == name));
         found.ok_or_else(|| {
@@ -287,7 +287,8 @@ impl Registry {
 /// The folders of training runs.
 const KIND: Kind = Kind { command: "train", settings: "config.toml", results: &[SAMPLES] };
 
-/// Claims the folder of a new run, in which nothing is written yet, and which is the run's alone as long as what is returned lives.
+/// Claims the folder of a new run, without writing anything yet. The folder is the run's alone while the returned value
+/// lives.
 ///
 /// # Errors
 /// When there is a run in it already; as [`Folder::claim`].

@@ -1,4 +1,4 @@
-//! Sample pictures: what the model makes of some context views, side by side.
+//! Sample pictures: the model's results for some context views, side by side.
 
 use crate::evaluate::Options;
 use crate::{Error, Example};
@@ -12,9 +12,9 @@ use weaver_kernels::random::Stream;
 /// Scenes that a picture shows.
 const SHOWN: usize = 3;
 
-/// Writes one picture of a few scenes. Each row is input, render and depth of a context view, and the Gaussians per pixel; where a model makes
-/// one of each, where it believes that the cameras stand instead ([`camera_plan`]). For models that know about light, a second row shows
-/// the view in that of two photos: photo, render, render, photo.
+/// Writes one picture of a few scenes. Each row is input, render and depth of a context view, and the Gaussians per
+/// pixel; where a model makes one for each pixel, a plan of its predicted cameras instead ([`camera_plan`]). For models
+/// with light, a second row shows the view in the light of two photos: photo, render, render, photo.
 ///
 /// # Errors
 /// When the picture cannot be written.
@@ -54,7 +54,8 @@ fn with_cameras(input: &Image, render: &Image, prediction: &Prediction, example:
     Image::mosaic(&[&three, &plan])
 }
 
-/// The first context view in the light of its own photo and in that of the held-out one, between these two photos.
+/// The first context view in the light of its own photo and in the light of the held-out photo, between these two
+/// photos.
 fn in_two_lights(
     predictor: &mut dyn Predictor,
     scene: &Scene,

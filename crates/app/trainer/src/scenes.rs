@@ -35,11 +35,11 @@ pub fn load_captures(folders: &[PathBuf], data: &DataConfig, [height, width]: [u
     folders.iter().map(load).collect()
 }
 
-/// Checks that tuples of a scene tell how large it is, by the points that their context sees or by its own scale; remarks on
-/// photos that see none.
+/// Checks that tuples of a scene have a scale, by the points that their context sees or by the scene's own scale;
+/// returns a remark on photos that see no points.
 ///
 /// # Errors
-/// When no tuple that training could draw tells it.
+/// When no tuple that training could draw has one.
 pub fn check_scale(scene: &Scene, data: &DataConfig) -> Result<Option<String>, Error> {
     let training = scene.training_views();
     let blind: Vec<usize> = training.iter().copied().filter(|&view| scene.visible[view].is_empty()).collect();
@@ -68,7 +68,7 @@ pub fn check_scale(scene: &Scene, data: &DataConfig) -> Result<Option<String>, E
 /// Photos that a remark lists.
 const LISTED: usize = 10;
 
-/// Procedural scenes without end: some are kept, and every so many steps a fresh one takes the place of the oldest.
+/// Procedural scenes without end: some are kept, and at regular steps a fresh one takes the place of the oldest.
 ///
 /// Which ones are kept is a function of the seed and the step alone, so that a run can go on from any step.
 #[derive(Debug)]
@@ -88,7 +88,7 @@ pub(crate) const FRESH_VIEWS: usize = 8;
 const KEPT: usize = 16;
 
 impl Endless {
-    /// The scenes that the configuration asks for; none without `data.endless` or with captures.
+    /// The endless scenes of a configuration; none without `data.endless` or with captures.
     pub fn new(data: &DataConfig, [height, width]: [usize; 2], seed: u64) -> Self {
         let every = data.endless.filter(|_| data.folders.is_empty());
         let options = ProceduralOptions { width, height, views: FRESH_VIEWS };

@@ -25,7 +25,7 @@ use weaver_nn::{AdamW, Context, Ema, Group, WarmupCosine, clip_factor, global_no
 use weaver_run::{Folder, Scalar, StepReport};
 use weaver_splat::{AnyRasterizer, Renderer, WorkspacePool};
 
-/// A training run: the model, its data, and how far it is.
+/// A training run: the model, its data, and its progress.
 #[derive(Debug)]
 pub struct Session<R: Recipe> {
     config: Config<R>,
@@ -39,7 +39,7 @@ pub struct Session<R: Recipe> {
     /// Remarks on the plan.
     remarks: Vec<String>,
     tape: Tape<f32>,
-    /// The most that the tape took in stages before this one.
+    /// Largest number of bytes of the tape in earlier stages.
     earlier_tape_bytes: usize,
     workspaces: WorkspacePool<f32>,
     /// Checksums of the inputs.
@@ -53,7 +53,7 @@ pub struct Session<R: Recipe> {
     probe: Option<Probe>,
 }
 
-/// Where a step stands: its stage, and how far into it.
+/// Position of a step: its stage, and the steps into it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Position {
     stage: usize,
@@ -128,7 +128,8 @@ impl<R: Recipe> Session<R> {
     /// Continues a run from a checkpoint.
     ///
     /// # Errors
-    /// When the run began with another configuration ([`Config::difference`]) or other data, or the data cannot be read.
+    /// When the run began with another configuration ([`Config::difference`]) or other data, or the data cannot be
+    /// read.
     pub fn resume(config: Config<R>, checkpoint: &Path) -> Result<Self, Error> {
         let checkpoint = Checkpoint::read(checkpoint)?;
         // Before anything is loaded.
@@ -179,8 +180,8 @@ impl<R: Recipe> Session<R> {
         self.probe = Some(Probe::trace(path));
     }
 
-    /// Measures what the run will take: runs some steps of each stage, writes a checkpoint and a picture into a folder that is
-    /// not needed afterward, and evaluates one scene.
+    /// Measures the resources of the run: runs some steps of each stage, writes a checkpoint and a picture into a
+    /// folder that is not needed afterward, and evaluates one scene.
     ///
     /// # Errors
     /// As [`Session::train`].
@@ -227,15 +228,15 @@ impl<R: Recipe> Session<R> {
     /// One optimizer step: [`Session::gradients`], then [`Session::update`]; `None` when the run is finished.
     ///
     /// # Errors
-    /// When a loss is not a number, or a parameter that should be trained received no gradient. The weights are then
-    /// those of the step before.
+    /// When a loss is not a number, or a parameter that should be trained received no gradient. The weights are then as
+    /// before the step.
     pub fn advance(&mut self) -> Result<Option<StepReport>, Error> {
         let Some(pending) = self.gradients()? else { return Ok(None) };
         self.update(pending).map(Some)
     }
 
-    /// The first part of a step: tuples, forward and backward pass, of one batch after the other. The gradients, averaged over the
-    /// batches of all processes, are on the tape afterward; `None` when the run is finished.
+    /// The first part of a step: tuples, forward and backward pass, of one batch after the other. The gradients,
+    /// averaged over the batches of all processes, are on the tape afterward; `None` when the run is finished.
     ///
     /// # Errors
     /// When a loss is not a number, or a parameter that should be trained received no gradient.
@@ -254,7 +255,7 @@ impl<R: Recipe> Session<R> {
         self.tape.reset();
         frozen::apply(&stage.frozen, &mut self.params);
         if local == 0 {
-            // Its buffers have other sizes than those of the stage before.
+            // Its buffers have other sizes than in the stage before.
             self.earlier_tape_bytes = self.tape_bytes();
             self.tape.pool().trim::<f32>();
         }
@@ -273,11 +274,11 @@ impl<R: Recipe> Session<R> {
         Ok(Some(pending))
     }
 
-    /// Tuples, forward and backward pass of one batch of the step, whose gradients are then those on the tape.
+    /// Tuples, forward and backward pass of one batch of the step, which leaves its gradients on the tape.
     fn batch(&mut self, stage: &StageConfig<R>, position: Position, number: usize) -> Result<Batch, Error> {
         let Position { stage: index, local } = position;
         self.tape.reset();
-        // The first batch of a step that has no other draws what the step's number says.
+        // A single batch of a step draws by the step's number.
         let draw = self.step * self.config.optimizer.accumulate + number;
         let examples = self.examples(stage, draw)?;
         self.probe.iter_mut().for_each(|probe| probe.done("tuples"));
@@ -320,7 +321,7 @@ impl<R: Recipe> Session<R> {
     }
 
     /// Lets `average` change the gradient of each parameter, in the order of the parameters, between
-    /// [`Session::gradients`] and [`Session::update`]: where a trainer of one's own has something to say about them.
+    /// [`Session::gradients`] and [`Session::update`]: a hook for trainers of one's own.
     pub fn reduce(&mut self, mut average: impl FnMut(&mut [f32])) {
         for id in self.params.ids() {
             if let Some(gradient) = self.tape.param_grad_mut(id) {
@@ -332,7 +333,7 @@ impl<R: Recipe> Session<R> {
     /// The last part of a step: clips the gradients and updates parameters and averages.
     ///
     /// # Errors
-    /// When the gradients' norm is not a number; the weights are then those of the step before. When rows that the model
+    /// When the gradients' norm is not a number; the weights are then as before the step. When rows that the model
     /// changes do not fit.
     pub fn update(&mut self, step: PendingStep) -> Result<StepReport, Error> {
         let PendingStep { position: Position { stage, local }, loss, terms, gaussians_per_pixel } = step;
@@ -394,7 +395,7 @@ impl<R: Recipe> Session<R> {
         }
     }
 
-    /// The network with the averaged weights, which are what is evaluated.
+    /// The network with the averaged weights, for evaluation.
     fn predictor(&self) -> Result<Box<dyn Predictor>, Error> {
         let mut predictor = R::predictor(self.network.clone(), self.averaged(), &self.config)?;
         *predictor.renderer() = Renderer::new(self.workspaces.rasterizer().clone());
@@ -441,7 +442,7 @@ fn new_optimizer<R: Recipe>(config: &Config<R>, params: &Params<f32>) -> AdamW<f
     AdamW::new(R::groups(params).into_iter().map(group).collect(), o.beta1, o.beta2, o.epsilon)
 }
 
-/// The average that is evaluated; without one, what follows the parameters with a decay of 0.
+/// The average for evaluation; without a decay in the configuration it is 0, and the average equals the parameters.
 fn new_average<R: Recipe>(config: &Config<R>, params: &Params<f32>) -> Ema<f32> {
     Ema::new(params, config.optimizer.ema.unwrap_or(0.0))
 }

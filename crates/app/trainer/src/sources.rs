@@ -1,4 +1,4 @@
-//! What a run learns from, recognized by its content.
+//! The inputs of a run, recognized by their content.
 
 use crate::{Config, Error, Recipe};
 use std::collections::BTreeMap;
@@ -10,15 +10,16 @@ use weaver_io::safetensors::Tensors;
 /// The entry of a checkpoint's metadata.
 pub(crate) const ENTRY: &str = "sources";
 
-/// Checksums of what a run has read, by the configuration's key for it.
+/// Checksums of the inputs of a run, by their keys in the configuration.
 ///
-/// The inputs' content decides the bits, and not where it lay: captures as they were loaded (photos at the network's size, cameras, depth,
-/// points), and the tensors of networks that images are compared by. Folders may have been moved and renamed; their content may not have changed.
+/// The content of the inputs decides the bits, not their place: captures as they were loaded (photos at the network's
+/// size, cameras, depth, points), and the tensors of networks that compare images. Folders may have been moved and
+/// renamed; their content may not have changed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sources(BTreeMap<String, String>);
 
 impl Sources {
-    /// Of what a configuration names, with the scenes as they were loaded.
+    /// The checksums for a configuration, with its scenes as they were loaded.
     pub(crate) fn of<R: Recipe>(config: &Config<R>, scenes: &[Scene]) -> Result<Self, Error> {
         let mut all = BTreeMap::new();
         if !config.data.folders.is_empty() {
@@ -37,14 +38,14 @@ impl Sources {
         Ok(Self(all))
     }
 
-    /// As a checkpoint has them, if it does.
+    /// The checksums in a checkpoint, if it has them.
     pub(crate) fn of_checkpoint(checkpoint: &Checkpoint) -> Result<Option<Self>, Error> {
         let Some(text) = checkpoint.tensors().metadata.get(ENTRY) else { return Ok(None) };
         let all = serde_json::from_str(text).map_err(|e| checkpoint.wrong(format!("metadata {ENTRY}: {e}")))?;
         Ok(Some(Self(all)))
     }
 
-    /// The indices of those scenes, loaded from the same folders, whose content is no longer the same.
+    /// The indices of scenes, loaded from the same folders, whose content has changed.
     pub(crate) fn changed(&self, scenes: &[Scene]) -> impl Iterator<Item = usize> {
         let began = move |i: usize| self.0.get(&format!("data.folders.{i}"));
         scenes
@@ -59,15 +60,15 @@ impl Sources {
         self.0.iter().map(|(key, sum)| (key.as_str(), sum.as_str()))
     }
 
-    /// As a checkpoint has them.
+    /// The form of the checksums in a checkpoint.
     pub(crate) fn to_json(&self) -> String {
         serde_json::to_string(&self.0).expect("text by text is plain data")
     }
 
-    /// Checks that a run which is resumed has read what it began with. Checkpoints that do not say what that was pass.
+    /// Checks that a resumed run has read the same inputs as at its start. Checkpoints without checksums pass.
     ///
     /// # Errors
-    /// Names the first key that has other content.
+    /// When inputs differ; names the first key that does.
     pub(crate) fn check<R: Recipe>(&self, checkpoint: &Checkpoint, config: &Config<R>) -> Result<(), Error> {
         let Some(Self(began)) = Self::of_checkpoint(checkpoint)? else { return Ok(()) };
         let Some(key) = began.keys().chain(self.0.keys()).find(|key| began.get(*key) != self.0.get(*key)) else {

@@ -10,7 +10,7 @@ use weaver_io::safetensors::Tensors;
 use weaver_io::{Checksum, Image};
 use weaver_scene::{CameraRows, CameraSlices, Model};
 
-/// The file beside the photos that keeps what the teacher said.
+/// The file of the teacher's predictions, beside the photos.
 const CACHE: &str = "teacher.safetensors";
 /// Format name in the file.
 const FORMAT: &str = "splatweaver-teacher-1";
@@ -18,13 +18,13 @@ const FORMAT: &str = "splatweaver-teacher-1";
 const DOUBTFUL: f64 = 0.3;
 /// One photo in this many is held out.
 const HOLD_OUT: usize = 8;
-/// Pixels between points that tell the scale.
+/// Pixels between points that fix the scale.
 const SPACING: usize = 4;
 
 /// Loads photos without cameras at the network's size (H, W).
 ///
-/// The teacher sees all photos of the folder at once; what it says is kept in [`CACHE`] beside them, and is made anew for other weights
-/// or other photos.
+/// The teacher sees all photos of the folder at once; its predictions are kept in [`CACHE`] beside them, and are made
+/// anew for other weights or other photos.
 pub(crate) fn load(folder: &Path, weights: &Path, data: &DataConfig, size: [usize; 2]) -> Result<Scene, Error> {
     let images = folder.join("images");
     let photos = weaver_io::list_photos(if images.is_dir() { &images } else { folder })?;
@@ -45,7 +45,7 @@ fn read(photos: &[PathBuf], masks: bool, [height, width]: [usize; 2]) -> Result<
     Ok(capture::load_images(photos, width, height)?.into_iter().map(|image| (image, None)).collect())
 }
 
-/// The teacher's predictions for the photos, from the folder's cache if that is of these weights and photos.
+/// The teacher's predictions for the photos, from the folder's cache if it was made for these weights and photos.
 fn cached(folder: &Path, teacher: &Teacher, photos: &[capture::MaskedImage]) -> Result<Geometry, Error> {
     let path = folder.join(CACHE);
     let (weights, seen) = (teacher.checksum(), checksum(photos));
@@ -101,7 +101,7 @@ fn checksum(photos: &[capture::MaskedImage]) -> String {
     sum.to_string()
 }
 
-/// The scene of photos at the network's size, of what the teacher said at its own.
+/// The scene of photos at the network's size, with the teacher's predictions at the teacher's size.
 fn scene(
     folder: &Path,
     paths: &[PathBuf],

@@ -1,4 +1,4 @@
-//! Features of Gaussians, by which some are like others.
+//! Features of Gaussians, and their similarity.
 
 /// Features of the Gaussians of a scene, compared by their directions.
 #[derive(Clone, Debug)]
@@ -22,8 +22,8 @@ impl Features {
         Self { channels, rows }
     }
 
-    /// The cosines of the angles between the features of a Gaussian and those of each: 255 for 1, 0 for 0 and below. None where there is
-    /// no Gaussian of this number.
+    /// The cosines of the angles between the features of a Gaussian and of each one: 255 for 1, 0 for 0 and below. None
+    /// where there is no Gaussian of this number.
     ///
     /// ```
     /// let features = weaver_view_run::Features::new(vec![1.0, 0.0, 0.0, 2.0, 3.0, 3.0, -1.0, 0.0], 2);

@@ -47,14 +47,15 @@ impl fmt::Debug for LiveView<'_> {
     }
 }
 
-/// A run whose log and checkpoints a page follows. The run itself does nothing for it: files are read when a page asks.
+/// A run whose log and checkpoints a page follows. The run itself does nothing for it: files are read on requests of
+/// the page.
 #[derive(Clone, Copy, Debug)]
 pub struct LiveRun<'a> {
     /// The run's folder.
     pub folder: &'a Path,
     /// Steps of the whole run.
     pub steps: usize,
-    /// Better names of its curves than those of the log.
+    /// Readable names of its curves, by their names in the log.
     pub names: &'a [(&'a str, &'a str)],
     /// The part that is shown beside the curves.
     pub showing: LiveView<'a>,
@@ -63,13 +64,13 @@ pub struct LiveRun<'a> {
 }
 
 impl LiveRun<'_> {
-    /// The number of what is shown: when it was written, milliseconds; 0 where there is nothing yet.
+    /// Version of the shown file: the time of its last change, milliseconds; 0 where there is none yet.
     pub fn version(&self) -> u64 {
         let since = self.shown().and_then(|(written, _)| written.duration_since(UNIX_EPOCH).ok());
         since.map_or(0, |since| since.as_millis() as u64)
     }
 
-    /// The file of what is shown, and when it was written.
+    /// The file with the shown scene or picture, and the time of its last change.
     fn shown(&self) -> Option<(SystemTime, PathBuf)> {
         let dated = |path: PathBuf| Some((path.metadata().ok()?.modified().ok()?, path));
         match self.showing {
@@ -81,7 +82,8 @@ impl LiveRun<'_> {
         }
     }
 
-    /// The scene of the last checkpoint, at a time if it moves; none where there is no checkpoint, or no scene to the run.
+    /// The scene of the last checkpoint, at a time if it moves; none where there is no checkpoint, or no scene to the
+    /// run.
     ///
     /// # Errors
     /// When the checkpoint cannot be read or holds no scene.
@@ -107,7 +109,7 @@ impl LiveRun<'_> {
         })
     }
 
-    /// Records after a step, how far the run is, and the number of what is shown.
+    /// Records after a step, the progress of the run, and the [version](Self::version) of the shown file.
     ///
     /// # Errors
     /// When the log cannot be read.
@@ -126,12 +128,13 @@ impl LiveRun<'_> {
         }))
     }
 
-    /// Asks the run to end after its step and to save.
+    /// Makes the run end after its step and save.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// A record; the loss of a run with several stages, which mean different things by it, is one of its stage.
+    /// A record; in a run with several stages the name of the loss includes the stage, since each stage defines it
+    /// differently.
     fn json(&self, record: &Record) -> Value {
         let named = |name: &str| {
             let better = self.names.iter().find(|(key, _)| *key == name);

@@ -14,13 +14,14 @@ use weaver_view::{HtmlOptions, Look, Shot, Subject, film_html, html, photo_file,
 
 /// Quality of photos that are served as libjpeg counts it.
 const QUALITY: u8 = 82;
-/// Gaussians from which on a page is first given those that show most, and their part, which is that of `.wsz`.
+/// Gaussians from which on a page receives the most visible ones first, and the divisor for their number, the same as
+/// in `.wsz`.
 const LARGE_SCENE: usize = 250_000;
 const BEGINNING: usize = 12;
 /// Longest side of photos that are served, pixels.
 const LARGE: usize = 1600;
 
-/// A scene to look at, and what belongs to it.
+/// A scene to look at, with cameras, photos and a report.
 #[derive(Clone, Debug)]
 pub struct ScenePage {
     /// Title of the page.
@@ -33,11 +34,11 @@ pub struct ScenePage {
     pub shots: Vec<Shot>,
     /// Photos on disk.
     pub gallery: Option<Gallery>,
-    /// Features of the Gaussians, which a page compares with those at a point.
+    /// Features of the Gaussians, which a page compares with the features at a point.
     pub features: Option<Features>,
     /// The scene at other times, of one that moves.
     pub moving: Option<Moving>,
-    /// The report of what made the scene.
+    /// The report of the run that made the scene.
     pub report: Option<PathBuf>,
     /// The file of the scene; edited ones are saved beside it.
     pub file: Option<PathBuf>,
@@ -48,7 +49,7 @@ pub struct ScenePage {
 pub struct Moving(Arc<dyn Fn(f64) -> Gaussians + Send + Sync>);
 
 impl Moving {
-    /// A scene that a function makes of a time.
+    /// A scene that is a function of time.
     pub fn new(at: impl Fn(f64) -> Gaussians + Send + Sync + 'static) -> Self {
         Self(Arc::new(at))
     }
@@ -65,7 +66,7 @@ impl fmt::Debug for Moving {
     }
 }
 
-/// Photos on disk, one for each shot, which are read when they are asked for.
+/// Photos on disk, one for each shot, which are read on request.
 #[derive(Clone, Debug)]
 pub struct Gallery {
     frames: Vec<Frame>,
@@ -80,8 +81,9 @@ impl ScenePage {
         Self { title, gaussians, look, shots, gallery, features, moving, report: None, file: None }
     }
 
-    /// Adds the cameras of a file: transforms.json, a folder with a COLMAP model, or a RealEstate10K file. Photos are those that it names,
-    /// or files in `photos` by as much of the ends of their paths as is there. Held-out ones come first.
+    /// Adds the cameras of a file: transforms.json, a folder with a COLMAP model, or a RealEstate10K file. Photos are
+    /// the files named in it, or files in `photos`, matched by the longest existing end of their paths. Held-out ones
+    /// come first.
     ///
     /// # Errors
     /// When the file cannot be read, a distortion leaves no photo, or two photos have one file in `photos`.
@@ -98,7 +100,8 @@ impl ScenePage {
         Ok(self)
     }
 
-    /// True for a scene so large that a page shows its [beginning](Self::beginning) first. Where numbers of Gaussians count, none does.
+    /// True for a scene so large that a page shows its [beginning](Self::beginning) first. A scene with features or
+    /// motion has none, since these go by the numbers of all Gaussians.
     pub fn has_beginning(&self) -> bool {
         self.gaussians.len() >= LARGE_SCENE && self.features.is_none() && self.moving.is_none()
     }
@@ -138,7 +141,8 @@ impl ScenePage {
         self.shots.get(i).is_some_and(|shot| shot.photo.is_some()) || on_disk().is_some()
     }
 
-    /// One file with the scene, all cameras, and the photos of at most 32 of them: the held-out ones, then some of all others.
+    /// One file with the scene, all cameras, and the photos of at most 32 of them: the held-out ones, then some of all
+    /// others.
     ///
     /// # Errors
     /// As [`weaver_view::html`].
@@ -158,7 +162,7 @@ impl ScenePage {
         shots
     }
 
-    /// One file as [`html`](Self::html), of a scene that moves at so many moments; of one that does not, as it is.
+    /// One file as [`html`](Self::html), with a moving scene at `moments` moments; a still scene as it is.
     ///
     /// # Errors
     /// As [`weaver_view::film_html`].
@@ -169,7 +173,8 @@ impl ScenePage {
         Ok(film_html(&self.subject(), &moments, &self.small_shots(), options)?)
     }
 
-    /// Saves the Gaussians that `dropped` does not mark in this format, beside the scene's file and under a name that is free.
+    /// Saves the Gaussians that `dropped` does not mark in this format, beside the scene's file and under a name that
+    /// is free.
     ///
     /// # Errors
     /// When the scene has no file, or the new one cannot be written.
@@ -205,7 +210,7 @@ impl Gallery {
     }
 }
 
-/// Gives frames the files of a folder, each by the longest end of its path that is there.
+/// Gives frames the files of a folder, each by the longest existing end of its path.
 fn take_from(folder: &Path, frames: &mut [Frame]) -> Result<(), Error> {
     let mut taken: BTreeMap<PathBuf, PathBuf> = BTreeMap::new();
     for frame in frames {

@@ -1,4 +1,4 @@
-//! A server for the people at this machine, or, if that is asked for, for those in its network.
+//! A server for the people at this machine, or, on request, in its network.
 
 mod answer;
 mod clients;
@@ -27,7 +27,7 @@ use weaver_view::{RunPage, ServedPage};
 
 /// Formats that scenes are saved in.
 const FORMATS: [&str; 3] = ["ply", "spz", "compressed"];
-/// Pauses between looks for clients: soon after one came, who rarely comes alone, and else.
+/// Pauses between checks for clients: soon after a client, as they rarely come alone, and otherwise.
 const PAUSES: [Duration; 2] = [Duration::from_millis(1), Duration::from_millis(20)];
 /// Time after a client for which others are expected.
 const SOON: Duration = Duration::from_secs(1);
@@ -50,7 +50,7 @@ impl std::fmt::Debug for Server<'_> {
 }
 
 impl<'a> Server<'a> {
-    /// A server that shows a scene, and follows a run if that is said. Nothing is answered before [`run`](Self::run).
+    /// A server that shows a scene, and follows a run, if any. Nothing is answered before [`run`](Self::run).
     ///
     /// # Errors
     /// When the page cannot be made.
@@ -99,7 +99,7 @@ impl<'a> Server<'a> {
         format!("http://{host}:{}/?token={}", self.guard.port, self.guard.token)
     }
 
-    /// Answers until `stop` is set. Clients who are still there then have a second to take what they asked for.
+    /// Answers until `stop` is set. Clients still connected then have a second to receive their answers.
     pub fn run(&self, stop: &AtomicBool) {
         let clients = Clients::new(Limits::USUAL);
         thread::scope(|scope| {
@@ -112,7 +112,7 @@ impl<'a> Server<'a> {
                 };
                 last = Some(Instant::now());
                 let visit = Visit::new(&clients, stream);
-                // Neither a thread that the system does not give nor a panic ends more than this connection.
+                // Neither a refused thread nor a panic ends more than this connection.
                 let receive = || drop(catch_unwind(AssertUnwindSafe(|| self.receive(visit))));
                 let _ = thread::Builder::new().spawn_scoped(scope, receive);
             }
@@ -140,7 +140,7 @@ impl<'a> Server<'a> {
         })
     }
 
-    /// Answers a client, if it asks. One that goes away or is too slow needs no answer.
+    /// Answers a client, if it sends a request. A client that goes away or is too slow needs no answer.
     fn receive(&self, mut visit: Visit<'_>) {
         let asked = Request::read(&mut visit).and_then(|request| {
             let Some(mut request) = request else { return Ok(None) };
@@ -157,7 +157,7 @@ impl<'a> Server<'a> {
         };
     }
 
-    /// Refuses before a byte of its body is read: who may not ask, and bodies that are not for saving.
+    /// Refuses a request before a byte of its body is read: without permission, or with a body that is not for saving.
     fn check(&self, request: &Request) -> Result<(), Answer> {
         let (path, query) = request.parts();
         self.guard.check(request, query, request.method == "POST")?;
@@ -241,7 +241,7 @@ impl<'a> Server<'a> {
         Answer::text(200, "The run ends after this step and saves.")
     }
 
-    /// Saves what is left: the body has a byte for each Gaussian, 1 where it is deleted.
+    /// Saves the Gaussians that are left: the body has a byte for each Gaussian, 1 where it is deleted.
     fn save(&self, dropped: &[u8], query: &str) -> Result<Answer, Error> {
         let Some(scene_page) = self.scene_page.filter(|scene_page| scene_page.file.is_some()) else {
             return Ok(Answer::text(400, "this scene has no file to save beside"));
@@ -269,8 +269,8 @@ fn random() -> Result<String, Error> {
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// The Gaussians with those of a run that diverged made invisible: no file has a place for numbers that are not finite, and marks of the
-/// page go by the number of a Gaussian.
+/// The Gaussians, with the non-finite Gaussians of a diverged run made invisible rather than removed: files cannot hold
+/// numbers that are not finite, and marks of the page go by the number of a Gaussian.
 fn drawable(scene: &Gaussians) -> Cow<'_, Gaussians> {
     let per_row = 3 * scene.coefficients();
     let is_finite = |i: &usize| {

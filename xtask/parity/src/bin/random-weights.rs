@@ -1,5 +1,5 @@
-//! `cargo xtask random-weights`: a checkpoint of any size with numbers drawn at random, in the published names and types,
-//! so that size, time and memory can be shown without the real one.
+//! `cargo xtask random-weights`: a checkpoint of any size with numbers drawn at random, in the published names and
+//! types, so that size, time and memory can be shown without the real one.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -19,7 +19,7 @@ written as bf16, the heads as f32, as published.";
 
 /// Numbers drawn and written at a time.
 const CHUNK: usize = 1 << 20;
-/// The entry of the metadata that tells `splatweaver infer` of other sizes than the published ones.
+/// The entry of the metadata with sizes other than the published ones, for `splatweaver infer`.
 const CONFIG: &str = "splatweaver_model";
 
 fn main() -> ExitCode {
@@ -92,7 +92,7 @@ enum Draw {
 }
 
 impl Draw {
-    /// As a network starts, so that nothing grows beyond bounds on its way through.
+    /// The initial distribution of a network, so that no activation grows beyond bounds.
     fn of(name: &str, shape: &[usize]) -> Self {
         match name {
             "camera_head.pose_branch.fc2.bias" => Self::PoseCode,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use weaver_command::Failure;
 
-/// Where the cameras of photos come from. Each command knows some of these.
+/// Where the cameras of photos come from. Each command accepts some of these.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub enum CameraChoice {
     /// From the capture's own files.
@@ -38,7 +38,7 @@ impl CameraChoice {
         if let Self::File(path) = self { Some(path) } else { None }
     }
 
-    /// The refusal of a choice that a command does not know; `expected` lists those that it knows.
+    /// The refusal of a choice that a command does not accept; `expected` lists the accepted ones.
     pub fn refused(&self, expected: &str) -> Failure {
         let found = match self {
             Self::Given => "given".into(),

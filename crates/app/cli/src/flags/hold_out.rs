@@ -1,8 +1,8 @@
-//! Which photos are held out: `--hold-out listed|none|N`.
+//! The choice of held-out photos: `--hold-out listed|none|N`.
 
 use weaver_data::capture::HoldOut;
 
-/// `listed`, `none`, or a number: every so many photos.
+/// `listed`, `none`, or a number N for every N-th photo.
 pub fn hold_out(text: &str) -> Result<HoldOut, String> {
     match (text, text.parse()) {
         ("listed", _) => Ok(HoldOut::Listed),

@@ -28,10 +28,10 @@ impl ClipFlags {
         self.frames.map(|most| most as usize)
     }
 
-    /// That these say nothing, where there is no clip.
+    /// Checks that no flag is given, for input without a clip.
     ///
     /// # Errors
-    /// When they do; `found` says what there is.
+    /// When a flag is given; `found` names the input in place of a clip.
     pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
         match self.frames {
             None => Ok(()),
@@ -81,10 +81,10 @@ impl From<MatchingFlags> for EstimatePhotosOptions {
 }
 
 impl MatchingFlags {
-    /// That these say nothing, where cameras are not estimated.
+    /// Checks that no flag is given, for cameras that are not estimated.
     ///
     /// # Errors
-    /// When they do; `found` says where cameras come from.
+    /// When a flag is given; `found` names the source of cameras.
     pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
         if *self == Self::default() {
             return Ok(());

@@ -20,7 +20,7 @@ pub struct RefineFlags {
 }
 
 impl RefineFlags {
-    /// True if anything is said about refinement.
+    /// True if any flag of refinement is given.
     pub fn is_asked(&self) -> bool {
         self.refine.is_some() || self.refine_steps.is_some() || self.refine_size.is_some() || self.refine_in_place
     }

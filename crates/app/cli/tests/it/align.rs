@@ -1,4 +1,4 @@
-//! Photos of a scene on disk are located in it; what does not fit together is refused by name.
+//! Photos of a scene on disk are located in it; mismatched inputs are refused by name.
 
 use crate::command::{printed, refused};
 use std::path::Path;
@@ -61,7 +61,7 @@ fn error(file: &Path) -> f64 {
 fn photos_are_located() {
     let folder = folder();
     let at = |name: &str| folder.path().join(name);
-    // All is about as far away, where a turn and a shift look alike: it takes many steps to tell.
+    // All is about as far away, where a turn and a shift look alike: it takes many steps to separate them.
     let table = printed(folder.path(), &format!("{ALIGN} --steps 1000"));
     assert!(error(&at("guess.json")) > 0.9);
     assert!(error(&at("aligned/transforms.json")) < 0.1, "{}", error(&at("aligned/transforms.json")));
@@ -79,7 +79,8 @@ fn photos_are_located() {
     assert!(report[0]["loss"][1].as_f64().unwrap() < 0.1 * report[0]["loss"][0].as_f64().unwrap());
 }
 
-/// As a fit leaves one: what lies beside the scene's own cameras is of their world, first guesses are of any.
+/// A model in `sparse/0`, as a fit leaves one: a transforms.json beside the scene must be of its world, a file of first
+/// guesses may be of any.
 #[test]
 fn guesses_may_lie_beside_a_model_that_knows_better() {
     let folder = folder();

@@ -45,8 +45,8 @@ fn street(folder: &Path) {
     weaver_io::ply::write_points(folder.join("sparse_pc.ply"), &points).unwrap();
 }
 
-/// Each block is fitted by the line that is printed, and the scene has of each fit what lies in its block; where all photos see all
-/// blocks, the cut says that it is not worth it.
+/// Each block is fitted by its printed line, and the joined scene has the Gaussians of each fit inside its block; where
+/// all photos see all blocks, the cut is reported as not worth it.
 ///
 /// Promise of `colors_of_blocks_agree`.
 #[test]

@@ -1,4 +1,4 @@
-//! Clips in place of photos: which frames are taken, and what is said where there are none.
+//! Clips in place of photos: the choice of frames, and the messages where there are none.
 
 #![cfg(unix)]
 
@@ -35,7 +35,7 @@ fn said(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
-/// Runs the installed ffmpeg on what it is given.
+/// Runs the installed ffmpeg on `input`, with the arguments of `line`.
 fn ffmpeg(folder: &Path, line: &str, input: &[u8]) {
     let mut command = Command::new("ffmpeg");
     command.current_dir(folder).args(["-loglevel", "error", "-y"]).args(line.split(' '));
@@ -44,7 +44,8 @@ fn ffmpeg(folder: &Path, line: &str, input: &[u8]) {
     assert!(child.wait().unwrap().success(), "ffmpeg {line}");
 }
 
-/// Encodes `views` views of a built-in scene, in order, as `clip.mp4`, and writes the true cameras of all frames to `truth/transforms.json`.
+/// Encodes `views` views of a built-in scene, in order, as `clip.mp4`, and writes the true cameras of all frames to
+/// `truth/transforms.json`.
 fn clip(folder: &Path, views: usize) {
     let (width, height) = SIZE;
     let scene = scene(3, &ProceduralOptions { width, height, views });
@@ -91,7 +92,7 @@ fn a_clip_becomes_a_capture() {
     assert_eq!(capture.photos.len(), 10);
     assert_eq!(PhotoFile::at(folder.join("found/frames").join(&frames[3])).unwrap().size(), SIZE);
 
-    // Another choice takes the place of the first, and what is somebody's stays.
+    // Another choice takes the place of the first, and foreign files stay.
     fs::write(folder.join("found/frames/mine.txt"), "mine").unwrap();
     let output = run(folder, "cameras clip.mp4 -o found --frames 6");
     assert!(output.status.success(), "{}", said(&output));
@@ -141,7 +142,7 @@ fn earlier_cameras_keep_their_frames() {
     let left = names(folder.join("found/frames"));
     assert!(left.iter().any(|name| name.ends_with("-2.jpg")), "{left:?}");
     assert_eq!(frames(), before, "what is left of the first clip's cameras");
-    // What works takes their place.
+    // Frames of an estimate that succeeds take their place.
     let output = run(folder, "cameras first.mp4 -o found --frames 4");
     assert!(output.status.success(), "{}", said(&output));
     let left = names(folder.join("found/frames"));
@@ -255,7 +256,7 @@ fn what_is_no_clip_of_a_moving_camera_is_refused() {
             assert!(!folder.join("out").exists(), "{command} {name} left something behind");
         }
     }
-    // What is left of a clip that was cut off is taken, with a word.
+    // The remainder of a clip that was cut off is taken, with a warning.
     ffmpeg(folder, "-i clip.mp4 -c copy whole.mkv", &[]);
     let whole = fs::read(folder.join("whole.mkv")).unwrap();
     fs::write(folder.join("cut.mkv"), &whole[..whole.len() * 6 / 10]).unwrap();
@@ -384,7 +385,7 @@ fn ctrl_c_ends_the_decoder_too() {
     let mut text = String::new();
     child.stderr.take().unwrap().read_to_string(&mut text).unwrap();
     let until = Instant::now() + Duration::from_secs(10);
-    // It is nobody's child any more: whoever adopts it may take a moment, and until then it has ended and is still there.
+    // Its parent has ended: until another process adopts and reaps it, it is a zombie.
     let runs =
         || signal("-0", &id) && !fs::read_to_string(format!("/proc/{id}/stat")).is_ok_and(|s| s.contains(") Z "));
     while runs() {
@@ -393,7 +394,7 @@ fn ctrl_c_ends_the_decoder_too() {
     }
 }
 
-/// A manifest that is called a clip names another clip, of which no frame is taken.
+/// No frame is taken of a clip that a manifest with the name of a clip refers to.
 ///
 /// Promise (files): a manifest or playlist that is called a clip is not followed.
 #[test]
@@ -429,7 +430,7 @@ fn a_manifest_is_not_followed() {
     }
 }
 
-/// A network is given at most so many frames of a clip; where there is no clip, there are none to count.
+/// A network gets at most `--frames` frames of a clip; without a clip the flag is refused.
 ///
 /// Promise (files): `infer` takes at most so many frames of a clip.
 /// Promise of `runs_of_every_command_are_described`.

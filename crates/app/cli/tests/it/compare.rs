@@ -56,7 +56,7 @@ fn frames() -> Vec<Frame> {
     (0..10).map(|i| Frame::new(format!("{i:02}.png"), camera(i))).collect()
 }
 
-/// A folder with scene.ply, and in `capture` its pictures by these settings, of which `held_out` are listed.
+/// A folder with scene.ply, and in `capture` its pictures by these settings, with `held_out` listed for the test.
 fn folder(settings: &RasterSettings, held_out: &[&str]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let capture = folder.path().join("capture");
@@ -136,7 +136,7 @@ fn a_summary_beside_the_scene_says_it_unless_flags_do() {
         let other = evaluate(folder.path(), &[SCENE, &[flag]].concat());
         assert!(psnr(&other) < psnr(&by_summary) - 10.0, "{flag}: {other}");
     }
-    // That of a training run has none of these keys.
+    // The summary of a training run has none of these keys.
     std::fs::write(&summary, r#"{"preset": "micro"}"#).unwrap();
     let without = evaluate(folder.path(), SCENE);
     std::fs::remove_file(&summary).unwrap();
@@ -175,10 +175,10 @@ fn photos_that_are_not_judged_are_not_decoded() {
 #[test]
 fn every_view_counts_where_none_is_held_out() {
     let folder = folder(&RasterSettings::default(), &[]);
-    // An eighth is held out where nothing is said ...
+    // By default an eighth is held out ...
     let report = evaluate(folder.path(), SCENE);
     assert_eq!((report["views"].as_array().unwrap().len(), &report["held_out"]), (2, &true.into()));
-    // ... and nothing where that is said.
+    // ... and nothing on request.
     let split = folder.path().join("split");
     std::fs::create_dir(&split).unwrap();
     let transforms = std::fs::read_to_string(folder.path().join("capture/transforms.json")).unwrap();

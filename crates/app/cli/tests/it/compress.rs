@@ -1,4 +1,4 @@
-//! `compress`: decibels that are said of pictures without a part in the choice.
+//! `compress`: decibels are reported of pictures without a part in the choice.
 
 use crate::compare::gaussians;
 use crate::in_process::splatweaver;
@@ -23,7 +23,7 @@ fn write_cameras(path: &Path, cameras: &[Camera]) {
     Transforms { frames, ..Transforms::default() }.write(path).unwrap();
 }
 
-/// Mean PSNR of pictures of one scene beside those of another.
+/// Mean PSNR between pictures of two scenes.
 fn psnr([a, b]: [&Gaussians; 2], cameras: &[Camera]) -> f64 {
     let draw = |scene: &Gaussians, camera: &Camera| {
         let pictures = Renderer::default().render(&scene.to_activated(), &[*camera], [1.0; 3], &Default::default());
@@ -37,7 +37,8 @@ fn psnr([a, b]: [&Gaussians; 2], cameras: &[Camera]) -> f64 {
     cameras.iter().map(of).sum::<f64>() / cameras.len() as f64
 }
 
-/// promise: the decibels that are said are those of pictures that had no part in the choice of steps, whose number is said; those that had are named apart.
+/// promise: the printed decibels are measured on pictures without a part in the choice of steps, whose number is
+/// printed; the decibels of the choosing pictures are printed apart.
 ///
 /// Promise (fits): the decibels of `compress` come from pictures that took no part in the choice of steps.
 #[test]
@@ -69,7 +70,7 @@ fn decibels_are_those_of_other_pictures() {
     assert!(said.starts_with("beside the scene ") && said.contains("no other to judge"), "{said}");
 }
 
-/// promise: without cameras, pictures are said to be those of an orbit, which choose and judge by turns.
+/// promise: without cameras, the pictures are of an orbit, as the output says, and choose and judge by turns.
 ///
 /// Promise of `decibels_are_those_of_other_pictures`.
 #[test]

@@ -1,4 +1,4 @@
-//! `convert`: every pair of formats, what it costs, and what it does to Gaussians on the way.
+//! `convert`: every pair of formats, its errors, and edits of Gaussians on the way.
 
 use crate::compare::gaussians;
 use serde_json::Value;
@@ -40,11 +40,11 @@ fn every_pair_of_formats() {
         for to in &written {
             let report = convert(folder.path(), &[&first, &file("second", to.extension)]);
             let largest = |what: &str| report[what]["largest"].as_f64().unwrap_or(0.0);
-            // Its steps follow what a Gaussian shows.
+            // Quantization steps of .wsz follow the visibility of a Gaussian.
             let coarse = [from.name, to.name].contains(&"wsz");
             let (position, color) = if coarse { (5e-3, 0.08) } else { (2e-3, 0.02) };
             assert!(largest("position") < position && largest("color") < color, "{from} to {to}: {report}");
-            // Where both keep floats, the way back gives what was there.
+            // Where both formats keep floats, the round trip is exact.
             if from.name == "glb" && to.name == "ply" {
                 let back = read_gaussians(folder.path().join("second.ply")).unwrap();
                 assert_eq!((&back.means, &back.sh), (&gaussians().means, &gaussians().sh));
@@ -60,7 +60,7 @@ fn edits_happen_in_their_order() {
     let path = |name: &str| folder.path().join(name);
     let report = convert(folder.path(), &["scene.ply", "scene.ply", "both.ply"]);
     assert_eq!((&report["read"], &report["gaussians"]), (&48.into(), &48.into()));
-    // Half a turn about z, twice as large, moved by 10 along x: then a box around what came from x > 0.
+    // Half a turn about z, twice as large, moved by 10 along x: then a box around the Gaussians from x > 0.
     let flags = ["--rotate", "0,0,180", "--scale", "2", "--translate", "10,0,0", "--crop", "-100,-100,-100,10,100,100"];
     convert(folder.path(), &[&["scene.ply", "moved.ply"], &flags[..]].concat());
     let (scene, moved) = (gaussians(), read_gaussians(path("moved.ply")).unwrap());
@@ -78,7 +78,7 @@ fn edits_happen_in_their_order() {
     assert_eq!(convert(folder.path(), &["scene.ply", "few.ply", "--keep", "7", "--drop-floaters"])["gaussians"], 7);
 }
 
-/// Gaussians that no camera sees go first, whatever their size.
+/// Gaussians that no camera sees go first, large ones too.
 #[test]
 fn what_shows_stays() {
     let folder = folder();
@@ -139,7 +139,7 @@ fn failures_are_one_line() {
     }
 }
 
-/// Values that the target format cannot hold are refused, and what was there stays.
+/// Values that the target format cannot hold are refused, and an existing file stays.
 ///
 /// Promise of `what_cannot_be_read_again_replaces_nothing`.
 #[test]

@@ -1,4 +1,4 @@
-//! `--device`: drawing on a GPU, of whatever kind, and without one.
+//! `--device`: drawing on a GPU of any kind, and without one.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -103,7 +103,7 @@ mod with {
             let (ours, theirs) = (values(&ours, key), values(&theirs, key));
             let norm = |values: &mut dyn Iterator<Item = f32>| values.map(|x| f64::from(x * x)).sum::<f64>().sqrt();
             let error = norm(&mut ours.iter().zip(&theirs).map(|(a, b)| a - b)) / norm(&mut theirs.iter().copied());
-            // All pixels count here, those that rounding decides, too.
+            // All pixels count here, also where rounding decides.
             assert!(error <= 1e-2, "{key}: {error:e}");
         }
     }
@@ -170,7 +170,7 @@ mod with {
         assert!(bytes("again") == bytes("gpu"), "another fit, other bits");
     }
 
-    /// Devices that are not there are named with those that are.
+    /// Missing devices are named, with a list of the existing ones.
     #[test]
     fn missing_devices_are_named() {
         let folder = tempfile::tempdir().unwrap();

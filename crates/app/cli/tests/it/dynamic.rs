@@ -1,4 +1,5 @@
-//! Mixtures of moving Gaussians are trained, stopped, judged, drawn, pruned and distilled; what does not fit together is refused by name.
+//! Mixtures of moving Gaussians are trained, stopped, judged, drawn, pruned and distilled; mismatched inputs are
+//! refused by name.
 
 use crate::command::{BINARY, printed, refused};
 use std::fs;

@@ -1,4 +1,4 @@
-//! What a command says of its own result, beside what `eval` says of the same files.
+//! Figures that a command reports of its own result, beside the figures of `eval` on the same files.
 
 use crate::command::{capture, printed, splatweaver, text};
 use serde_json::Value;

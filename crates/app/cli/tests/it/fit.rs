@@ -36,7 +36,7 @@ fn json(path: &Path) -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// A capture becomes a scene with everything that is promised.
+/// A capture becomes a scene with all promised outputs.
 #[test]
 fn a_capture_becomes_a_scene() {
     let folder = tempfile::tempdir().unwrap();
@@ -55,7 +55,7 @@ fn a_capture_becomes_a_scene() {
     }
     let report = std::fs::read_to_string(out.join("report.html")).unwrap();
     assert!(report.contains("Held-out photos") && report.contains("data:image/png") && report.contains("<svg"));
-    // What was written is a capture and a scene again.
+    // The output is a capture and a scene again.
     let renders = folder.path().join("renders");
     let cameras = out.join("transforms.json");
     splatweaver(&[&"render", &out.join("scene.ply"), &"--cameras", &cameras, &"-o", &renders]).fine();
@@ -79,7 +79,8 @@ fn seeds_decide_the_bits_and_threads_do_not() {
     let one = scene("one", &[&"--threads", &"1"]);
     assert!(one == scene("two", &[&"--threads", &"2"]) && one == scene("three", &[&"--threads", &"3"]));
     assert!(one != scene("other", &[&"--seed", &"1"]));
-    // A time becomes steps, some of which may be left out, and a start: the same of all give the same bits.
+    // A time becomes steps, some of them left out, and a start: a fit with the same steps and start gives the same
+    // bits.
     let timed = folder.path().join("timed");
     fit(&capture, &timed, &[&"--minutes", &"0.05", &"--gaussians", &"300"]).fine();
     let settings = json(&timed.join("run.json"));
@@ -115,7 +116,7 @@ fn masked_photos_a_size_and_few_views_are_respected() {
     small(&capture, &folder.path().join("dark"), &[&"--masks"]).refused(1, &["photos", "pixels that count"]);
 }
 
-/// A dry run says what it would take and writes nothing.
+/// A dry run reports its cost and writes nothing.
 #[test]
 fn a_dry_run_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
@@ -151,7 +152,7 @@ fn what_cannot_be_fitted_is_refused_in_one_line() {
     std::fs::create_dir(&single).unwrap();
     capture::transforms(&single, 1);
     small(&single, &out, &[]).refused(1, &["photos", "1 held out"]);
-    // No points: they can be asked for in vain.
+    // A start from points is refused, as there are none.
     small(&single, &out, &[&"--hold-out", &"none", &"--init", &"points"]).refused(1, &["points", "none"]);
     // A pose that is no number.
     let transforms = single.join("transforms.json");

@@ -54,7 +54,7 @@ fn infer_and_eval_make_the_same_of_the_same_photos() {
         let apart = frame.camera.pose.center().distance(camera.pose.center());
         assert!(apart < 1e-5, "{apart}");
     }
-    // The factor is from the capture's units to those in which the points that are seen lie at a mean distance of 1.
+    // The factor is from the capture's units to units in which the visible points lie at a mean distance of 1.
     let scene = loaded(&run.path(), &run.data());
     let [from, to] = [0, 1].map(|i| {
         let name = photos[i].file_name().unwrap().to_string_lossy().into_owned();

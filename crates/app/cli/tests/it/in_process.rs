@@ -23,7 +23,7 @@ pub fn splatweaver(arguments: &[&dyn AsRef<OsStr>]) -> Outcome {
 }
 
 impl Outcome {
-    /// The command did what was asked.
+    /// The command succeeded.
     #[track_caller]
     pub fn fine(self) -> Self {
         assert_eq!(self.code, 0, "{}", self.stderr);

@@ -92,7 +92,7 @@ fn cameras_without_photos_are_described() {
     assert!(done.stdout.contains("transforms.json, 2 frames"), "{}", done.stdout);
 }
 
-/// Formats are told by names, in whichever order a file passes through them.
+/// Formats follow from file names, in any order of conversions.
 #[test]
 fn a_scene_is_written_in_every_format() {
     let folder = tempfile::tempdir().unwrap();
@@ -122,7 +122,7 @@ fn a_scene_is_written_in_every_format() {
     assert!(!named("a.spz").exists());
 }
 
-/// A run of any command is described by its folder: what was asked for, how far it came, what it wrote.
+/// A run of any command is described by its folder: its settings, its progress, its output.
 ///
 /// Promise (files): `info` describes runs of every command, scans, pictures of Gaussians, clips, arrays, JSON of
 /// results and folders; its errors are true.
@@ -143,7 +143,7 @@ fn runs_of_every_command_are_described() {
         assert!(!described.contains("nothing") && !described.contains("summary"), "{described}");
         write("metrics.jsonl", "{\"step\": 1, \"loss\": 2.0}\n{\"step\": 20, \"loss\": 1.0}\n");
         write("trajectory.txt", "");
-        // Of `image fit`, a list.
+        // The summary of `image fit` is a list.
         write("summary.json", "[{\"psnr\": 31.5}]");
         let described = splatweaver(&[&"info", &path]).fine().stdout;
         for part in ["20 steps logged, no checkpoint", "files: trajectory.txt", "summary.json\n{\"psnr\":31.5}"] {
@@ -152,7 +152,8 @@ fn runs_of_every_command_are_described() {
     }
 }
 
-/// Scans, pictures of Gaussians and JSON of results are described, and errors say what was expected of a file or folder.
+/// Scans, pictures of Gaussians and JSON of results are described, and errors state the expected kind of file or
+/// folder.
 ///
 /// Promise of `runs_of_every_command_are_described`.
 #[test]
@@ -178,7 +179,7 @@ fn scans_pictures_and_results_are_described() {
     splatweaver(&[&"info", &path("nothing")]).refused(1, &["nothing: folder: expected a run, a COLMAP model"]);
 }
 
-/// Names of files reach the terminal without what steers it, in results, notes and errors.
+/// Names of files reach the terminal without control characters, in results, notes and errors.
 ///
 /// Promise of `names_do_not_steer_the_terminal`.
 #[test]

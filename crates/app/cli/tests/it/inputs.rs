@@ -158,7 +158,7 @@ fn photos_in_folders_below_are_named() {
     assert!(!message.contains("not taken") && message.contains("3 photos"), "{message}");
 }
 
-/// A folder whose pictures are of other formats is said to have these, with a remedy.
+/// A folder with pictures of unsupported formats is refused with their formats and a remedy.
 ///
 /// Promise (files): a folder of pictures of other formats is said to have these.
 #[test]

@@ -18,7 +18,7 @@ fn times() -> u64 {
     std::env::var("WEAVER_KILLS").map_or(TIMES, |n| n.parse().unwrap())
 }
 
-/// A shell that runs the binary, with files of at most so many blocks.
+/// A shell that runs the binary, with files of at most `blocks` blocks.
 fn start(folder: &Path, arguments: &str, blocks: Option<u64>) -> Child {
     let limit = blocks.map_or(String::new(), |blocks| format!("ulimit -f {blocks}; "));
     let script = format!("{limit}exec \"$0\" {arguments}");
@@ -44,7 +44,7 @@ fn log(folder: &Path, run: &str) -> Vec<String> {
     text.lines().map(|line| line.split("\"seconds\"").next().unwrap().to_string()).collect()
 }
 
-/// Trains `steps` steps in a piece and in many, each of which is ended as `end` says, and compares what is left.
+/// Trains `steps` steps in one session and in many, each ended by `end`, and compares checkpoint and log.
 fn the_same(steps: u64, end: impl Fn(&Path, u64)) {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
@@ -59,7 +59,7 @@ fn the_same(steps: u64, end: impl Fn(&Path, u64)) {
     first.wait().unwrap();
     for time in 0..times() {
         end(folder, time);
-        // Whatever happened, the checkpoint is whole.
+        // After every kind of end, the checkpoint is whole.
         weaver_io::safetensors::Tensors::read(folder.join("parts/checkpoint.safetensors")).unwrap();
     }
     assert!(start(folder, "train --resume parts --threads 1", None).wait().unwrap().success());

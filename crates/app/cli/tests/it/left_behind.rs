@@ -1,4 +1,4 @@
-//! What a run leaves for its reader is what happened in it: report, sample pictures, TensorBoard's events.
+//! Files that a run leaves for its reader match its course: report, sample pictures, TensorBoard's events.
 
 use crate::in_process::splatweaver;
 use crate::run::Run;

@@ -1,4 +1,4 @@
-//! Features of files lifted to a file of Gaussians, and queries; what does not fit together is refused by name.
+//! Features of files lifted to a file of Gaussians, and queries; mismatched inputs are refused by name.
 
 use crate::command::{printed, refused, splatweaver, text};
 use std::path::Path;
@@ -198,7 +198,7 @@ fn pixels_without_numbers_do_not_count() {
     assert!(lifted(folder.path()).values::<f32>("features", &[SPLATS, 2]).unwrap().iter().all(|x| *x == 0.0));
 }
 
-/// A dark part of a picture beside the features does not count, at whatever size the picture has.
+/// A dark part of a picture beside the features does not count, at any size of the picture.
 #[test]
 fn masked_pixels_do_not_count() {
     let folder = folder();
@@ -327,7 +327,7 @@ fn queries_that_do_not_fit_are_refused() {
     fewer.sh.truncate(60);
     write_gaussians(folder.path().join("scene.ply"), &fewer).unwrap();
     refused("lifted.safetensors: expected features of 20 Gaussians, as scene.ply has, found 24");
-    // As many, but others.
+    // The same number of Gaussians, but moved.
     let mut moved = gaussians();
     moved.means[0][0] += 0.1;
     write_gaussians(folder.path().join("scene.ply"), &moved).unwrap();

@@ -5,7 +5,7 @@ use crate::run::Run;
 use std::path::Path;
 use weaver_io::{Background, Image};
 
-/// A copy of the run's photos, of which the left half is masked and shows garbage.
+/// A copy of the run's photos, the left half of each masked and full of garbage.
 fn masked(folder: &Path, garbage: f32) -> Vec<std::path::PathBuf> {
     for name in ["images", "masks", "sparse/0"] {
         std::fs::create_dir_all(folder.join(name)).unwrap();
@@ -70,7 +70,7 @@ fn infer_and_eval_see_nothing_of_what_masks_leave_out() {
     assert_ne!(plain, other_plain);
 }
 
-/// Photos without masks are refused with what was looked for.
+/// Photos without masks are refused with the names of the missing files.
 #[test]
 fn photos_without_masks_are_refused() {
     let (run, folder) = (Run::shared(), tempfile::tempdir().unwrap());

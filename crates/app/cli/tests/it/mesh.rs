@@ -1,4 +1,4 @@
-//! `mesh` of scenes: from a folder, from a file with cameras, and what makes none.
+//! `mesh` of scenes: from a folder, from a file with cameras, and inputs that make none.
 
 use crate::in_process::splatweaver;
 use std::path::Path;

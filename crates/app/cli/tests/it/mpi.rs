@@ -11,7 +11,7 @@ const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
 const RUN: &str = "train --preset micro --steps 6 --set optimizer.accumulate=4 --set output.checkpoint_every=1 \
                    --set output.log_every=1";
 
-/// So many processes, on however few processors.
+/// `count` processes, on any number of processors.
 fn mpirun(folder: &Path, count: usize, words: &str) -> Command {
     let mut command = Command::new("mpirun");
     command.args(["--oversubscribe", "--allow-run-as-root", "-n", &count.to_string(), BINARY]).args(words.split(' '));
@@ -67,7 +67,7 @@ fn processes_come_to_the_same_bits() {
     assert!(output.status.success() && weights(folder.path(), "parts") == one, "{}", said(&output));
 }
 
-/// Waits until so many steps are logged, each behind a checkpoint of the one before.
+/// Waits until `steps` steps are logged, each after a checkpoint of the step before.
 fn wait_for(child: &mut Child, run: &Path, steps: usize) {
     let logged = || std::fs::read_to_string(run.join("metrics.jsonl")).map_or(0, |text| text.lines().count());
     while logged() < steps {

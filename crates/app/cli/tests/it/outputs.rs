@@ -1,4 +1,4 @@
-//! What is there already: no command replaces it, whichever folder it is told to write into.
+//! Existing files: no command replaces them, whichever output folder is given.
 
 use crate::command::{BINARY, capture, printed, refused, splatweaver, text};
 use std::collections::BTreeMap;
@@ -47,7 +47,7 @@ fn inputs(folder: &Path) {
     }
 }
 
-/// Command lines whose results would go over what they read, or in among it.
+/// Command lines whose results would replace their inputs or land among them.
 const OVER: [&str; 46] = [
     "fit capture -o capture",
     "fit capture -o capture/fit",
@@ -140,7 +140,7 @@ fn no_photo_is_replaced_by_another_kind() {
     }
 }
 
-/// No command writes over what it reads or in among it.
+/// No command writes over its inputs or among them.
 ///
 /// Promise of `only_the_writer_replaces_files`.
 #[test]
@@ -177,7 +177,7 @@ fn results_are_replaced_and_other_files_stay() {
     printed(folder, render);
     assert!(fs::read(folder.join("renders/00.png")).unwrap() == first);
     assert_eq!(fs::read_to_string(folder.join("renders/notes.txt")).unwrap(), "mine");
-    // Without the record nobody knows whose they are.
+    // Without the record their origin is unknown.
     fs::remove_file(folder.join("renders/written.jsonl")).unwrap();
     let message = refused(folder, render, 2);
     assert!(message.contains("renders/00.png") && message.contains("a photo"), "{message}");
@@ -346,14 +346,14 @@ fn folders_of_any_bytes_can_be_worked_in() {
         return println!("skipped: no names that are not UTF-8");
     }
     inputs(&folder);
-    // What files name is relative to them.
+    // Paths inside of files are relative to them.
     printed(&folder, "cameras capture/images -o cams");
     printed(&folder, "fit cams --steps 5 --gaussians 200 -o fit");
     printed(&folder, "fit --resume fit");
     printed(&folder, "reconstruct capture/images --minutes 0.05 --gaussians 200 -o scene");
     printed(&folder, "fit --resume scene");
     printed(&folder, "compare fit/scene.ply --data fit");
-    // What would be named by its whole path is refused.
+    // Commands that would store the whole path are refused.
     for line in ["train --preset micro --data capture --out run", "dynamic train --data capture --out mix"] {
         let message = refused(&folder, line, 1);
         assert!(message.contains("path: expected UTF-8"), "{line}: {message}");

@@ -1,4 +1,4 @@
-//! Commands that the program prints for somebody to paste.
+//! Commands that the program prints for pasting.
 
 #![cfg(unix)]
 
@@ -41,7 +41,7 @@ fn pasted(line: &str) -> String {
     String::from_utf8_lossy(&done.stderr).into_owned()
 }
 
-/// A command to go on with does so when it is pasted into a shell, whatever the folder is called.
+/// A command to go on with does so when it is pasted into a shell, also with a folder name that shells take apart.
 ///
 /// Promise (files): a command to go on with does so when it is pasted; none is printed without quotes.
 #[test]

@@ -1,10 +1,10 @@
-//! What a dry run says, beside what a run then takes; and the trace of a run.
+//! Estimates of a dry run, beside the cost of the run itself; and the trace of a run.
 
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
 
-/// Standard output and standard error of a command that does what it should.
+/// Standard output and standard error of a command that succeeds.
 fn splatweaver(folder: &Path, arguments: &[&str]) -> [String; 2] {
     let output = Command::new(env!("CARGO_BIN_EXE_splatweaver")).current_dir(folder).args(arguments).output().unwrap();
     let texts = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());

@@ -1,5 +1,5 @@
-//! Checkpoints in the published names: what comes out, and what is said of those that do not fit. The network is a small one
-//! of the same modules.
+//! Checkpoints in the published names: their results, and messages about checkpoints that do not fit. The network is a
+//! small one of the same modules.
 
 use crate::in_process::{Outcome, splatweaver};
 use half::bf16;
@@ -103,7 +103,7 @@ fn read_ply(path: &Path) -> (Vec<String>, Vec<Vec<f32>>) {
     (names.clone(), numbers.chunks_exact(names.len()).map(<[f32]>::to_vec).collect())
 }
 
-/// The Gaussians in the file are those of the network, in the form that public viewers expect.
+/// The file has the network's Gaussians in the form that public viewers expect.
 #[test]
 fn gaussians_are_stored_as_viewers_expect() {
     let scene = Scene::shared();
@@ -318,7 +318,7 @@ fn everything_that_does_not_fit_is_listed() {
     scene.infer(&path, &out, &[]).refused(1, &["bad.safetensors", "complete safetensors file", "cut short"]);
     scene.infer(&folder.path().join("none.safetensors"), &out, &[]).refused(1, &["none.safetensors"]);
     scene.infer(&folder.path().join("model.ckpt"), &out, &[]).refused(1, &["convert-weights"]);
-    // Sizes in the metadata that no file of this many tensors can have, and those that cannot be run.
+    // Sizes in the metadata that no file of this many tensors can have, and sizes that cannot be run.
     for (key, value, message) in [("backbone", "rounds", "layers"), ("gaussians", "neighbors", "neighbors")] {
         let mut impossible = checkpoint("encoder.");
         let mut config: serde_json::Value = serde_json::from_str(&impossible.metadata[CONFIG]).unwrap();
@@ -330,7 +330,7 @@ fn everything_that_does_not_fit_is_listed() {
     scene
         .infer(&scene.weights(), &path, &[])
         .refused(1, &["bad.safetensors: folder: expected one that can be written to"]);
-    // Larger than any machine: refused with the figure and what makes it smaller.
+    // Larger than any machine: refused with the figure and the remedy.
     scene
         .infer(&scene.weights(), &out, &["--size", "16384"])
         .refused(75, &["GB", "fewer photos", "--size", "--geometry"]);

@@ -1,4 +1,4 @@
-//! Photos of which nothing else is told.
+//! Photos without any other information.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -10,7 +10,8 @@ use weaver_scene::Frame;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
 
-/// Writes `photos/00.png` and on, every second view of a built-in scene, and their true cameras to `truth/transforms.json`.
+/// Writes `photos/00.png` and on, every second view of a built-in scene, and their true cameras to
+/// `truth/transforms.json`.
 fn photos(folder: &Path, views: usize) {
     let scene = scene(3, &ProceduralOptions { width: 192, height: 144, views });
     std::fs::create_dir_all(folder.join("photos")).unwrap();
@@ -92,7 +93,7 @@ fn a_distortion_is_named_with_the_cameras() {
     assert!(written.contains("\"k1\""), "{written}");
     let capture = weaver_data::posed::load(folder.join("found"), &Default::default()).unwrap();
     assert_eq!(capture.photos.len(), 6);
-    // Lines are straight in these photos: nothing tells a distortion.
+    // Lines are straight in these photos: no distortion can be estimated from them.
     let output = run(folder, "cameras photos -o straight --json");
     assert!(output.status.success() && !said(&output).contains("radial distortion"), "{}", said(&output));
     let summary = json(&output);
@@ -108,7 +109,7 @@ fn networks_are_judged_with_estimated_cameras() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     photos(folder, 12);
-    // A capture with points, which tell its scale.
+    // A capture with points, which fix its scale.
     let capture = run(folder, "cameras photos -o capture");
     assert!(capture.status.success(), "{}", said(&capture));
     let output = run(folder, "eval --data capture --cameras estimated --match-size 192 --json");
@@ -248,7 +249,7 @@ fn what_is_not_used_is_said() {
     let text = said(&run(folder, "compare out/scene.ply --data capture --long-side 48"));
     assert!(text.contains("capture/sparse/0: photos that are not") && text.contains("05.png"), "{text}");
 
-    // A photo that cannot be read is left out, with a word.
+    // A photo that cannot be read is left out, with a warning.
     std::fs::write(folder.join("capture/images/06.heic"), b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
     let output = run(folder, "cameras capture/images -o found --json");
     let text = said(&output);
@@ -279,7 +280,8 @@ fn cropped_photos_have_their_own_focal_length() {
     assert_eq!(placed(&json(&output)), [6, 6], "{text}");
     let frames = Transforms::read(folder.join("found/transforms.json")).unwrap().frames;
     let truth = Transforms::read(folder.join("truth/transforms.json")).unwrap().frames;
-    // In pixels, which cropping leaves as they are. How long it is at all six photos of a narrow arc hardly tell.
+    // In pixels, which cropping leaves as they are. Six photos of a narrow arc hardly determine the focal length
+    // itself.
     let focal = frames.iter().map(|frame| frame.camera.intrinsics.fx / truth[0].camera.intrinsics.fx);
     let [least, most] = [f64::min, f64::max].map(|of| focal.clone().reduce(of).unwrap());
     assert!(most / least < 1.08 && most < 1.25, "focal lengths from {least:.3} to {most:.3} of the true one");
@@ -293,7 +295,7 @@ fn photos_held_out_in_vain_are_not_replaced_by_others() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     photos(folder, 18);
-    // Those that would be held out show nothing, and cannot be placed.
+    // The photos to be held out show nothing, and cannot be placed.
     for name in ["00", "08"] {
         Image::filled(192, 144, [0.4; 3]).write_png(folder.join(format!("photos/{name}.png"))).unwrap();
     }
@@ -303,7 +305,7 @@ fn photos_held_out_in_vain_are_not_replaced_by_others() {
     let summary = std::fs::read_to_string(folder.join("scene/summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
     assert!(summary["test"].is_null() && summary["train"]["views"] == 7, "{summary}");
-    // What was written says so, too.
+    // The written capture has no held-out photos either.
     let text = said(&run(folder, "compare scene/scene.ply --data scene"));
     assert!(text.contains("no photo is held out") && text.contains("all, none held out"), "{text}");
 }

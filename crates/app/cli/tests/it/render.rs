@@ -65,7 +65,7 @@ fn transforms_and_colmap_give_the_same_pictures() {
     let scene = scene(folder.path());
     let transforms = capture::transforms(folder.path(), 2);
     capture::colmap(folder.path(), 2);
-    // Nobody needs the photos here.
+    // The photos are not needed here.
     std::fs::remove_dir_all(folder.path().join("images")).unwrap();
     let results = tempfile::tempdir().unwrap();
     let (a, b) = (results.path().join("a"), results.path().join("b"));

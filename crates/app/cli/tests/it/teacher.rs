@@ -1,4 +1,4 @@
-//! Training on photos without cameras, which a teacher with random weights has to tell.
+//! Training on photos without cameras; a teacher with random weights predicts them.
 
 use crate::in_process::splatweaver;
 use crate::published::{Scene, checkpoint};
@@ -28,7 +28,7 @@ fn checksum(run: &Path) -> String {
     serde_json::from_str::<serde_json::Value>(&text).unwrap()["checksum"].as_str().unwrap().into()
 }
 
-/// Photos without cameras are trained on with a teacher whose words are kept.
+/// Photos without cameras are trained on with a teacher whose predictions are kept.
 ///
 /// Promise (options): `--teacher` trains on photos without cameras; the teacher's answers are kept.
 #[test]
@@ -46,7 +46,7 @@ fn a_teacher_replaces_cameras() {
     // The teacher sees photos at its own size, in whole patches of the network's shape.
     assert_eq!(first.get("depth").unwrap().shape, [10, 32, 32]);
 
-    // What is kept is used: marked depth changes what is trained, and stays.
+    // The kept file is used: marked depth changes the trained weights, and stays.
     let second = train(&capture, &weights, &out("second")).fine();
     assert_eq!((checksum(&out("second")), second.stdout.contains("PSNR")), (checksum(&out("first")), true));
     let mut marked = first.clone();

@@ -1,4 +1,5 @@
-//! The second model of the command line: trained, evaluated beside the first, used, and refused what it cannot do.
+//! The second model of the command line: trained, evaluated beside the first, used, and refused where it lacks an
+//! ability.
 
 use crate::in_process::splatweaver;
 use crate::run::Run;

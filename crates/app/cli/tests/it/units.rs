@@ -11,7 +11,8 @@ fn scene(folder: &Path, out: &str) -> Vec<u8> {
     std::fs::read(folder.join(out).join("scene.ply")).unwrap()
 }
 
-/// A unit that is complete stays as it is, one that was killed goes on to the same bits, and one of other settings or inputs is refused.
+/// A unit that is complete stays as it is, one that was killed goes on to the same bits, and one of other settings or
+/// inputs is refused.
 #[test]
 fn a_unit_is_done_once() {
     let folder = tempfile::tempdir().unwrap();
@@ -64,7 +65,7 @@ fn a_unit_is_done_once() {
     fit("whole", "400").refused(2, &["of other inputs or settings"]);
 }
 
-/// A list becomes one command a line, each of which was checked.
+/// A list becomes one checked command a line.
 #[test]
 fn a_list_becomes_a_command_a_line() {
     let folder = tempfile::tempdir().unwrap();
@@ -160,7 +161,7 @@ fn complete_units_print_their_figures_again() {
         words.iter().chain(more).for_each(|word| line.push(word));
         splatweaver(&line).fine()
     };
-    // Made without a word of JSON.
+    // Made without `--json`.
     infer(&[]);
     let again = infer(&["--json"]);
     let figures: serde_json::Value = serde_json::from_str(&again.stdout).unwrap();
@@ -186,7 +187,7 @@ fn a_unit_takes_no_other_fit_for_its_own() {
     assert!(!path("out/unit.json").exists());
 }
 
-/// Files of settings and of a start have a say in a unit's results, as the capture has.
+/// Files of settings and of a start affect a unit's results, as the capture does.
 ///
 /// Promise of `inputs_are_compared_by_their_files`.
 #[test]

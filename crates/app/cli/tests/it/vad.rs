@@ -1,4 +1,4 @@
-//! Detectors of anomalies are trained, stopped, judged and used; what does not fit together is refused by name.
+//! Detectors of anomalies are trained, stopped, judged and used; mismatched inputs are refused by name.
 
 use crate::command::{BINARY, printed, refused, text};
 use std::fs;
@@ -71,7 +71,7 @@ fn videos_are_scored() {
     assert!(error.contains("nan.npy") && error.to_lowercase().contains("nan"), "{error}");
 }
 
-/// Ctrl-C keeps what was learned, and the run goes on to the bits of one that was left alone.
+/// Ctrl-C keeps the learned weights, and the run goes on to the bits of an uninterrupted one.
 ///
 /// Promise of `a_stopped_training_goes_on_to_the_same_bits`.
 /// Promise of `a_stop_says_what_it_waits_for`.
@@ -101,7 +101,7 @@ fn losses(log: &Path) -> Vec<(usize, Option<f64>)> {
     weaver_run::read_records(log).unwrap().iter().map(|record| (record.step, record.value("loss"))).collect()
 }
 
-/// Starts a training, and presses Ctrl-C after so many steps.
+/// Starts a training, and presses Ctrl-C after `after` steps.
 #[cfg(unix)]
 fn interrupted(folder: &Path, line: &str, run: &str, after: usize) -> std::process::Output {
     let mut child = Command::new(BINARY)
@@ -142,7 +142,7 @@ fn a_training_on_other_features_does_not_go_on() {
     let line = "vad train --features features --list list.txt --encoder deepmil --no-experts --steps 1000000 --out run";
     let done = interrupted(folder, line, "run", 1);
     assert!(done.status.success(), "{}", text(&done.stderr));
-    // As many videos of the same names and lengths.
+    // The same number of videos, with the same names and lengths.
     let [a, b] = ["Abuse000_x264.npy", "Abuse001_x264.npy"].map(|name| folder.join("features").join(name));
     let first = fs::read(&a).unwrap();
     fs::copy(&b, &a).unwrap();

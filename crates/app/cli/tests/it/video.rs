@@ -1,4 +1,4 @@
-//! Videos by an ffmpeg that is there, that is not, and that fails. The one of these tests is a script.
+//! Videos by an ffmpeg that works, that is missing, and that fails. A script stands for ffmpeg in these tests.
 
 #![cfg(unix)]
 
@@ -107,7 +107,8 @@ fn a_rate_needs_a_video_and_a_sensible_number() {
     }
 }
 
-/// A disk that is full while ffmpeg writes is the machine's fault, whatever ffmpeg makes of it, and an older video stays.
+/// A disk that is full while ffmpeg writes is reported as the machine's fault, also where ffmpeg reports another, and
+/// an older video stays.
 ///
 /// Promise of `an_encoder_does_not_hide_a_full_disk`.
 #[test]

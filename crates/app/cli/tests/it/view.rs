@@ -12,7 +12,7 @@ fn scene(folder: &Path) {
     weaver_io::write_gaussians(folder.join("scene.ply"), &gaussians()).unwrap();
 }
 
-/// The first line with an address, and what follows.
+/// The first line with an address, and the output after it.
 fn address(output: impl Read) -> (String, BufReader<impl Read>) {
     let mut lines = BufReader::new(output);
     let mut line = String::new();
@@ -91,7 +91,7 @@ fn a_fit_leaves_a_page_that_its_report_leads_to() {
     printed(folder, "fit capture -o bare --steps 3 --gaussians 200 --no-html");
     assert!(!folder.join("bare/view.html").exists());
     assert!(!std::fs::read_to_string(folder.join("bare/report.html")).unwrap().contains("view.html"));
-    // A folder is opened with what is in it.
+    // A folder is opened with all files in it.
     printed(folder, "view fit --html again.html");
     assert!(std::fs::read_to_string(folder.join("again.html")).unwrap().contains("images/00.png"));
 }
@@ -114,7 +114,8 @@ fn a_server_shows_a_folder_until_it_is_interrupted() {
     interrupt(child);
 }
 
-/// A port that another program listens at is refused in one line, by runs before there is a folder; one that is free is kept.
+/// A port that another program listens at is refused in one line, by runs before there is a folder; one that is free is
+/// kept.
 ///
 /// Promise of `a_taken_port_is_refused`.
 #[test]
@@ -143,7 +144,7 @@ fn a_taken_port_is_refused_before_any_work() {
     child.wait().unwrap();
 }
 
-/// Waits until a run that is followed tells its progress.
+/// Waits until a followed run reports this progress.
 fn progress(address: &str, expected: &str) -> String {
     let mut progress = String::new();
     for _ in 0..1200 {

@@ -88,11 +88,11 @@ fn training_starts_from_a_run_as_far_as_it_fits() {
     let partly = train(&folder.path().join("partly"), &file, &["--set", "model.gaussians.router_hidden=4"]).fine();
     let said = partly.stderr.lines().find(|line| line.starts_with("weights of ")).unwrap();
     assert!(said.contains(" random: gaussian_param_head.gs_moe.gating") && said.contains("there ["), "{said}");
-    // It goes on where it was, whatever became of the first weights.
+    // It goes on where it was, even without the file of the first weights.
     let moved = folder.path().join("partly/config.toml");
     crate::capture::edit(&moved, |text| text.replace("checkpoint.safetensors\"", "gone.safetensors\""));
     with(&[&"train", &"--resume", &folder.path().join("partly")], &["--steps", "2"]).fine();
-    // What comes with the program, by name: of this small network, hardly anything fits.
+    // The weights that come with the program, by name: hardly any fit this small network.
     let known = train(&folder.path().join("built-in"), Path::new("built-in"), &[]).fine();
     assert!(known.stderr.contains("weights of built-in: ") && known.stderr.contains(" random: "), "{}", known.stderr);
     train(&folder.path().join("none"), &folder.path().join("missing"), &[]).refused(1, &["missing"]);
@@ -124,7 +124,7 @@ fn training_starts_from_other_weights() {
         "{}",
         said.stderr
     );
-    // Of the table of positions, which is of another size there, nothing.
+    // The table of positions, of another size there, is not taken.
     assert!(taken(&said) > 40 && taken(&said) < taken(&other), "{} {}", taken(&said), taken(&other));
 
     tensors.insert("encoder.aggregator.camera_token", &[1, 2, 1, 32], vec![f32::NAN; 64]);

@@ -1,4 +1,5 @@
-//! The third model of the command line: trained on photos in different light, judged by looks, used with them, and refused what it cannot do.
+//! The third model of the command line: trained on photos in different light, judged by looks, used with them, and
+//! refused where it lacks an ability.
 
 use crate::in_process::splatweaver;
 use crate::run::Run;
@@ -28,7 +29,7 @@ fn a_place_is_shown_in_the_light_of_photos() {
     // Photos as they were taken are others.
     assert_ne!(judged(&["--as-taken"])["mean"]["psnr_nearest"], judged(&[])["mean"]["psnr_nearest"]);
 
-    // In one table with a model that knows no light they are what both are judged by.
+    // In one table with a model without light, both are judged by photos as they were taken.
     let other = one.path();
     let both: [&dyn AsRef<std::ffi::OsStr>; 8] =
         [&"eval", &"--run", &other, &"--run", &run, &"--data", &data, &"--json"];

@@ -10,7 +10,7 @@ use weaver_gpu::{Adapter, Choice, Context, GpuRasterizer, GpuWorkspace, PassTime
 use weaver_scene::{CameraSlices, GaussianSlices};
 use weaver_splat::{Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats};
 
-/// A device, and the memory of what is drawn on it.
+/// A device with the memory for drawing on it.
 #[derive(Debug)]
 pub struct Device {
     rasterizer: GpuRasterizer,
@@ -57,13 +57,13 @@ impl Device {
         self.rasterizer.backward(gaussians, cameras, settings, &mut self.workspace, cotangents, gradients)
     }
 
-    /// Milliseconds of all runs of each pass since this was last asked; nothing where the device has no clock.
+    /// Milliseconds of all runs of each pass since the last call; empty where the device has no clock.
     pub fn passes(&mut self) -> Vec<(&'static str, f64)> {
         let pass = |pass: PassTime| (pass.name, 1e3 * pass.time.as_secs_f64());
         self.workspace.pass_times().into_iter().map(pass).collect()
     }
 
-    /// Bytes to the device and from it since this was last asked.
+    /// Bytes to the device and from it since the last call.
     pub fn transfers(&mut self) -> [u64; 2] {
         let Transfers { to_device, from_device } = self.workspace.transfers();
         [to_device, from_device]

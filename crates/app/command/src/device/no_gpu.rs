@@ -9,7 +9,7 @@ use weaver_fit::FitRasterizer;
 use weaver_scene::{CameraSlices, GaussianSlices};
 use weaver_splat::{Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats};
 
-/// A device, of which there is none.
+/// A device that cannot exist.
 #[derive(Debug)]
 pub struct Device(Infallible);
 
@@ -50,12 +50,12 @@ impl Device {
         match self.0 {}
     }
 
-    /// Milliseconds of all runs of each pass since this was last asked; nothing where the device has no clock.
+    /// Milliseconds of all runs of each pass since the last call; empty where the device has no clock.
     pub fn passes(&mut self) -> Vec<(&'static str, f64)> {
         match self.0 {}
     }
 
-    /// Bytes to the device and from it since this was last asked.
+    /// Bytes to the device and from it since the last call.
     pub fn transfers(&mut self) -> [u64; 2] {
         match self.0 {}
     }

@@ -1,6 +1,7 @@
 //! The tests of Python's side, run on the library as cargo builds it.
 //!
-//! The environment variable `WEAVER_PYTHON` names an interpreter with numpy, pytest and mypy, and with torch for the tests that need it.
+//! The environment variable `WEAVER_PYTHON` names an interpreter with numpy, pytest and mypy, and with torch for the
+//! tests that need it.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -56,7 +57,7 @@ fn the_tests_of_python_pass() {
 #[test]
 fn the_types_are_right() {
     let config = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../pyproject.toml");
-    // What is known of numpy stays from run to run.
+    // mypy's results on numpy stay from run to run.
     let cache = concat!(env!("CARGO_TARGET_TMPDIR"), "/mypy");
     run(&["-m", "mypy", "--strict", "--config-file", config, "--cache-dir", cache, "-p", "splatweaver"]);
 }

@@ -16,7 +16,7 @@ pub struct Merged {
     pub gaussians: Gaussians,
     /// Drawing that it was fitted for.
     pub drawing: Drawing,
-    /// The color behind everything that the fits had.
+    /// The background color of the fits.
     pub background: [f32; 3],
     /// Gaussians of all fits, frames included.
     pub fitted: usize,
@@ -74,7 +74,7 @@ pub fn merge(folder: &Path) -> Result<Merged, Error> {
     Ok(Merged { gaussians: merged(&fits), drawing: drawings[0], background, fitted, remarks })
 }
 
-/// The folders of all blocks of a split with what their files say, in the order of their numbers.
+/// The folders of all blocks of a split with the content of their files, in the order of their numbers.
 fn blocks_in(folder: &Path) -> Result<Vec<(PathBuf, BlockFile)>, Error> {
     let first = read(folder, 0)?;
     let numbered = |number: usize| {
@@ -87,7 +87,7 @@ fn blocks_in(folder: &Path) -> Result<Vec<(PathBuf, BlockFile)>, Error> {
     (0..first.1.blocks).map(numbered).collect()
 }
 
-/// The folder of a block with what its file says.
+/// The folder of a block with the content of its file.
 fn read(folder: &Path, number: usize) -> Result<(PathBuf, BlockFile), Error> {
     let path = folder.join(BlockFile::folder_of(number));
     let file = path.join(BlockFile::NAME);

@@ -15,7 +15,7 @@ use weaver_scene::Frame;
 /// The most blocks that are tried for a bound on memory.
 const MOST: usize = 1000;
 /// Part of all photos above which a block of its own saves little: the blocks of a fox, seen from all around, have 0.8
-/// to 1 of them, those along a street a third.
+/// to 1 of them, blocks along a street a third.
 const NEARLY_ALL: f64 = 0.75;
 
 /// Options of a cut.
@@ -25,13 +25,14 @@ pub struct SplitOptions {
     pub capture: PathBuf,
     /// Number of blocks.
     pub count: BlockCount,
-    /// The part of what a photo sees that makes it the block's ([`BlockOptions::share`]).
+    /// Share of a photo's visible points inside a block from which on the photo belongs to it
+    /// ([`BlockOptions::share`]).
     pub share: f64,
-    /// Gaussians of the whole scene; `None` is as many for each block as a fit has that is told nothing.
+    /// Gaussians of the whole scene; `None` gives each block the default number of a fit.
     pub gaussians: Option<usize>,
     /// Longest side of the photos as they will be fitted, pixels.
     pub long_side: Option<usize>,
-    /// Which photos are held out.
+    /// The choice of held-out photos.
     pub hold_out: HoldOut,
     /// True if photos have masks.
     pub masks: bool,
@@ -40,9 +41,9 @@ pub struct SplitOptions {
 /// Number of blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockCount {
-    /// So many.
+    /// This number.
     Exactly(usize),
-    /// As few as fit into so many bytes each.
+    /// The fewest whose fits take at most this many bytes each.
     Memory(u64),
 }
 
@@ -114,7 +115,7 @@ fn refused(options: &SplitOptions, source: BlockError) -> Error {
     Error::Blocks { capture: options.capture.clone(), source }
 }
 
-/// The blocks with what their files say.
+/// The blocks with the content of their files.
 fn cut(survey: &Survey, options: &SplitOptions, count: usize) -> Result<Vec<(Block, BlockFile)>, BlockError> {
     let photos: Vec<Sight> = survey.photos.iter().map(sight).collect();
     let sights = Sights { points: &survey.points.positions, photos: &photos };

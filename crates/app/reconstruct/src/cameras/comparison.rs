@@ -30,7 +30,7 @@ impl CameraComparison {
     /// Degrees from which cameras count as apart.
     pub const ELSEWHERE: f64 = ELSEWHERE;
 
-    /// Compares estimated cameras with those of a file.
+    /// Compares estimated cameras with the cameras of a file.
     ///
     /// # Errors
     /// When the file cannot be read or lacks a photo; when all its cameras are in one place.
@@ -66,8 +66,7 @@ fn median_and_largest(mut values: Vec<f64>) -> [f64; 2] {
     [values[values.len() / 2], values[values.len() - 1]]
 }
 
-/// The similarity that takes cameras to others, by those that are not far off: either side may have some that are
-/// wrong.
+/// The similarity that takes cameras to others, fitted without outliers: either side may have some wrong cameras.
 fn aligned(from: &[Pose], to: &[Pose]) -> Option<Similarity> {
     let mut kept: Vec<usize> = (0..from.len()).collect();
     let mut onto = None;

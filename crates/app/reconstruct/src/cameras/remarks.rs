@@ -5,7 +5,7 @@ use weaver_data::{Doubt, EstimatedPhotos, LeftOut, some_of};
 use weaver_geometry::Distortion;
 use weaver_io::Observe;
 
-/// From this logarithm of a factor on a focal length is not the length that was told.
+/// Logarithm of the factor on a given focal length from which on the given length counts as wrong.
 const WRONG_FOCAL: f64 = 0.1;
 /// Photos with a reason each, at most.
 const NAMED: usize = 8;

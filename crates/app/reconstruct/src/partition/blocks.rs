@@ -28,8 +28,7 @@ pub struct Sight<'a> {
 pub struct BlockOptions {
     /// Number of blocks.
     pub count: usize,
-    /// The part of the points that a photo sees which lies in the block, from which on the photo is the block's: from
-    /// 0 to 1.
+    /// Share of a photo's visible points inside the block from which on the photo belongs to the block, from 0 to 1.
     pub share: f64,
 }
 
@@ -40,15 +39,15 @@ pub struct Block {
     pub region: Region,
     /// Numbers of its photos, ascending.
     pub photos: Vec<usize>,
-    /// Numbers of the points that its photos to fit to see, and of its own, ascending: what lies outside of the region
-    /// is the frame.
+    /// Numbers of the points that its photos to fit to see, and of its own, ascending: points outside of the region are
+    /// the frame.
     pub points: Vec<usize>,
     /// Number of the points that lie in the region.
     pub own: usize,
 }
 
-/// Cuts a capture into blocks: [`regions`] along the [`ground_axes`], and for each the photos that have at least
-/// [`BlockOptions::share`] of what they see in it.
+/// Cuts a capture into blocks: [`regions`] along the [`ground_axes`], and for each the photos with at least
+/// [`BlockOptions::share`] of their visible points in it.
 ///
 /// # Errors
 /// When there are too few points, or a region is seen by no photo to fit to.

@@ -11,14 +11,14 @@ const ROUNDS: usize = 30;
 /// Maps of a smaller determinant are not inverted: they lose a color.
 const LEAST_DETERMINANT: f64 = 1e-3;
 
-/// For each block the map that brings its colors to those that all blocks have in common; `None` for a block that
-/// shares no photo with the others, or whose corrections lose a color.
+/// For each block the map from its colors to the common colors of all blocks; `None` for a block that shares no photo
+/// with the others, or whose corrections lose a color.
 ///
 /// A fit corrects the colors of its photos, `photo = E(scene)`, and keeps the colors of its average photo, so that
-/// blocks with other photos have other colors. A photo that two blocks have tells how they differ: with `E_bp` the
-/// correction of photo p in block b, maps `T_b` and corrections `E_p` are sought for which `E_bp T_b = E_p`, by
-/// alternating least squares from the block with the most photos outward. The mean of all `E_p` is the identity, as in
-/// one fit of the whole. What is returned is the inverse of `T_b`.
+/// blocks with other photos have other colors. A photo in two blocks gives their difference: with `E_bp` the correction
+/// of photo p in block b, maps `T_b` and corrections `E_p` are sought for which `E_bp T_b = E_p`, by alternating least
+/// squares from the block with the most photos outward. The mean of all `E_p` is the identity, as in one fit of the
+/// whole. The result is the inverse of `T_b`.
 ///
 /// ```
 /// use std::collections::BTreeMap;

@@ -4,7 +4,7 @@ use std::path::Path;
 use weaver_data::{CameraSummary, CamerasSummary};
 use weaver_run::Page;
 
-/// The picture of what photos have in common, beside the cameras.
+/// The picture of the points that photos share, beside the cameras.
 const POINTS: &str = "points.png";
 
 /// Puts a warning on top of the page where cameras are doubtful.

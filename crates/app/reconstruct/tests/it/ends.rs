@@ -1,4 +1,4 @@
-//! Ends of fits: in time, and with results whatever cannot be made of them.
+//! Ends of fits: in time, and with results although some cannot be made.
 
 use crate::{capture, settings};
 use std::path::Path;
@@ -28,7 +28,7 @@ fn in_units(data: &Path, unit: f64) {
     transforms.write(path).unwrap();
 }
 
-/// promise: a fit ends with all its results in whatever units its capture is, the page to look at it among them.
+/// promise: a fit ends with all its results, the page to look at it among them, in any units of its capture.
 ///
 /// Promise (fits): a fit ends with all its results in whatever units its capture is.
 #[test]
@@ -61,7 +61,7 @@ fn a_format_that_fails_leaves_all_else() {
     }
 }
 
-/// promise: a file of somebody else in the folder of what is left out of photos is met before any work, and when a fit goes on.
+/// promise: a foreign file in the folder of transients is found before any work, and when a fit goes on.
 ///
 /// Promise (fits): a foreign file in `transients/` is found before any work, and when a fit goes on.
 #[test]
@@ -113,7 +113,8 @@ fn photos_masked_altogether_are_named() {
     assert!(!said.contains("03.png"), "{said}");
 }
 
-/// promise: a run whose steps turn out slower than rehearsed leaves out steps, says how many, and writes down which: these settings lead to the same bits.
+/// promise: a run whose steps turn out slower than rehearsed leaves out steps, says how many, and writes down which:
+/// these settings lead to the same bits.
 ///
 /// Promise of `slower_machines_leave_out_steps`.
 #[test]

@@ -1,4 +1,4 @@
-//! Runs on disk: what they would take, and what they go on from.
+//! Runs on disk: their plans, and their resumption.
 
 mod ends;
 mod partition;
@@ -51,7 +51,7 @@ fn report(settings: RunSettings, out: &Path) -> String {
     std::fs::read_to_string(out.join("report.html")).unwrap()
 }
 
-/// A report begins with what is doubtful about its cameras.
+/// A report begins with doubts about its cameras.
 #[test]
 fn reports_begin_with_doubts_about_cameras() {
     let folder = tempfile::tempdir().unwrap();
@@ -61,7 +61,7 @@ fn reports_begin_with_doubts_about_cameras() {
         let fit = FitSettings { steps: 2, gaussians: 50, ..FitSettings::default() };
         RunSettings { hold_out: HoldOut::Nothing, ..RunSettings::new(data.join("transforms.json"), fit) }
     };
-    // Cameras that nothing is known of.
+    // Cameras without a summary of their estimation.
     let html = report(settings(), &out("given"));
     assert!(!html.contains("Warning") && !html.contains("Estimated cameras"), "{html}");
     let photo = |rotation: f64, center: f64| CameraSummary {
@@ -108,7 +108,7 @@ fn reports_begin_with_doubts_about_cameras() {
         "{html}"
     );
     assert!(body.contains("told to 6 % only; photos from more different places, or --focal, would tell."), "{html}");
-    // Somebody's file of that name.
+    // A foreign file of that name.
     std::fs::write(data.join(CamerasSummary::NAME), "[1]").unwrap();
     assert!(!report(settings(), &out("other")).contains("Estimated cameras"));
 }
@@ -220,7 +220,8 @@ fn rounds_bound_the_steps_of_a_time() {
     assert!(short.settings().fit.steps == 1 && !short.ends_early());
 }
 
-/// promise: photos are the larger the more time there is, between two bounds; where they are no larger, by the lower one.
+/// promise: photos are the larger the more time there is, between two bounds; where they are no larger, by the lower
+/// one.
 ///
 /// Promise of `rounds_bound_the_steps_of_a_time`.
 #[test]
@@ -313,7 +314,7 @@ fn error(path: &Path, truth: &[Pose]) -> f64 {
     angles[angles.len() / 2]
 }
 
-/// Cameras that are wrong come back, those of held-out photos too, and the same ones after a stop.
+/// Wrong cameras are corrected, held-out ones too, to the same values after a stop.
 #[test]
 fn cameras_are_refined_and_written() {
     let folder = tempfile::tempdir().unwrap();
@@ -337,7 +338,7 @@ fn cameras_are_refined_and_written() {
     let outcome = run.finish().unwrap();
     assert!(outcome.poses.refined && outcome.poses.points > 50 && outcome.poses.degrees > 0.3, "{:?}", outcome.poses);
     assert!(outcome.poses.focal == 1.0 && outcome.poses.pixels.is_some_and(|p| p < 0.6), "{:?}", outcome.poses);
-    // Those of the training photos come first: all but the first of every eight.
+    // Training cameras come first: all but the first of every eight.
     let order = [1, 2, 3, 4, 5, 6, 7, 0, 8];
     let truth: Vec<Pose> = order.iter().map(|i| scene.views[*i].camera.pose).collect();
     let given = Transforms::read(data.join("transforms.json")).unwrap();
@@ -354,7 +355,7 @@ fn cameras_are_refined_and_written() {
     assert_eq!(bytes(&out), bytes(&other));
 }
 
-/// The result of a fit to distorted photos is a capture of the same photos, masks and cameras, those that it refined.
+/// The result of a fit to distorted photos is a capture of the same photos and masks, with the refined cameras.
 #[test]
 fn a_fit_of_distorted_photos_is_a_capture() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Cuts of random points, and what a block takes of a capture.
+//! Cuts of random points, and the photos and points of a block.
 
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -23,7 +23,7 @@ fn axes() -> impl Strategy<Value = [DVec3; 2]> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
-    /// Every place belongs to exactly one region, those of points and those far outside.
+    /// Every place belongs to exactly one region, near the points and far outside.
     #[test]
     fn regions_share_space(
         points in proptest::collection::vec(point(), 200..400),
@@ -37,14 +37,14 @@ proptest! {
         for place in points.iter().copied().chain(far) {
             prop_assert_eq!(found.iter().filter(|region| region.contains(place)).count(), 1);
         }
-        // As many in each, give or take one for each of at most four cuts above it.
+        // The same number in each, give or take one for each of at most four cuts above it.
         for region in &found {
             let own = points.iter().filter(|p| region.contains(**p)).count() as f64;
             prop_assert!((own - points.len() as f64 / count as f64).abs() <= 4.0, "{own} of {}", points.len());
         }
     }
 
-    /// Fits that agree everywhere are joined to what each of them is.
+    /// Equal fits of all blocks are joined to one equal scene.
     #[test]
     fn equal_fits_are_joined_to_themselves(
         means in proptest::collection::vec(point(), 100..200),
@@ -100,11 +100,11 @@ fn cut(
     blocks(&Sights { points: &points, photos: &photos }, &BlockOptions { count, share })
 }
 
-/// A block has the photos with enough of it, and the points that those to fit to see.
+/// A block has the photos with enough of it, and the points that its training photos see.
 #[test]
 fn a_block_takes_what_its_photos_see() {
     let two = cut(2, 0.2, |_| false).unwrap();
-    // Photo 4 sees points 40 to 50, of which the last alone is the other block's.
+    // Photo 4 sees points 40 to 50; the last alone is the other block's.
     assert_eq!((&two[0].photos[..], &two[1].photos[..]), (&[0, 1, 2, 3, 4][..], &[5, 6, 7, 8, 9][..]));
     assert_eq!((two[0].own, two[0].points.len(), two[1].points.len()), (50, 51, 50));
     let more = cut(2, 0.05, |_| false).unwrap();
@@ -149,8 +149,8 @@ fn chained(then: &[f32; 12], first: &[f32; 12]) -> [f32; 12] {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
-    /// Blocks in a row, each with two photos of the next: planted differences of their colors are found, and a photo looks the same by any of
-    /// them. A block that shares no photo stays as it is.
+    /// Blocks in a row, each with two photos of the next: planted differences of their colors are found, and a photo
+    /// looks the same by any of them. A block that shares no photo stays as it is.
     ///
     /// Promise (results): fits of blocks that correct the colors of their photos are joined to one color; where all
     /// photos see all blocks, the cut warns that it is not worth it.
@@ -161,7 +161,7 @@ proptest! {
         color in proptest::array::uniform3(0.0_f32..1.0),
     ) {
         let names: Vec<String> = (0..photos.len()).map(|i| format!("{i}.jpg")).collect();
-        // The colors of block b are those of all, turned; its corrections E turn them back.
+        // The colors of block b are the common colors, turned; its corrections E turn them back.
         let mut blocks: Vec<BTreeMap<String, [f32; 12]>> = turns
             .iter()
             .enumerate()
@@ -173,7 +173,8 @@ proptest! {
         blocks.push(BTreeMap::from([("elsewhere.jpg".into(), photos[13])]));
         let maps = color_maps(&blocks);
         prop_assert!(maps[5].is_none());
-        // What is planted: common colors c are seen as c_b with turn(c_b) = c, so that the map of each block is its turn, up to one for all.
+        // The planted maps: common colors c are seen as c_b with turn(c_b) = c, so that the map of each block is its
+        // turn, up to one for all.
         let seen = |b: usize| mapped(&maps[b].unwrap(), mapped(&inverse(&turns[b]), color));
         for b in 1..5 {
             prop_assert!(seen(b).iter().zip(seen(0)).all(|(a, b)| (a - b).abs() < 2e-3), "{b}: {:?} {:?}", seen(b), seen(0));

@@ -1,4 +1,4 @@
-//! What a fit says of itself, and what it leaves alone.
+//! Figures and remarks of a fit, and files that it leaves alone.
 
 use crate::{capture, settings, sized, without};
 use std::path::Path;
@@ -92,8 +92,8 @@ fn with_points(data: &Path) -> PointCloud {
     cloud
 }
 
-/// Gaussians begin on what photos agree about where nothing else is said, and a run that is cut off before its first checkpoint goes on
-/// from them.
+/// Gaussians begin on surfaces that photos agree about by default, and a run that is cut off before its first
+/// checkpoint goes on from them.
 #[test]
 fn a_dense_start_is_kept() {
     let folder = tempfile::tempdir().unwrap();
@@ -114,7 +114,8 @@ fn a_dense_start_is_kept() {
     assert!(a == b, "a run that went on made another scene");
 }
 
-/// promise: where Gaussians begin on surfaces their means move the more slowly the larger photos are; elsewhere, and where a rate was named, they do not.
+/// promise: where Gaussians begin on surfaces their means move the more slowly the larger photos are; elsewhere, and
+/// where a rate was named, they do not.
 ///
 /// Promise (kept): where Gaussians begin on surfaces, their means move the more slowly the larger the photos are,
 /// unless a rate is named.
@@ -135,7 +136,7 @@ fn on_surfaces_means_move_by_pixels() {
     assert_eq!([rate(Initial::Dense, false), rate(Initial::Points, true)], [1.0; 2]);
 }
 
-/// Without points, or with few photos, Gaussians begin as they did; a dense start that was asked for is refused.
+/// Without points, or with few photos, Gaussians begin without depth; a requested dense start is refused.
 #[test]
 fn a_dense_start_needs_points() {
     let folder = tempfile::tempdir().unwrap();
@@ -177,8 +178,8 @@ fn what_a_fit_writes_is_a_capture_with_points() {
     assert!((a - b).abs() < 0.1, "{a} dB, then {b} dB");
 }
 
-/// Photos that differ in exposure are corrected without being asked for, and held-out ones are judged in the light of their neighbors;
-/// nothing is corrected where photos agree.
+/// Photos that differ in exposure are corrected by default, and held-out ones are judged in the light of their
+/// neighbors; nothing is corrected where photos agree.
 #[test]
 fn exposures_are_corrected_where_photos_differ() {
     let folder = tempfile::tempdir().unwrap();
@@ -273,7 +274,7 @@ fn a_capture_that_changed_is_not_gone_on_with() {
     let text = std::fs::read_to_string(&run).unwrap();
     std::fs::write(&run, text.replace(data.to_str().unwrap(), elsewhere.to_str().unwrap())).unwrap();
     drop(resumed(&out).unwrap());
-    // Runs of earlier versions do not say what they began with.
+    // Runs of earlier versions lack checksums of their inputs.
     without(&run, "sources");
     drop(resumed(&out).unwrap());
 }

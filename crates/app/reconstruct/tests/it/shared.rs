@@ -9,7 +9,7 @@ use weaver_ranks::{Ranks, threads};
 use weaver_reconstruct::{Error, Run, RunSettings};
 use weaver_splat::CpuRasterizer;
 
-/// A run of so many processes, of which the first one does what is said.
+/// A run of `count` processes; the first one calls `first`, the others take part.
 fn shared<R>(count: usize, first: impl FnOnce(Arc<dyn Ranks>) -> R) -> R {
     let mut all = threads(count).into_iter();
     let ranks = all.next().unwrap();
@@ -26,7 +26,7 @@ fn begun(out: &Path, settings: RunSettings, ranks: Arc<dyn Ranks>) -> Result<Run
     Run::begin_shared(folder, settings, None, Judge::default(), Arc::new(CpuRasterizer), ranks)
 }
 
-/// Runs to the end, or until so many steps are done.
+/// Runs to the end, or until `until` steps are done.
 fn advance(mut run: Run, until: usize) {
     let stop = AtomicBool::new(false);
     run.advance(&stop, |report| stop.store(report.step >= until, Ordering::Relaxed)).unwrap();
@@ -35,7 +35,8 @@ fn advance(mut run: Run, until: usize) {
     }
 }
 
-/// promise: the first process writes what one process alone writes, also where another number of them goes on; the others write nothing.
+/// promise: the first process writes the same files as a single process, also where another number of them goes on; the
+/// others write nothing.
 ///
 /// Promise of `gradients_of_photos_are_averaged`.
 #[test]
@@ -60,7 +61,7 @@ fn shared_runs_write_what_one_writes() {
         advance(run, usize::MAX);
     });
     assert!(scene("three") == scene("alone") && scene("parts") == scene("alone"));
-    // Of a time, the first process finds the steps that there is time for.
+    // Given a time, the first process finds the number of steps.
     let timed = RunSettings { minutes: Some(0.02), ..settings() };
     shared(2, |ranks| advance(begun(&path("timed"), timed, ranks).unwrap(), usize::MAX));
     assert!(path("timed/summary.json").is_file());

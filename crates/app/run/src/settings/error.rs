@@ -1,4 +1,4 @@
-//! What can be wrong with settings.
+//! Errors of settings.
 
 /// Why settings could not be resolved.
 #[derive(Debug, thiserror::Error)]
@@ -9,7 +9,7 @@ pub enum Error {
     Invalid {
         /// The file or the setting.
         place: String,
-        /// The key, what was expected and what was found.
+        /// The key, the expected value and the value found.
         message: String,
     },
     /// A file could not be read.
@@ -18,7 +18,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// A key or a value that is wrong, in a place as [`Error::Invalid`] has it.
+    /// An [`Error::Invalid`] about a key or a value.
     pub fn invalid(place: &str, message: impl Into<String>) -> Self {
         Self::Invalid { place: place.into(), message: message.into() }
     }

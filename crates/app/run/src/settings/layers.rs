@@ -1,4 +1,4 @@
-//! Laying one TOML tree over another: every key must be known, and a wrong one gets the nearest name.
+//! Laying one TOML tree over another: every key must exist, and a wrong one gets the nearest name.
 
 use super::ranges;
 use super::schema::{is_number, is_optional, join, properties, property, schema, variant};
@@ -37,7 +37,7 @@ impl<S: Settings> Layers<S> {
     /// The lowest layer.
     ///
     /// # Errors
-    /// When TOML cannot hold a value, such as a whole number beyond those of 64 bits with a sign.
+    /// When TOML cannot hold a value, such as a whole number beyond the range of signed 64 bits.
     pub fn new(defaults: &S) -> Result<Self, Error> {
         let tree = Value::try_from(defaults).map_err(|e| Error::invalid("defaults", e.to_string()))?;
         Ok(Self { tree, schema: schema::<S>(), given: BTreeSet::new(), settings: PhantomData })
@@ -56,8 +56,9 @@ impl<S: Settings> Layers<S> {
         Ok(layers)
     }
 
-    /// Lays a table over what there is: tables key by key, lists of tables entry by entry, everything else as a whole. An entry
-    /// of a list starts from the entry in its place, or from the last one. `source` names the table in errors.
+    /// Lays a table over the settings so far: tables key by key, lists of tables entry by entry, everything else as a
+    /// whole. An entry of a list starts from the entry in its place, or from the last one. `source` names the table in
+    /// errors.
     ///
     /// # Errors
     /// When a key is unknown or a value has another type.
@@ -67,8 +68,8 @@ impl<S: Settings> Layers<S> {
         merge_at(&mut self.tree, over, self.schema, source, "")
     }
 
-    /// Applies one `key=value`: the key is a dotted path (list entries by number), the value TOML or a bare word; the word
-    /// `none` unsets an optional key.
+    /// Applies one `key=value`: the key is a dotted path (list entries by number), the value TOML or a bare word; the
+    /// word `none` unsets an optional key.
     ///
     /// # Errors
     /// When the key is unknown or the value has another type.
@@ -113,7 +114,7 @@ pub fn parse<S: Settings>(text: &str, source: &str) -> Result<S, Error> {
 /// Checks the range of every number of settings that were made in code; `source` names them in errors.
 ///
 /// # Errors
-/// When a number is out of its range, not finite, or beyond what TOML can hold.
+/// When a number is out of its range, not finite, or beyond the range of TOML.
 pub fn check<S: Settings>(settings: &S, source: &str) -> Result<(), Error> {
     let tree = Value::try_from(settings).map_err(|e| Error::invalid(source, e.to_string()))?;
     ranges::check(&tree, schema::<S>(), "").map_err(|message| Error::invalid(source, message))
@@ -122,7 +123,7 @@ pub fn check<S: Settings>(settings: &S, source: &str) -> Result<(), Error> {
 /// Settings as TOML text.
 ///
 /// # Errors
-/// When TOML has no form for a value, such as a list of optional values of which one is missing.
+/// When TOML has no form for a value, such as a list of optional values with one missing.
 pub fn to_toml<S: Settings>(settings: &S) -> Result<String, Error> {
     toml::to_string(settings).map_err(|e| Error::invalid("settings", e.to_string()))
 }
@@ -228,7 +229,7 @@ fn set(tree: &mut Value, schema: &Schema, setting: &str) -> Result<(), Error> {
                     return Ok(());
                 }
                 if last && *part == "kind" && table.get("kind") != Some(&value) {
-                    // What the other variant has as well stays.
+                    // Keys that the other variant has as well stay.
                     table.retain(|key, _| property(variant(outer, text), key).is_some());
                 }
                 if !table.contains_key(*part) {

@@ -15,7 +15,8 @@ pub(crate) struct Range {
 }
 
 impl Range {
-    /// The range that a key was given; whole numbers without a sign have one from their type, which needs no words.
+    /// The range declared for a key; the lower bound 0 of unsigned whole numbers follows from their type and does not
+    /// count.
     pub(crate) fn stated(schema: &Schema) -> Option<Self> {
         let range = Self::of(if schema["items"].is_object() { &schema["items"] } else { schema });
         let Self { least, above, most, below } = range;
@@ -66,7 +67,8 @@ fn whole(schema: &Schema) -> bool {
     integer(&schema["type"]) || schema["type"].as_array().is_some_and(|kinds| kinds.iter().any(integer))
 }
 
-/// Checks that every number is finite and in its range; the message names the first that is not. `path` is where `tree` is.
+/// Checks that every number is finite and in its range; the message names the first that is not. `path` is where `tree`
+/// is.
 pub(crate) fn check(tree: &Value, schema: &Schema, path: &str) -> Result<(), String> {
     let number = |value: f64| {
         let range = Range::of(schema);

@@ -10,11 +10,11 @@ use toml::Table;
 /// Widest line of a comment.
 const WIDTH: usize = 110;
 
-/// Settings as TOML text in which every key is preceded by its documentation; optional keys without a value stand, commented
-/// out, at the end of their table.
+/// Settings as TOML text in which every key is preceded by its documentation; optional keys without a value stand,
+/// commented out, at the end of their table.
 ///
 /// # Errors
-/// When TOML has no form for a value, such as a list of optional values of which one is missing.
+/// When TOML has no form for a value, such as a list of optional values with one missing.
 pub fn annotate<S: Settings>(settings: &S) -> Result<String, Error> {
     Ok(annotated(&to_toml(settings)?, schema::<S>()))
 }
@@ -92,7 +92,7 @@ fn comment(out: &mut String, schema: &Schema) {
     }
 }
 
-/// A value of a closed choice and what it means.
+/// A value of a closed choice and its meaning.
 fn choice(schema: &Schema) -> Option<String> {
     let value = schema["const"].as_str().or_else(|| schema["properties"]["kind"]["const"].as_str())?;
     let meaning = schema["description"].as_str().unwrap_or("").trim_end_matches('.');

@@ -1,4 +1,4 @@
-//! What every key is: its type and its documentation, from the derived JSON schema.
+//! Type and documentation of every key, from the derived JSON schema.
 
 use super::Settings;
 use serde_json::Value as Schema;
@@ -6,7 +6,8 @@ use std::any::TypeId;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-/// The schema of settings, with no references in it: derived once for each type, which takes longer than all that is done with it.
+/// The schema of settings, with no references in it: derived once for each type, since this takes longer than all uses
+/// of it.
 pub(crate) fn schema<S: Settings>() -> &'static Schema {
     static DERIVED: Mutex<BTreeMap<TypeId, &'static Schema>> = Mutex::new(BTreeMap::new());
     let mut derived = DERIVED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -16,7 +17,7 @@ pub(crate) fn schema<S: Settings>() -> &'static Schema {
     })
 }
 
-/// The keys of a table with their schemas, those of all its variants if it has several.
+/// The keys of a table with their schemas, of all its variants if it has several.
 pub(crate) fn properties(schema: &Schema) -> Vec<(&str, &Schema)> {
     let own = schema["properties"].as_object().into_iter().flatten().map(|(key, value)| (key.as_str(), value));
     let variants = ["oneOf", "anyOf"].into_iter().filter_map(|k| schema[k].as_array()).flatten();

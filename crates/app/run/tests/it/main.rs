@@ -1,4 +1,4 @@
-//! Tests of runs, of what they leave for their reader, and of settings.
+//! Tests of runs, of the files that they leave for their reader, and of settings.
 
 mod metrics_log;
 mod page;

@@ -14,8 +14,9 @@ fn everything_is_escaped() {
     page.comparison(hostile, [(hostile, &image), (hostile, &image)]).unwrap();
     let html = page.html();
     assert_eq!(html.matches("<script").count(), 1, "{html}");
-    // Title, heading, paragraph, two spans, warning, preformatted, two cells, curve, a picture's text and caption, a link's text and
-    // place, and of a comparison the names beside and within pictures, both in the slider's, and the caption there and below.
+    // Title, heading, paragraph, two spans, warning, preformatted, two cells, curve, a picture's text and caption, a
+    // link's text and place, and of a comparison the names beside and within pictures, both in the slider's, and the
+    // caption there and below.
     assert_eq!(html.matches("&lt;script&gt;alert(&quot;1 &amp; 2&quot;)&lt;/script&gt;").count(), 22, "{html}");
 }
 

@@ -6,7 +6,7 @@ use weaver_run::{Error, Folder, Job, Kind, Log, Rhythm, Run, Save, Scalar, StepR
 
 const KIND: Kind = Kind { command: "count", settings: "run.json", results: &["result.txt"] };
 
-/// Counts, and fails at a step if it is told to.
+/// Counts, and fails at a given step, if any.
 #[derive(Debug)]
 struct Count {
     done: usize,

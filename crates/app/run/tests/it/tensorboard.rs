@@ -1,6 +1,6 @@
 use weaver_run::TensorBoard;
 
-/// A protocol-buffer field: its number, and its content where its length is known, or its number.
+/// A protocol-buffer field: its number, and its content where it is delimited by a length, or its numeric value.
 struct Field<'a> {
     number: u64,
     integer: u64,

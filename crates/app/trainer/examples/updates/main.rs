@@ -1,11 +1,13 @@
-//! Study of updates that a network learns: it corrects Adam's steps of a refinement, and is trained by photos that it does not see.
+//! Study of learned updates: a network corrects Adam's steps of a refinement, and is trained by photos that it does not
+//! see.
 //!
 //! `cargo run --release -p weaver-trainer --example updates -- WEIGHTS UPDATES VARIANT CHOSEN.. -- OTHERS..`
 //!
-//! Trains on procedural scenes for so many updates and writes the weights, or reads them if UPDATES is 0; then judges held-out photos of
-//! two sets of captures. VARIANT is `all`, or what is left out, joined by `+`: `attention`, `neighbors`, `gradients`, `state`, `others` (photos that
-//! are not seen do not count in training), `moves` (of density), `learning` (Adam alone). The weights that come with the program, given cameras, 0.3 Gaussians per
-//! pixel, one thread.
+//! Trains on procedural scenes for UPDATES updates and writes the weights, or reads them if UPDATES is 0; then judges
+//! held-out photos of two sets of captures. VARIANT is `all`, or the parts to leave out, joined by `+`: `attention`,
+//! `neighbors`, `gradients`, `state`, `others` (photos that are not seen do not count in training), `moves` (of
+//! density), `learning` (Adam alone). The weights that come with the program, given cameras, 0.3 Gaussians per pixel,
+//! one thread.
 
 mod network;
 mod place;

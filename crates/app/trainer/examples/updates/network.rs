@@ -1,4 +1,4 @@
-//! The network that corrects Gaussians: what it sees, its layers, and what its numbers mean.
+//! The network that corrects Gaussians: its features, its layers, and the decoding of its outputs.
 
 use crate::place::{NEIGHBORS, NUMBERS, Place, STATE, WIDTHS};
 use weaver_autograd::ops::{Activation, concat};
@@ -13,14 +13,14 @@ pub const OUTPUTS: usize = 3 * 6 + NUMBERS + STATE;
 const HIDDEN: usize = 32;
 const KEYS: usize = 8;
 
-/// Parts that are left out, to tell what they bring.
+/// Parts that are left out, as ablations.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Without {
-    /// Attention to what the network makes of the neighbors.
+    /// Attention to the hidden features of the neighbors.
     pub attention: bool,
-    /// That, and the mean of Adam's directions over the neighbors.
+    /// [`attention`](Self::attention), and the mean of Adam's directions over the neighbors.
     pub neighbors: bool,
-    /// All that is seen of gradients: parameters and state alone.
+    /// Features of gradients: parameters and state remain.
     pub gradients: bool,
     /// The state that is passed on.
     pub state: bool,
@@ -81,7 +81,7 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// Numbers that there are to see after a look.
+    /// The features of a place after a look.
     pub fn of(place: &mut Place, without: &Without) -> Self {
         if !without.neighbors {
             place.search();
@@ -93,7 +93,7 @@ impl Seen {
             #[inline(always)]
             || fill(place, &mut directions, &mut features),
         );
-        // Sizes of gradients beside those of the others.
+        // Sizes of gradients, relative to all Gaussians.
         for kind in 0..6 {
             let at = SIZES + kind;
             let mean = features.iter().skip(at).step_by(FEATURES).sum::<f32>() / n as f32;
@@ -122,7 +122,7 @@ impl Seen {
         Self { features, directions, rates: place.rates() }
     }
 
-    /// Changes `[N, 23]` that the head's numbers mean.
+    /// Changes `[N, 23]`, decoded from the head's numbers.
     pub fn changes(&self, head: &[f32]) -> Vec<f32> {
         let mut changes = vec![0.0; self.directions[0].len()];
         simd::dispatch(
@@ -150,7 +150,8 @@ impl Seen {
         changes
     }
 
-    /// Gradients with respect to the head's numbers, of gradients with respect to the Gaussians' numbers after the changes `[N, 23]`.
+    /// Gradients with respect to the head's numbers, of gradients with respect to the Gaussians' numbers after the
+    /// changes `[N, 23]`.
     pub fn pull_back(&self, head: &[f32], slopes: &[f32]) -> Vec<f32> {
         let mut to = vec![0.0; head.len()];
         self.each(|at, [kind, number], head_at, rate| {
@@ -204,8 +205,8 @@ fn bounded(x: f32) -> f32 {
     x.clamp(-8.0, 8.0)
 }
 
-/// First of the numbers that tell of gradients: for each kind the logarithm of their root mean square, the size of Adam's direction, the agreement of the last
-/// gradient with their mean; then whether the photo saw the Gaussian.
+/// First of the features of gradients: for each kind the logarithm of their root mean square, the size of Adam's
+/// direction, the agreement of the last gradient with their mean; then whether the photo saw the Gaussian.
 const SIZES: usize = 3 * NUMBERS + 12;
 
 #[inline(always)]
@@ -290,7 +291,7 @@ fn fill(place: &Place, directions: &mut [Vec<f32>; 3], features: &mut [f32]) {
     }
 }
 
-/// The state of each Gaussian `[N, STATE]` that the head's numbers mean.
+/// The state of each Gaussian `[N, STATE]`, decoded from the head's numbers.
 pub fn state_of(head: &[f32]) -> Vec<f32> {
     head.chunks_exact(OUTPUTS).flat_map(|row| row[OUTPUTS - STATE..].iter().map(|x| Real::tanh(*x))).collect()
 }

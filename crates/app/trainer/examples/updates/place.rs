@@ -13,8 +13,8 @@ use weaver_splat::{
     Cotangents, CpuRasterizer, GaussianStatistics, Gradients, Images, RasterSettings, Rasterizer, Session, Target,
 };
 
-/// Degree up to which the population has room: columns of harmonics that are not drawn hold the state, so that density control
-/// carries it along.
+/// Degree up to which the population has room: columns of harmonics that are not drawn hold the state, so that density
+/// control carries it along.
 const ROOM: usize = 3;
 /// Numbers of the state of a Gaussian.
 pub const STATE: usize = 8;
@@ -75,7 +75,7 @@ impl Drawer {
         Self { session, raster, background, photometric, image, alpha, slope, scales, opacities, sh }
     }
 
-    /// Gradients with respect to what is stored, `[N, 23]` by kinds, and the mean squared difference.
+    /// Gradients with respect to the stored parameters, `[N, 23]` by kinds, and the mean squared difference.
     pub fn gradients(
         &mut self,
         of: &Population,
@@ -186,7 +186,7 @@ pub const NEIGHBORS: usize = 8;
 const SEARCHED: usize = 20;
 
 impl Place {
-    /// A prediction with its photos, to be corrected in so many steps, by the settings of a refinement.
+    /// A prediction with its photos, to be corrected in `steps` steps, by the settings of a refinement.
     pub fn new(photos: Photos<'_>, prediction: &Prediction, targets: Vec<Shot>, steps: usize, moves: bool) -> Self {
         let mut gaussians = prediction.gaussians.to_stored();
         assert!(gaussians.degree <= 1, "harmonics of degree 1");
@@ -221,7 +221,7 @@ impl Place {
         }
     }
 
-    /// The same, with density control of its own.
+    /// A copy of the place, with density control of its own.
     pub fn copied(&self) -> Self {
         Self {
             context: self.context.clone(),

@@ -12,14 +12,14 @@ use weaver_nn::{AdamW, Context, Group, clip_factor, global_norm};
 use weaver_procedural::{ProceduralOptions, varied_scene};
 use weaver_trainer::{Error, Example};
 
-/// Steps of places that it is trained on.
+/// Numbers of steps of the places in training.
 const STEPS: [usize; 4] = [16, 32, 60, 150];
 /// Steps between looks at the photos that judge, at most.
 const WINDOW: usize = 8;
-/// Places that are corrected side by side, and those of them that a training step goes on with.
+/// Places that are corrected side by side, and the number that a training step goes on with.
 const PLACES: usize = 16;
 const BATCH: usize = 4;
-/// Weight of a photo that the steps see among those that judge.
+/// Weight of a photo that the steps see among the judging photos.
 const SEEN: f32 = 0.2;
 /// Training steps between windows that Adam takes as well, to be compared.
 const COMPARED: u64 = 8;
@@ -29,7 +29,7 @@ const RATE: f64 = 2e-3;
 /// Decibels of a difference of logarithms of squared errors.
 const DECIBELS: f64 = 10.0 / std::f64::consts::LN_10;
 
-/// Places under way, and what they are made of.
+/// Places under way, and the tools to make and correct them.
 #[derive(Debug)]
 pub struct Training<'n> {
     network: &'n Network,
@@ -38,11 +38,11 @@ pub struct Training<'n> {
     drawer: Drawer,
     places: Vec<Place>,
     made: u64,
-    /// Decibels of windows above those of Adam.
+    /// Gains of windows over Adam, decibels.
     better: Vec<f64>,
 }
 
-/// Steps of a window on the tape: what was seen, the head and its numbers.
+/// Steps of a window on the tape: the features, the head and its numbers.
 type Window<'t> = Vec<(Seen, Var<'t>, Vec<f32>)>;
 
 impl<'n> Training<'n> {
@@ -52,7 +52,7 @@ impl<'n> Training<'n> {
         Ok(Self { network, variant, predictor, drawer, places: Vec::new(), made: 0, better: Vec::new() })
     }
 
-    /// Trains for so many updates, and prints how windows compare with Adam's.
+    /// Trains for `updates` updates, and prints a comparison of windows with Adam's.
     pub fn run(&mut self, params: &mut Params<f32>, updates: u64) {
         let all = Group { params: params.ids().collect(), lr_scale: 1.0, weight_decay: 1e-4 };
         let mut optimizer = AdamW::new(vec![all], 0.9, 0.99, 1e-8);
@@ -94,7 +94,7 @@ impl<'n> Training<'n> {
         self.better.clear();
     }
 
-    /// Makes new places for those that are done.
+    /// Makes new places in place of finished ones.
     fn refill(&mut self) {
         while self.places.len() < PLACES {
             self.made += 1;
@@ -103,7 +103,7 @@ impl<'n> Training<'n> {
         }
     }
 
-    /// A procedural scene, and what the network predicts of it from four photos; `None` where that is next to nothing.
+    /// A procedural scene, predicted by the network from four photos; `None` where the prediction is next to empty.
     fn place(&mut self, number: u64) -> Option<Place> {
         let stream = Stream::new(1, number, "updates.place");
         let [height, width] = self.predictor.image_size();
@@ -156,7 +156,7 @@ impl<'n> Training<'n> {
         if place.round_is_due() {
             place.move_density();
         }
-        // What a change does later is taken to be what it does at once.
+        // The later effect of a change is taken to equal its immediate effect.
         let terms = window.into_iter().map(|(seen, head, values)| (head, seen.pull_back(&values, &slopes)));
         let finite = terms.filter(|(_, gradient)| gradient.iter().all(|x| x.is_finite()));
         finite.map(|(head, gradient)| (head * tape.constant(&gradient, [n, OUTPUTS])).sum()).collect()

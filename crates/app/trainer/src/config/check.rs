@@ -1,5 +1,5 @@
-//! What a configuration must be before anything is loaded or written: the ranges of single numbers are beside the keys, what
-//! depends on several keys is here.
+//! Checks of a configuration before anything is loaded or written. The ranges of single numbers are beside the keys;
+//! conditions on several keys are here.
 
 use super::Config;
 use crate::evaluate::LEAST_SIDE;
@@ -10,10 +10,10 @@ use std::path::Path;
 use weaver_run::settings::Error as Wrong;
 
 impl<R: Recipe> Config<R> {
-    /// Checks every number and what must fit together, for configurations that were made in code.
+    /// Checks every number and the conditions on several keys, for configurations that were made in code.
     ///
     /// # Errors
-    /// The first key that is wrong: its range or what was expected, and what was found.
+    /// The first wrong key, with its range or the expected value, and the value found.
     pub fn check(&self) -> Result<(), Error> {
         weaver_run::settings::check(self, "configuration")?;
         let checked = self.check_combinations().and_then(|()| self.check_folders());
@@ -98,7 +98,8 @@ impl<R: Recipe> Config<R> {
         self.network_files().map(|_| ())
     }
 
-    /// The files of the networks that images are compared by, with their keys, where some stage needs them: one of each for all stages.
+    /// The files of the networks that images are compared by, with their keys, where some stage needs them: one of each
+    /// for all stages.
     pub(crate) fn network_files(&self) -> Result<[(&'static str, Option<&Path>); 2], String> {
         let mut found = ImageLosses::default().files().map(|(key, _)| (key, None::<(usize, &Path)>));
         for (i, stage) in self.stages.iter().enumerate() {

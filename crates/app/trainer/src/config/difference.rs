@@ -1,20 +1,20 @@
-//! Whether two configurations give the same bits.
+//! Equality of two configurations as far as bits are concerned.
 
 use super::Config;
 use crate::Recipe;
 use std::collections::BTreeMap;
 use weaver_run::settings::{Table, Value};
 
-/// Keys that change no weight of a run that has begun: how many threads, what is written, how the result is used, and what the
-/// first weights were.
+/// Keys that change no weight of a run that has begun: the number of threads, the files to write, the use of the
+/// result, and the first weights.
 const WITHOUT_EFFECT: [&str; 4] = ["threads", "output", "evaluation", "init"];
 
 impl<R: Recipe> Config<R> {
-    /// The first key that determines the weights and differs from an `earlier` configuration, with both values; `None` where a run
-    /// under either goes on in the same way.
+    /// The first key that determines the weights and differs from an `earlier` configuration, with both values; `None`
+    /// where a run under either goes on in the same way.
     ///
-    /// Where captures, their teacher and the weights of LPIPS are does not count: a resumed run compares the content. The last stage may be longer here: that is how a
-    /// run is prolonged.
+    /// Where captures, their teacher and the weights of LPIPS are does not count: a resumed run compares the content.
+    /// The last stage may be longer here: that is how a run is prolonged.
     pub fn difference(&self, earlier: &Self) -> Option<(String, String, String)> {
         let (own, mut before) = (keys_of(self), keys_of(earlier));
         let last = self.stages.len().saturating_sub(1);

@@ -1,8 +1,8 @@
 //! Held-out views whose cameras were aligned with their photos.
 //!
-//! A model that predicts cameras explains photos in a frame of its own, where the data's camera for the held-out view is a little off; PSNR
-//! punishes that more than blur. Alignment looks at the held-out photo: its figures stand beside the others, with what it gains where
-//! the camera is right, which is six numbers fitted to the photo and nothing else.
+//! A model that predicts cameras explains photos in a frame of its own, where the data's camera for the held-out view
+//! is a little off; PSNR punishes that more than blur. Alignment looks at the held-out photo: its figures stand beside
+//! the others, with its gain for correct cameras, which comes from six numbers fitted to the photo and nothing else.
 
 use super::LEAST_SIDE;
 use super::drawn::{Drawing, Drawn};
@@ -23,7 +23,7 @@ use weaver_pose::PoseErrors;
 pub struct Alignment {
     /// Options of the descent.
     pub options: Options,
-    /// On what.
+    /// The loss of the descent.
     pub loss: AlignLoss,
 }
 
@@ -32,19 +32,19 @@ pub struct Alignment {
 pub enum AlignLoss {
     /// The mean square of differences, by which the published methods align.
     MeanSquare,
-    /// Mean absolute differences and structure, `0.8 L1 + 0.2 (1 - SSIM)`: what scenes are fitted by.
+    /// Mean absolute differences and structure, `0.8 L1 + 0.2 (1 - SSIM)`: the loss by which scenes are fitted.
     Photometric,
     /// Structure alone, `1 - SSIM`; of images with fewer than 11 rows or columns the mean absolute difference.
     Similarity,
 }
 
 impl AlignLoss {
-    /// The loss of a method when none is given: the published ones as published, ours by what finds most cameras.
+    /// The default loss of a method: for published methods as published, for ours the loss that finds most cameras.
     pub fn of(method: Method) -> Self {
         if method == Method::Own { Self::Photometric } else { Self::MeanSquare }
     }
 
-    /// The smallest side of a photo that there is something to compare of, pixels.
+    /// The smallest side of a photo at which the loss is defined, pixels.
     pub fn least_side(self) -> usize {
         if self == Self::Similarity { LEAST_SIDE } else { 1 }
     }
@@ -63,7 +63,7 @@ impl AlignLoss {
     }
 }
 
-/// A held-out view from where it was aligned to.
+/// A held-out view from its aligned camera.
 pub(super) struct AlignedView {
     pub render: Image,
     pub camera: Camera,
@@ -101,7 +101,7 @@ pub(super) fn aligned(
     Ok(AlignedView { render, camera, steps, moved, found: outcome == Outcome::Found })
 }
 
-/// Error of a held-out camera, seen from each camera that the Gaussians were made with as the data has both.
+/// Error of a held-out camera relative to each camera that the Gaussians were made with, against the data's.
 pub(super) fn off(drawn: &Drawn, camera: &Camera, scene: &Scene, tuple: &Tuple) -> CameraFigures {
     let truth = |view: usize| scene.views[view].camera.pose;
     let target = truth(tuple.targets[0]);
@@ -115,7 +115,7 @@ pub(super) fn off(drawn: &Drawn, camera: &Camera, scene: &Scene, tuple: &Tuple) 
     CameraFigures::of(&all)
 }
 
-/// A view aligned with a photo of another scene, which nothing in it shows.
+/// A view aligned with a photo of another scene.
 pub(super) fn with_another_scenes_photo(
     predictor: &mut dyn Predictor,
     drawn: &Drawn,
@@ -126,7 +126,7 @@ pub(super) fn with_another_scenes_photo(
     Ok(aligned(predictor, drawn, &view, alignment)?.render)
 }
 
-/// The same view with given cameras: as it was drawn, and aligned, from where the data says that it was taken.
+/// The same view with given cameras, from the data's held-out camera: as drawn, and aligned.
 pub(super) fn control(
     drawing: &mut Drawing<'_>,
     scene: &Scene,

@@ -1,4 +1,4 @@
-//! A held-out view drawn from what a predictor makes of its context.
+//! A held-out view drawn from a predictor's Gaussians for its context.
 
 use super::light::{as_photos, photo_of};
 use super::{Matching, Options, Targets};
@@ -36,7 +36,7 @@ pub(super) enum Remark {
     Masked,
 }
 
-/// Who draws, and how.
+/// The predictor and the options of drawing.
 pub(super) struct Drawing<'a> {
     pub predictor: &'a mut dyn Predictor,
     pub options: &'a Options,
@@ -67,7 +67,7 @@ impl Drawing<'_> {
         let source = CameraSource::GivenWithPoints { cameras: &found.cameras, points: &found.points };
         let prediction = self.predict(scene, &example, source)?;
         let factor = prediction.scale_to_used(example.context());
-        // Who estimated the lens would look through it, too.
+        // Users who estimated the lens would draw through it, too.
         let longer = found.cameras[0].intrinsics.fx / example.context()[0].intrinsics.fx;
         let target = example.targets()[0];
         let mut camera = Camera { pose: target.pose.scaled(factor), ..target };
@@ -101,7 +101,7 @@ impl Drawing<'_> {
         Ok(Drawn { prediction, render, camera, strict: None, errors, remark })
     }
 
-    /// From where the model says that the held-out photo was taken, having seen it.
+    /// Draws from the model's own camera for the held-out photo, which it has then seen.
     fn jointly(&mut self, scene: &Scene, tuple: &Tuple) -> Result<Drawn, Error> {
         let (example, _) = self.example(scene, tuple.clone())?;
         let (stream, context) = (self.stream(&example), example.context().len());
@@ -118,7 +118,7 @@ impl Drawing<'_> {
         Stream::new(self.options.seed, targets[0] as u64, "evaluation").fork(*scene as u64)
     }
 
-    /// An evaluation's example, of whose planted rectangles the model is told only if the run's was.
+    /// An evaluation's example; the mask of planted rectangles is given to the model only if the run's settings do so.
     fn example(&self, scene: &Scene, tuple: Tuple) -> Result<(Example, bool), Error> {
         let (mut example, measured) = Example::for_evaluation(scene, tuple)?;
         if self.options.planted.as_ref().is_some_and(|planted| !planted.masks) {
@@ -151,7 +151,7 @@ impl Drawing<'_> {
         let target = tuple.targets[0];
         let view = &plain.views[target];
         let size = [view.image.width, view.image.height];
-        // Light alone: what a rectangle covers is not compared.
+        // Light alone: pixels under a rectangle are not compared.
         let photos = [0, 1].map(|which| {
             let drawn = planted.of_view(number, target, which, size);
             Appearance { occluders: Vec::new(), ..drawn }.photo(&view.image, view.inside.as_deref())
@@ -179,7 +179,7 @@ impl Drawing<'_> {
     }
 }
 
-/// The similarity that carries a context's centers to those that were predicted; `None` where they do not determine one.
+/// The similarity that carries a context's centers to the predicted ones; `None` where they do not determine one.
 fn between(predicted: &[Camera], context: &[Camera]) -> Option<Similarity> {
     let centers = |cameras: &[Camera]| -> Vec<_> { cameras.iter().map(|camera| camera.pose.center()).collect() };
     (predicted.len() == context.len()).then(|| Similarity::fit(&centers(context), &centers(predicted)))?

@@ -1,4 +1,5 @@
-//! Held-out views in the light of a photo: whose, what of it the model is shown, and how well it is met.
+//! Held-out views in the light of a photo: the choice of the photo, the part of it that the model sees, and figures of
+//! the light.
 
 use super::Options;
 use crate::figures::LookFigures;
@@ -9,16 +10,17 @@ use weaver_inference::{Photos, planar};
 use weaver_io::Image;
 use weaver_procedural::appearance::{keep_columns, seen};
 
-/// In whose light a held-out view is drawn. All figures are then of its right half, whatever the model was shown.
+/// The photo in whose light a held-out view is drawn. All figures are then of the view's right half, for every choice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LookOf {
-    /// That of the left half of the held-out photo, all that the model sees of it: the right half is filled with the left's mean.
+    /// The light of the left half of the held-out photo, all that the model sees of it: the right half is filled with
+    /// the left's mean.
     Half,
-    /// That of the whole held-out photo, which the model has then seen.
+    /// The light of the whole held-out photo, which the model has then seen.
     Own,
-    /// Nobody's: the embedding is zero.
+    /// No photo's light: the embedding is zero.
     Unknown,
-    /// That of another photo of the scene, taken in other light: the next held-out one.
+    /// The light of another photo of the scene, taken in other light: the next held-out one.
     Wrong,
 }
 
@@ -43,7 +45,7 @@ impl FromStr for LookOf {
     }
 }
 
-/// The photo that tells the light of a tuple's target, as planes `[3, H, W]`; `None` where nobody's is asked for.
+/// The photo that gives the light of a tuple's target, as planes `[3, H, W]`; `None` for [`LookOf::Unknown`].
 pub(super) fn photo_of(look: LookOf, scene: &Scene, tuple: &Tuple) -> Option<Vec<f32>> {
     let target = tuple.targets[0];
     let view = match look {
@@ -69,8 +71,8 @@ pub(super) fn as_photos(planes: &[f32], size: [usize; 2]) -> Photos<'_> {
     Photos { planes, inside: None, width: size[0], height: size[1] }
 }
 
-/// The target of a tuple with the pixels that figures count: with planted looks those that context photos show as well, and of these the
-/// right half where a light is asked for.
+/// The target of a tuple with the pixels that figures count: with planted looks, pixels that context photos show as
+/// well; with a chosen light, the right half alone.
 pub(super) fn judged(scene: &Scene, tuple: &Tuple, options: &Options) -> View {
     let mut view = scene.views[tuple.targets[0]].clone();
     let [width, pixels] = [view.image.width, view.image.width * view.image.height];
@@ -116,7 +118,7 @@ pub(super) fn figures(render: &Image, view: &View) -> LookFigures {
     LookFigures { psnr_fitted: -10.0 * squares.log10(), color_error, slope: None, correlation: None }
 }
 
-/// Agreement of changes of the renders' mean color with those of the photos', over the views of a scene.
+/// Agreement between changes of the renders' mean color and of the photos' mean color, over the views of a scene.
 #[derive(Debug, Default)]
 pub(super) struct Recovery {
     /// For each channel, log ratios of photo and of render.

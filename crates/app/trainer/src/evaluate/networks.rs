@@ -32,7 +32,8 @@ fn tensors_of(path: &Path) -> Result<Tensors, Error> {
     widened.collect()
 }
 
-/// Reads LPIPS weights, if asked for, and checks that images of the model's size (H, W) are large enough for them.
+/// Reads LPIPS weights, if a file is given, and checks that images of the model's size (H, W) are large enough for
+/// them.
 pub(crate) fn lpips_for(path: Option<&Path>, [height, width]: [usize; 2]) -> Result<Option<Lpips<f32>>, Error> {
     let Some(path) = path else { return Ok(None) };
     let lpips = load_lpips(path)?;
@@ -45,8 +46,8 @@ fn large_enough(path: &Path, least: usize, [height, width]: [usize; 2]) -> Resul
     if height.min(width) >= least { Ok(()) } else { Err(wrong(path, message())) }
 }
 
-/// Reads the networks of training, where there are files for them, LPIPS first, and checks that images of the model's size (H, W) are large
-/// enough.
+/// Reads the networks of training, where there are files for them, LPIPS first, and checks that images of the model's
+/// size (H, W) are large enough.
 pub(crate) fn image_networks(
     [(_, lpips), (_, perceptual)]: [(&str, Option<&Path>); 2],
     size: [usize; 2],

@@ -17,7 +17,7 @@ use weaver_losses::metrics::{self, PerceptualDistance};
 use weaver_pose::PoseErrors;
 use weaver_wavelet::{EnergyMap, Wavelet};
 
-/// Evaluates a predictor on loaded scenes; `progress` is told how many views of how many are done.
+/// Evaluates a predictor on loaded scenes; `progress` receives the numbers of views done and of all views.
 ///
 /// # Errors
 /// When the scenes have too few views or the options do not suit the model.
@@ -28,7 +28,7 @@ pub fn evaluate(
     lpips: Option<&Lpips<f32>>,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Evaluation, Error> {
-    // The rest knows one type of scenes, so that it is compiled here and not in each crate that calls it.
+    // The rest has one type of scenes, so that it is compiled here and not in each calling crate.
     run(predictor, &scenes.iter().map(Borrow::borrow).collect::<Vec<_>>(), options, lpips, progress)
 }
 
@@ -112,7 +112,7 @@ fn run(
                 let cameras = [&drawn.camera, &found.camera].map(|camera| align::off(&drawn, camera, scene, &tuple));
                 let mut of_view = measure.aligned(&found, target, cameras, figures.psnr);
                 of_view.gain_given = after - before;
-                // Once for each scene: what alignment makes of a photo that the scene has nothing to do with.
+                // Once for each scene: alignment with an unrelated photo.
                 let next = scenes[(index + 1) % scenes.len()];
                 if let (true, Some(other)) = (views.is_empty() && scenes.len() > 1, next.held_out_views().first()) {
                     let other = &next.views[*other];
@@ -133,7 +133,7 @@ fn run(
         }
         figures.push(of_scene);
     }
-    // How a capture was loaded may say which of its photos are not judged.
+    // Remarks of loading may name photos that are not judged.
     let of_loading = plain.iter().flat_map(|scene| scene.remarks.iter().cloned());
     let remarks = of_loading.chain(remarked.into_iter().map(|(remark, scenes)| explained(remark, &scenes))).collect();
     let mut cameras = if options.matching.is_some() { "estimated".into() } else { cameras.to_string() };
@@ -158,7 +158,7 @@ fn run(
     })
 }
 
-/// Each of these tuples once for each view of its context, which is then the target.
+/// Each of these tuples once for each view of its context, with that view as the target.
 fn of_context(tuples: &[Tuple]) -> Vec<Tuple> {
     let of = |tuple: &Tuple| {
         let targets = tuple.context.clone().into_iter();

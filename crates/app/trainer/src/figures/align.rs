@@ -19,8 +19,8 @@ pub struct AlignedFigures {
     pub lpips: Option<f64>,
     /// Gain by alignment with given cameras, dB, where the camera is right: six numbers fitted to the photo.
     pub gain_given: f64,
-    /// PSNR after alignment with a photo of another scene, one view of each scene, and that of this photo's mean color, dB: what the scene has
-    /// nothing to do with must not be met.
+    /// PSNR after alignment with a photo of another scene, one view of each scene, and PSNR of this photo's mean color,
+    /// dB: a control, since a scene must not match an unrelated photo.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub elsewhere: Option<[f64; 2]>,
     /// Turn of the cameras, degrees.
@@ -37,8 +37,8 @@ pub struct AlignedFigures {
     pub cameras: [CameraFigures; 2],
 }
 
-/// Errors of held-out cameras, seen from each camera of their context as the data has both: only where this falls as well has anything
-/// been aligned.
+/// Errors of held-out cameras relative to each camera of their context, against the data's: alignment worked only where
+/// these fall as well.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CameraFigures {
     /// Mean angle of rotations, degrees.

@@ -4,7 +4,7 @@ use crate::{Error, Summary};
 use std::path::Path;
 use weaver_run::{Page, Span};
 
-/// Better names of curves than those of the log.
+/// Readable names of curves, by their names in the log.
 pub const CURVES: [(&str, &str); 2] = [("rate", "learning rate"), ("gaussians_per_pixel", "Gaussians per pixel")];
 
 /// The page about a run of a model in a folder, but for its curves.

@@ -1,4 +1,4 @@
-//! Trained networks and their evaluation, whatever their model.
+//! Trained networks of any model, and their evaluation.
 
 use crate::evaluate::{Matching, Options};
 use crate::{Alignment, CameraMode, DataConfig, Error, Evaluation, LookOf, Sources, Targets, evaluate, scenes};
@@ -13,7 +13,7 @@ pub struct OpenRun {
     pub predictor: Box<dyn Predictor>,
     /// Steps that the weights were trained for.
     pub step: usize,
-    /// Steps that the run was to have, as many where nobody knows.
+    /// Planned steps of the run; where unknown, the steps done.
     pub planned: usize,
     /// The run's seed.
     pub seed: u64,
@@ -21,11 +21,11 @@ pub struct OpenRun {
     pub data: DataConfig,
     /// Source of the cameras, unless a call says otherwise.
     pub cameras: CameraMode,
-    /// The captures that the run has learned from, if its checkpoint tells.
+    /// The captures that the run has learned from, if its checkpoint lists them.
     pub sources: Sources,
 }
 
-/// Which scenes to evaluate on.
+/// The scenes of an evaluation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Source {
     /// The data of the run.
@@ -43,7 +43,7 @@ pub struct EvalOptions {
     pub context_views: Option<usize>,
     /// Source of the cameras.
     pub cameras: Option<CameraMode>,
-    /// Which photos judge.
+    /// The photos that judge.
     pub targets: Targets,
     /// True if depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,
@@ -53,8 +53,7 @@ pub struct EvalOptions {
     pub density: Density,
     /// Alignment of held-out views' cameras with their photos, for figures beside the others.
     pub align: Option<Alignment>,
-    /// In whose light held-out views are drawn; without it, in that of the first context photo by models that know
-    /// about light.
+    /// The photo in whose light held-out views are drawn; `None` is the first context photo, for models with light.
     pub look: Option<LookOf>,
     /// True if photos are left as they were taken, where the run's were given light and passers-by.
     pub plain: bool,
@@ -69,7 +68,7 @@ pub struct EvalOptions {
 pub struct MatchingOverride {
     /// Longest side of the photos while they are matched, pixels; at least the network's.
     pub long_side: usize,
-    /// True if focal lengths are told, as EXIF would.
+    /// True if focal lengths are given, as by EXIF.
     pub focal_known: bool,
 }
 
@@ -105,7 +104,7 @@ impl OpenRun {
         }
     }
 
-    /// Evaluates the weights; `progress` is told how many views of how many are done.
+    /// Evaluates the weights; `progress` receives the numbers of views done and of all views.
     ///
     /// # Errors
     /// When the data cannot be read, or the options do not suit the model.

@@ -18,7 +18,8 @@ impl<R: Recipe> Session<R> {
     /// Shares the batches of each step with other processes, which hold the same session.
     ///
     /// # Errors
-    /// When there are more processes than batches; when the processes do not hold the same configuration, captures or weights.
+    /// When there are more processes than batches; when the processes do not hold the same configuration, captures or
+    /// weights.
     pub fn share(&mut self, ranks: Arc<dyn Ranks>) -> Result<(), Error> {
         let batches = self.config.optimizer.accumulate;
         if ranks.size() > batches {
@@ -46,7 +47,7 @@ impl<R: Recipe> Session<R> {
         Ok(())
     }
 
-    /// The part of a process that is not the first: takes part in every step until process 0 has no more.
+    /// The work of every process but the first: takes part in every step until process 0 has no more.
     ///
     /// # Errors
     /// As [`Session::advance`].
@@ -61,7 +62,7 @@ impl<R: Recipe> Session<R> {
         }
     }
 
-    /// Tells the other processes to take one more step, or that there is none.
+    /// Announces one more step to the other processes, or the end.
     pub(super) fn announce(&self, more: bool) {
         self.ranks.broadcast(&mut [f32::from(more)]);
     }
@@ -104,7 +105,8 @@ impl<R: Recipe> Session<R> {
         Ok(PendingStep { position, loss: numbers[0] * mean, terms, gaussians_per_pixel: numbers[1] * mean })
     }
 
-    /// Everything of a batch that is averaged: its numbers, and of each parameter 1 if it has a gradient, and the gradient, or zeros.
+    /// The row of a batch that is averaged: its numbers, and for each parameter 1 and the gradient, or zeros without a
+    /// gradient.
     fn row(&self, batch: &Batch) -> Vec<f32> {
         let mut row = vec![batch.loss, batch.gaussians_per_pixel];
         row.extend(batch.terms.iter().map(|(_, value)| value));

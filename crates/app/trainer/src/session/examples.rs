@@ -4,7 +4,7 @@ use super::Session;
 use crate::{Error, Example, Recipe, StageConfig};
 use weaver_kernels::random::Stream;
 
-/// Tuples that are drawn for one that tells the scale, before that is given up.
+/// The most tuples drawn in search of one with a scale.
 const MOST_DRAWN: usize = 1000;
 
 impl<R: Recipe> Session<R> {
@@ -20,7 +20,7 @@ impl<R: Recipe> Session<R> {
         let stream = Stream::new(self.config.seed, draw as u64, "tuples");
         let variation = Stream::new(self.config.seed, draw as u64, "augmentation");
         let looks = Stream::new(self.config.seed, draw as u64, "looks");
-        // A tuple that tells no scale is left out, and the next one that the step would have drawn takes its place.
+        // A tuple without a scale is left out, and the next one in the sequence of draws takes its place.
         let drawn = (0..count * MOST_DRAWN).map(|i| {
             let varied = variation.fork(i as u64);
             let tuple = sampler.tuple(layouts, stream, i as u64, context, d.target_views);

@@ -1,4 +1,4 @@
-//! What a run is about to do.
+//! The plan of a run, as text.
 
 use super::Session;
 use crate::Recipe;

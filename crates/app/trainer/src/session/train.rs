@@ -49,7 +49,7 @@ impl<R: Recipe> Session<R> {
         Ok(summary)
     }
 
-    /// Everything needed to go on, and all that inference needs to know.
+    /// Everything needed to go on, and for inference.
     pub(super) fn tensors(&self) -> Tensors {
         let state = TrainingState { params: &self.params, optimizer: &self.optimizer, ema: &self.ema };
         state.tensors(&self.config, self.step, &self.sources)
@@ -63,7 +63,7 @@ impl<R: Recipe> Session<R> {
         Ok(self.tensors().write(path)?)
     }
 
-    /// Goes to where a checkpoint of a run like this one was written.
+    /// Takes the session to the state of a checkpoint of the same run.
     pub(super) fn go_to(&mut self, checkpoint: &Checkpoint) -> Result<(), Error> {
         self.sources.check(checkpoint, &self.config)?;
         TrainingState::restore(checkpoint, &mut self.params, &mut self.optimizer, &mut self.ema)?;
@@ -77,7 +77,7 @@ impl<R: Recipe> Session<R> {
         samples::write(&mut *self.predictor()?, &self.options(), &self.scenes, &path)
     }
 
-    /// Evaluates at most so many scenes.
+    /// Evaluates at most `most` scenes.
     pub(super) fn evaluate_some(&self, most: usize) -> Result<crate::Evaluation, Error> {
         let mut predictor = self.predictor()?;
         let with_held_out = self.scenes.iter().filter(|s| !s.held_out_views().is_empty());

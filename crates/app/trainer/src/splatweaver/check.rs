@@ -1,4 +1,4 @@
-//! What must fit together in SplatWeaver's sections, so that no stage fails when it begins, and no loss is left out unsaid.
+//! Conditions across SplatWeaver's sections, so that no stage fails when it begins, and no loss is left out silently.
 
 use super::{SplatWeaverRecipe, StageAllocation};
 use crate::{Config, StageConfig};
@@ -51,7 +51,7 @@ fn shares(stage: &StageConfig<SplatWeaverRecipe>, most: usize, key: &str) -> Che
     Ok(())
 }
 
-/// Every loss with a weight is one that the stage has, and at every step there is one.
+/// Every loss with a weight exists in the stage, and every step has a loss.
 fn losses(stage: &StageConfig<SplatWeaverRecipe>, key: &str) -> Check {
     let (pose, image) = (&stage.losses.pose, &stage.losses.image);
     let (depth, router) = (&stage.losses.depth, &stage.losses.router);

@@ -22,7 +22,7 @@ pub struct Objective<'a> {
     pub ranking: bool,
     /// The stage's allocation.
     pub allocation: &'a dyn Allocation<f32>,
-    /// Networks that images are compared by, where the stage wants them.
+    /// Networks that compare images, where the stage has such losses.
     pub networks: &'a ImageNetworks,
     /// Memory of the rasterizer.
     pub workspaces: &'a WorkspacePool<f32>,
@@ -31,7 +31,7 @@ pub struct Objective<'a> {
 }
 
 impl Objective<'_> {
-    /// Runs the model on the step's examples (those to be rendered first) and collects the loss.
+    /// Runs the model on the step's examples (examples to be rendered come first) and collects the loss.
     pub fn terms<'t>(&self, cx: Context<'t, '_, f32>, model: &SplatWeaver, examples: &[Example]) -> Terms<'t> {
         let encoded = model.encode(cx, photo_constants(cx, examples));
         let mut terms = Terms::default();

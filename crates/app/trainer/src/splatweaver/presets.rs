@@ -1,4 +1,4 @@
-//! The presets: what is trained, for how long, with which losses.
+//! The presets: their stages, with steps and losses.
 
 use super::{EvaluationSettings, Losses, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings};
 use crate::losses::{DepthLosses, ImageLosses, PoseLosses};
@@ -29,7 +29,7 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
         }
         "tiny-endless" => {
             config.data.endless = Some(2);
-            // Over a thousand steps of so many.
+            // An average over a thousand of the 40 000 steps.
             config.optimizer.ema = Some(0.999);
             config.stages = vec![given(40_000)];
             config.evaluation.cameras = CameraMode::Given;
@@ -71,7 +71,7 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
     Some(config)
 }
 
-/// A third of the Gaussians, by rank as by budget. The paper names such a variant and does not say how it is made.
+/// A third of the Gaussians, by rank as by budget. The paper names such a variant without its construction.
 fn few(router: &mut RouterLosses) {
     router.rank_quantiles = vec![0.9175, 0.9875, 0.995];
     router.budget_shares = vec![0.07, 0.0075, 0.005];
@@ -141,7 +141,8 @@ fn one_expert(router: &RouterLosses) -> RouterLosses {
     }
 }
 
-/// As the appearance expert of two learns, from given cameras and pictures alone; here the backbone must keep its cameras in mind.
+/// Training like 2Xplat's appearance expert, from given cameras and pictures alone; here the backbone must keep its
+/// ability to predict cameras.
 fn appearance(steps: usize) -> StageConfig<SplatWeaverRecipe> {
     let everything = everything(steps);
     StageConfig {
@@ -153,7 +154,7 @@ fn appearance(steps: usize) -> StageConfig<SplatWeaverRecipe> {
     }
 }
 
-/// As two experts learn through each other.
+/// Training like 2Xplat's two experts, which learn through each other.
 fn joint(steps: usize) -> StageConfig<SplatWeaverRecipe> {
     let appearance = appearance(steps);
     StageConfig {
@@ -181,7 +182,8 @@ fn given(steps: usize) -> StageConfig<SplatWeaverRecipe> {
     }
 }
 
-/// The same with equal counts in three steps of ten: most cells ask for one Gaussian, so that the first expert has learned more than the others.
+/// The same with equal counts in three steps of ten: most cells get one Gaussian, so that the first expert has learned
+/// more than the others.
 fn experts(stage: StageConfig<SplatWeaverRecipe>, steps: usize) -> StageConfig<SplatWeaverRecipe> {
     StageConfig {
         name: "experts".into(),

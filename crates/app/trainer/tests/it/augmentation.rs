@@ -1,4 +1,4 @@
-//! Training tuples varied: what follows, exactly, and what stays.
+//! Training tuples varied: values that follow, exactly, and values that stay.
 
 use crate::config;
 use weaver_data::{Layout, Scene, Tuple};
@@ -88,7 +88,7 @@ fn a_mirrored_scene_rendered_is_the_render_mirrored() {
 #[test]
 fn what_a_crop_shows_lies_where_its_cameras_say() {
     let mut plain = example(&photographed());
-    // Colors and depths that tell their direction.
+    // Colors and depths that encode their direction.
     let pixels = SIZE[0] * SIZE[1];
     let seen = |i: usize, camera: &weaver_geometry::Camera| {
         let at = DVec2::new((i % SIZE[0]) as f64 + 0.5, (i / SIZE[0]) as f64 + 0.5);
@@ -119,7 +119,7 @@ fn what_a_crop_shows_lies_where_its_cameras_say() {
                 let expected = seen(i, camera);
                 let apart = (0..3).map(|c| (found.images[(3 * view + c) * pixels + i] - expected[c]).abs());
                 assert!(apart.fold(0.0, f32::max) < 0.03, "{seed} {view} {i}");
-                // Depth is that of a pixel, which a crop shows larger.
+                // Depth is constant within a source pixel, which a crop enlarges.
                 let of_pixel = 0.6 / camera.intrinsics.fx * zoom;
                 let depth = view < 3 && (found.depth[view * pixels + i] - 1.0 - expected[0]).abs() > of_pixel as f32;
                 assert!(!depth, "{seed} {view} {i}");

@@ -22,8 +22,8 @@ pub fn write(scene: &Scene, folder: &Path) {
     Transforms { frames, ..Transforms::default() }.write(folder.join("transforms.json")).unwrap();
 }
 
-/// Two captures, so that a run draws scenes as well as views. They lie where cargo keeps what tests make; each process writes
-/// the same bytes there, a file at a time.
+/// Two captures, so that a run draws scenes as well as views. They lie in cargo's folder for files of tests; each
+/// process writes the same bytes there, a file at a time.
 static FOLDERS: LazyLock<[PathBuf; 2]> = LazyLock::new(|| {
     [3, 4].map(|seed| {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("micro-capture-{seed}"));

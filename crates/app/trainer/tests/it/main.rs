@@ -1,4 +1,4 @@
-//! The trainer with a model that it does not know, the example's, and with its own, SplatWeaver.
+//! The trainer with a foreign model, the example's, and with its own, SplatWeaver.
 
 #[path = "../../examples/pixel_cnn.rs"]
 #[allow(dead_code, reason = "the example's own main is not called here")]
@@ -21,7 +21,7 @@ use weaver_trainer::{
     claim_run, create_run,
 };
 
-/// A configuration of so many steps on photos of 16 x 16 pixels.
+/// A configuration of `steps` steps on photos of 16 x 16 pixels.
 fn config(steps: usize) -> Config<PixelCnnRecipe> {
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from);
     let mut config = Config::resolve(None, None, &settings).unwrap();
@@ -44,7 +44,7 @@ fn a_resumed_run_equals_an_uninterrupted_one() {
     assert_eq!(first.checksum(), second.checksum());
 }
 
-/// Which scenes are kept at a step does not depend on where the run went on.
+/// The kept scenes at a step do not depend on the step at which the run was resumed.
 #[test]
 fn resumed_runs_on_endless_scenes_are_equal() {
     let folder = tempfile::tempdir().unwrap();
@@ -100,7 +100,7 @@ fn the_parts_of_a_step_make_a_step() {
     assert_eq!(seen, parts.params().count());
     parts.update(pending).unwrap();
     assert_eq!(whole.checksum(), parts.checksum());
-    // What a reduction changes, the update sees.
+    // Gradients changed by a reduction reach the update.
     let mut doubled = Session::new(config(2)).unwrap();
     let pending = doubled.gradients().unwrap().unwrap();
     doubled.reduce(|gradient| gradient.iter_mut().for_each(|g| *g = -*g));
@@ -202,7 +202,7 @@ fn times_and_numbers_reach_the_examples() {
     }
 }
 
-/// A predictor that needs cameras says so, and which photos it takes.
+/// A predictor that needs cameras reports this, and its size of photos.
 #[test]
 fn pixel_predictors_say_what_they_need() {
     use weaver_inference::{CameraSource, Density, Photos, PixelAlignedPredictor, Predictor};

@@ -29,7 +29,8 @@ fn trained(count: usize, start: impl Fn() -> Session<PixelCnnRecipe> + Sync) -> 
     })
 }
 
-/// Weights do not depend on how many processes share the batches, nor on how many had shared them before the run went on.
+/// Weights do not depend on how many processes share the batches, nor on how many had shared them before the run went
+/// on.
 #[test]
 fn any_number_of_processes_comes_to_the_same_bits() {
     let one = trained(1, || Session::new(batched()).unwrap());
@@ -46,7 +47,7 @@ fn any_number_of_processes_comes_to_the_same_bits() {
     assert_ne!(trained(1, || Session::new(config(3)).unwrap()), one);
 }
 
-/// The gradients of a step are the mean over its batches, which are drawn as those of as many steps of one batch.
+/// The gradients of a step are the mean over its batches, drawn as in as many steps of one batch.
 #[test]
 fn batches_of_a_step_are_averaged() {
     let gradients = |accumulate: usize, step: usize| {

@@ -37,7 +37,7 @@ fn another_configuration_is_refused_by_key() {
         let message = resumed(change).unwrap_err();
         assert!(message.contains(said) && message.contains("checkpoint.safetensors"), "{message}");
     }
-    // What changes no weight may change.
+    // Keys that affect no weight may change.
     let steps = resumed(|c| {
         (c.threads, c.output.log_every) = (Some(3), 77);
     });
@@ -135,7 +135,7 @@ fn more_steps_prolong_the_last_stage_and_are_recorded() {
     let summary = on.train(&whole, &mut Silent, &AtomicBool::new(false)).unwrap();
     assert_eq!((summary.steps, summary.planned), (7, 7));
     assert!(std::fs::read_to_string(whole_path.config_path()).unwrap().contains("steps = 7"));
-    // Stopped at once, then resumed without a word about steps.
+    // Stopped at once, then resumed without a number of steps.
     recipe.resume(&parts_path, Some(7)).unwrap().train(&parts, &mut Silent, &AtomicBool::new(true)).unwrap();
     let other = recipe.resume(&parts_path, None).unwrap().train(&parts, &mut Silent, &AtomicBool::new(false)).unwrap();
     assert_eq!(other.checksum, summary.checksum);

@@ -1,8 +1,8 @@
-//! The bits of a run, whatever its threads and interruptions.
+//! The bits of a run, for any threads and interruptions.
 
 use weaver_trainer::{Config, Recipe, Session};
 
-/// Runs a session to its end on so many threads.
+/// Runs a session to its end on `threads` threads.
 pub fn finished<R: Recipe>(threads: usize, begun: impl FnOnce() -> Session<R> + Send) -> String {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
@@ -12,7 +12,8 @@ pub fn finished<R: Recipe>(threads: usize, begun: impl FnOnce() -> Session<R> + 
     })
 }
 
-/// Checks that a run comes to the same bits on one thread, on three, and interrupted after each of these numbers of steps.
+/// Checks that a run comes to the same bits on one thread, on three, and interrupted after each of these numbers of
+/// steps.
 pub fn same_bits<R: Recipe>(config: impl Fn() -> Config<R> + Sync, stops: [usize; 3]) {
     let folder = tempfile::tempdir().unwrap();
     let checkpoint = |stop: usize| folder.path().join(format!("{stop}.safetensors"));

@@ -1,12 +1,12 @@
-//! Captures of which some photos see no points.
+//! Captures in which some photos see no points.
 
 use crate::{PixelCnnRecipe, config};
 use std::path::Path;
 use weaver_io::Image;
 use weaver_trainer::{Config, Session};
 
-/// A capture of ten photos on a line, of which the first `blind` see none of its two points; they are behind all cameras if no
-/// photo does, for points that no photo is said to see are seen by those that they are before.
+/// A capture of ten photos on a line and two points, which the first `blind` photos do not see. If no photo sees them
+/// they lie behind all cameras, since points without observations count as seen by every camera in front of them.
 pub fn captured(folder: &Path, blind: usize) -> Config<PixelCnnRecipe> {
     let (images, model) = (folder.join("images"), folder.join("sparse/0"));
     std::fs::create_dir_all(&images).unwrap();

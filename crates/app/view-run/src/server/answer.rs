@@ -6,7 +6,7 @@ pub struct Answer {
     status: u16,
     kind: &'static str,
     pub body: Vec<u8>,
-    /// Its content security policy; that of the page if `None`.
+    /// Its content security policy; `None` takes the page's.
     policy: Option<&'static str>,
 }
 
@@ -23,7 +23,7 @@ impl Answer {
         Self::new("text/html; charset=utf-8", page.into_bytes())
     }
 
-    /// A report, which has styles, pictures and scripts of its own and asks nobody.
+    /// A report, which has styles, pictures and scripts of its own and sends no requests.
     pub fn report(page: String) -> Self {
         let policy = "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; worker-src blob:; \
                       frame-src 'self'; sandbox allow-scripts allow-downloads";

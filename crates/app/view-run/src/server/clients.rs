@@ -4,7 +4,7 @@ use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Bounds of what clients may take.
+/// Bounds of the resources of clients.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Connections at the same time. Further ones wait in the system's queue.
@@ -13,13 +13,13 @@ pub struct Limits {
     pub makers: usize,
     /// Bytes of answers that wait for their readers. Beyond that no other answer is begun.
     pub bytes: usize,
-    /// Longest wait for such room.
+    /// Longest wait for room below [`bytes`](Self::bytes).
     pub room: Duration,
-    /// Longest silence of a client that is asking.
+    /// Longest silence of a client within its request.
     pub asking: Duration,
     /// Longest time in which a client takes nothing of its answer: pages draw meanwhile, which may take seconds.
     pub sending: Duration,
-    /// Time for a request, and for an answer, beyond what its bytes have at the least rate.
+    /// Time for a request, and for an answer, beyond the time of its bytes at the least rate.
     pub grace: Duration,
     /// Least bytes per second.
     pub rate: f64,
@@ -44,7 +44,7 @@ impl Limits {
 /// A state of a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// The client has the word.
+    /// The client sends its request, or takes leave.
     Asking,
     /// The answer is being made.
     Making,
@@ -53,7 +53,7 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// Time of stillness after which another connection may take the place of this one.
+    /// Idle time after which another connection may take the place of this one.
     fn patience(self) -> Duration {
         match self {
             Self::Asking => Duration::from_millis(100),
@@ -95,7 +95,8 @@ impl Clients {
         Self { limits, state: Mutex::default(), changed: Condvar::new() }
     }
 
-    /// True if another connection may begin. Where all seats are taken, the one that has been still for longest is closed.
+    /// True if another connection may begin. Where all seats are taken, the one that has been still for longest is
+    /// closed.
     pub fn has_seat(&self) -> bool {
         let mut state = self.lock();
         if state.seats.len() >= self.limits.seats {
@@ -174,7 +175,8 @@ impl State {
         }
     }
 
-    /// Ends reading, which wakes those who wait for a client, or writing as well. A connection that is gone needs no end.
+    /// Ends reading, which wakes threads that wait for a client, or writing as well. A connection that is gone needs no
+    /// end.
     fn shut(&self, how: Shutdown) {
         self.seats.iter().for_each(|seat| drop(seat.stream.shutdown(how)));
     }

@@ -1,4 +1,4 @@
-//! Who is answered.
+//! Admission of requests.
 
 use super::answer::Answer;
 use super::listener::{Access, Listener};
@@ -19,8 +19,8 @@ impl Guard {
         Ok(Self { port: listener.port, token: super::random()?, access: listener.access })
     }
 
-    /// Refuses requests for other hosts, which pages from elsewhere make under names of their own, and those without the token where it
-    /// is needed.
+    /// Refuses requests for other hosts, which pages from elsewhere make under names of their own, and requests without
+    /// the token where it is needed.
     pub fn check(&self, request: &Request, query: &str, writes: bool) -> Result<(), Answer> {
         let host = request.host.as_deref().unwrap_or_default();
         let own = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));

@@ -4,7 +4,7 @@ use crate::Error;
 use std::io::ErrorKind;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 
-/// Who may ask a server.
+/// Clients that a server admits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Access {
     /// Programs on this machine, which need the token to write.
@@ -23,7 +23,7 @@ pub struct Listener {
 }
 
 impl Listener {
-    /// Takes a port, a free one if none is said: of the loopback alone, or of the network.
+    /// Takes a port, a free one if none is given: of the loopback alone, or of the network.
     ///
     /// # Errors
     /// When the port is not to be had.
@@ -79,8 +79,8 @@ impl Listener {
     }
 }
 
-/// The address that this machine has towards the network. A datagram socket is connected to one of the addresses kept for documentation,
-/// which sends nothing.
+/// The address that this machine has towards the network. A datagram socket is connected to one of the addresses kept
+/// for documentation, which sends nothing.
 fn address() -> Option<IpAddr> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
     socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;

@@ -1,4 +1,4 @@
-//! Requests, of which no byte is taken before its room is known.
+//! Requests, read only as far as their size is bounded.
 
 use super::answer::Answer;
 use std::io::{ErrorKind, Read};
@@ -98,7 +98,7 @@ fn value<'h>(headers: &[httparse::Header<'h>], name: &str) -> Result<Option<&'h 
     }
 }
 
-/// A number of bytes. One that no machine holds is only large.
+/// A number of bytes. One beyond 64 bits is taken for the largest.
 fn length(digits: &str) -> Result<u64, Answer> {
     if digits.is_empty() || !digits.bytes().all(|digit| digit.is_ascii_digit()) {
         return Err(Answer::text(400, "expected a Content-Length of digits"));
@@ -120,7 +120,7 @@ mod tests {
         }
     }
 
-    /// Everything of a request but how it came.
+    /// All parts of a request, without regard to the splits on its way.
     fn read(from: &mut impl Read) -> Result<Option<Request>, String> {
         let request = Request::read(from).map_err(|answer| answer.head(""))?;
         Ok(request.map(|request| Request { begun: Vec::new(), ..request }))

@@ -1,4 +1,4 @@
-//! One connection, every wait of which ends.
+//! One connection, with a bound on every wait.
 
 use super::answer::Answer;
 use super::clients::{Clients, Phase};
@@ -10,13 +10,13 @@ use std::time::{Duration, Instant};
 /// Bytes that are written at a time.
 const PART: usize = 1 << 16;
 
-/// A client that is connected: it asks once and is answered once.
+/// A connected client, with one request and one answer.
 #[derive(Debug)]
 pub struct Visit<'a> {
     clients: &'a Clients,
     stream: Arc<TcpStream>,
     number: u64,
-    /// When the request, or the answer, began, and its bytes since.
+    /// Time when the request, or the answer, began, and its bytes since.
     began: Instant,
     bytes: usize,
 }
@@ -32,7 +32,7 @@ impl<'a> Visit<'a> {
     /// Makes an answer, a costly one when there is room for it, sends it, and ends the connection.
     ///
     /// # Errors
-    /// When the client has gone, or takes too long: nobody is left to be told.
+    /// When the client has gone, or takes too long.
     pub fn answer(mut self, policy: &str, costly: bool, make: impl FnOnce() -> Answer) -> io::Result<()> {
         self.clients.moved(self.number, Phase::Making);
         let making = costly.then(|| self.clients.make_room());
@@ -57,7 +57,8 @@ impl<'a> Visit<'a> {
         self.stream.shutdown(Shutdown::Write)
     }
 
-    /// Waits a little for the client's end, for what it still sends would else reset the connection and lose it the answer.
+    /// Waits a little for the client's end: unread bytes that it still sends would reset the connection, and the answer
+    /// be lost.
     fn take_leave(&mut self) -> io::Result<()> {
         self.clients.moved(self.number, Phase::Asking);
         let (began, mut dropped) = (Instant::now(), [0; 4096]);
@@ -131,10 +132,10 @@ mod tests {
         leave: Duration::from_millis(50),
         ..Limits::USUAL
     };
-    /// A bound for what takes a fraction of a second.
+    /// A bound for work of a fraction of a second.
     const SOON: Duration = Duration::from_secs(20);
 
-    /// Both ends of a connection, that of the client first.
+    /// Both ends of a connection, the client's first.
     fn ends() -> [TcpStream; 2] {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
@@ -174,7 +175,7 @@ mod tests {
         assert!(begin.elapsed() < SOON && clients.make_room().is_some());
     }
 
-    /// While enough bytes wait for their readers, others are told so, in a time that is bounded.
+    /// While enough bytes wait for their readers, other clients are refused within a bounded time.
     ///
     /// Promise (servers): how far a run is, and its end, wait for no room.
     #[test]
@@ -186,7 +187,7 @@ mod tests {
         let mut answer = String::new();
         client.read_to_string(&mut answer).unwrap();
         assert!(answer.starts_with("HTTP/1.1 503 "), "{answer}");
-        // What costs little is answered all the same: how far a run is, and that it shall stop.
+        // Cheap requests are answered all the same: a run's progress, and its stop.
         let [mut client, server] = ends();
         // The client is still there when its time to leave is over.
         let _ = Visit::new(&clients, server).answer("", false, Answer::nothing);

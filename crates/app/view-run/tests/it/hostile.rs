@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use weaver_view::Look;
 use weaver_view_run::{Access, Listener, Moving, ScenePage, Server};
 
-/// A bound for what takes milliseconds, on a machine that does other things as well.
+/// A bound for work of milliseconds, on a machine that does other work as well.
 const SOON: Duration = Duration::from_secs(20);
 
 /// Everything up to the server's end of a connection, as far as there is no reset before.
@@ -23,7 +23,7 @@ fn rest(stream: &mut TcpStream) -> Vec<u8> {
     }
 }
 
-/// Bodies that are said to be large are refused before room is made for them, from whomever they come.
+/// Bodies declared as large are refused before room is made for them, from every client.
 ///
 /// Promise (servers): a body is refused by its length before room is made for it.
 #[test]
@@ -72,7 +72,7 @@ fn heads_are_bounded() {
             let mut stream = connect(&server);
             let _ = stream.write_all(first.as_bytes());
             let lines = part.repeat(1 << 16);
-            // Whoever is refused may meet a closed connection before everything is written.
+            // A refused client may meet a closed connection before everything is written.
             let written = (0..64).take_while(|_| stream.write_all(lines.as_bytes()).is_ok()).count();
             let answer = String::from_utf8(rest(&mut stream)).unwrap();
             assert!(answer.starts_with("HTTP/1.1 431 ") || (answer.is_empty() && written < 64), "{first}: {answer}");
@@ -108,7 +108,7 @@ fn a_crowd_of_silent_clients_holds_nobody() {
     server.during(|| {
         let mut crowd = Vec::new();
         for i in 0..1000 {
-            // Those that the system does not take any more are not there.
+            // Connections beyond the system's limit are skipped.
             let Ok(mut stream) = TcpStream::connect(&place) else { continue };
             let said = match i % 3 {
                 0 => "",
@@ -128,7 +128,7 @@ fn a_crowd_of_silent_clients_holds_nobody() {
     });
 }
 
-/// The server's end, and so the end of a fit, waits for nobody who does not read, is silent or goes on sending.
+/// The server's end, and so the end of a fit, waits for no client that does not read, is silent or goes on sending.
 ///
 /// Promise (servers): a fit ends without its page's readers.
 #[test]
@@ -209,7 +209,7 @@ fn a_taken_port_is_refused() {
     server.during(|| assert_eq!(get(&server, "/").0, 200));
 }
 
-/// A server for the network has an address for those in it.
+/// A server for the network has an address for clients in it.
 ///
 /// Promise (servers): clients on the network get an address that they can open.
 #[test]
@@ -282,8 +282,8 @@ impl Draws {
     }
 }
 
-/// Whatever is sent, the answer is one of HTTP or none, nothing is written without the token, and the next one is answered: hundreds of
-/// mutated requests, a million under stress.
+/// Every request gets an answer of HTTP or none, nothing is written without the token, and the next request is
+/// answered: hundreds of mutated requests, a million under stress.
 ///
 /// Promise (servers): mutated requests are answered or refused, a million under stress.
 #[test]

@@ -22,7 +22,7 @@ fn photo(path: &Path, color: [f32; 3]) {
     Image::filled(16, 12, color).write_png(path).unwrap();
 }
 
-/// A pipe in the place of a photo or of the report is no photo and no report, and nobody waits for its end.
+/// A pipe in the place of a photo or of the report is no photo and no report, and no request waits for its end.
 ///
 /// Promise (servers): a pipe as a photo blocks no one.
 #[cfg(unix)]
@@ -44,7 +44,7 @@ fn a_pipe_as_a_photo_holds_nobody() {
     });
 }
 
-/// Photos of one name in two folders are told apart by their folders, and where these are not there, nothing is shown.
+/// Photos of one name in two folders are distinguished by their folders, and without the folders nothing is shown.
 ///
 /// Promise (servers): photos of one name are distinguished by their folders.
 #[test]

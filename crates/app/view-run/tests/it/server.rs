@@ -1,4 +1,4 @@
-//! What the server answers, and what it refuses.
+//! Answers and refusals of the server.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -42,7 +42,7 @@ pub fn connect(server: &Server<'_>) -> TcpStream {
     stream
 }
 
-/// Status, headers and body of a request of which every byte is given.
+/// Status, headers and body of the answer to a request given byte by byte.
 pub fn ask(server: &Server<'_>, head: &str, body: &[u8]) -> (u16, String, Vec<u8>) {
     let mut stream = connect(server);
     stream.write_all(head.replace("PLACE", &place(server)).as_bytes()).unwrap();
@@ -90,7 +90,8 @@ pub fn post(server: &Server<'_>, path: &str, token: &str, body: &[u8]) -> (u16, 
     (status, String::from_utf8(body).unwrap())
 }
 
-/// As browsers ask for the photos of a page: many connections at the same time, which stay open unless the server says otherwise.
+/// As browsers request the photos of a page: many connections at the same time, which stay open unless the server says
+/// otherwise.
 ///
 /// Promise (scenes): all photos of a page come, however many are asked for at once.
 #[test]

@@ -54,7 +54,7 @@ fn photos_of_a_camera_file_stand_beside_renders() {
         browser.wait("document.getElementById('photo').naturalWidth === 64");
         assert_eq!(browser.text("document.querySelector('#strip span').textContent"), "b <i>");
     });
-    // The same in one file.
+    // The page as one file.
     let page = scene_page.html(Default::default()).unwrap();
     let html = folder.path().join("view.html");
     std::fs::write(&html, page).unwrap();
@@ -64,7 +64,8 @@ fn photos_of_a_camera_file_stand_beside_renders() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
-/// Gaussians of a run that diverged, with numbers that are none or too large, are served and leave a page that one can use.
+/// Gaussians of a run that diverged, with numbers that are none or too large, are served and leave a page that one can
+/// use.
 ///
 /// Promise of `an_address_without_a_view_changes_nothing`.
 #[test]
@@ -148,7 +149,7 @@ fn a_page_follows_a_run_and_ends_it() {
     server.during(|| {
         log("{\"step\":1,\"loss\":0.9,\"psnr\":12}\n{\"step\":2,\"loss\":0.5,\"psnr\":14.5}\n");
         browser.open_page(&server.address());
-        // What was before the page was opened is there, too.
+        // Records from before the page was opened are there, too.
         browser.wait("document.querySelectorAll('#curves figure').length === 2");
         assert_eq!(browser.text("document.getElementById('done').textContent"), "Step 2 of 50");
         save(25);
@@ -165,7 +166,7 @@ fn a_page_follows_a_run_and_ends_it() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
-/// The slider shows other times, what is hidden stays hidden, and the film plays.
+/// The slider shows other times, hidden Gaussians stay hidden, and the film plays.
 #[test]
 fn a_scene_that_moves_is_shown_at_any_time() {
     let Some(browser) = Browser::start("a_scene_that_moves") else { return };
@@ -249,7 +250,7 @@ fn a_run_is_followed_at_any_time_of_its_film() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
-/// A click shows what is like the Gaussian there, and selects it.
+/// A click shows the Gaussians similar to the clicked one, and selects them.
 ///
 /// Promise (scenes): a click shows and selects the Gaussians whose features are like the clicked one's.
 #[test]

@@ -1,9 +1,10 @@
-//! Fits in a time, and what is met before it is spent.
+//! Fits in a time, and faults found before it is spent.
 
 use super::{captured, fit, json, small};
 use crate::in_process::splatweaver;
 
-/// promise: a time that is too short makes a scene of the least steps all the same, says what they take, and how much more it was than was asked for.
+/// promise: a time that is too short makes a scene of the least steps all the same; their time is printed, and the
+/// excess at the end.
 ///
 /// Promise (fits): a time that is too short makes a scene of 200 steps; the time that these take is printed, and the
 /// excess at the end.

@@ -12,7 +12,8 @@ fn scene(folder: &Path, out: &str) -> Vec<u8> {
     std::fs::read(folder.join(out).join("scene.ply")).unwrap()
 }
 
-/// promise: 1, 2 and 4 processes come to the same scene, also where a fit goes on with another number of them, and as a unit of work.
+/// promise: 1, 2 and 4 processes come to the same scene, also where a fit goes on with another number of them, and as a
+/// unit of work.
 ///
 /// Promise (kept): under `mpirun`, a fit of 1, 2 and 4 processes is the same scene, a killed process ends all and
 /// another number goes on; too many processes, other photos and a full disk end all with the reason.

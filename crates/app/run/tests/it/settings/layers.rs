@@ -98,7 +98,7 @@ fn what_toml_cannot_hold_is_an_error() {
     assert!(message.starts_with("defaults: ") && message.contains("u64"), "{message}");
 }
 
-/// Keys that a layer gives are told from those of the defaults, whatever their values.
+/// Keys given by a layer are distinguished from defaults, also where the values are equal.
 #[test]
 fn given_keys_are_known() {
     let folder = tempfile::tempdir().unwrap();

@@ -28,7 +28,7 @@ fn numbers_out_of_range_are_refused() {
     }
 }
 
-/// The range of a key belongs to the variant that is there.
+/// The range of a key belongs to the current variant.
 #[test]
 fn another_variant_has_other_ranges() {
     let mut layers = Layers::new(&defaults()).unwrap();

@@ -28,9 +28,9 @@ fn everything(settings: &[&str]) -> Config {
     config
 }
 
-/// Allocations of the first step of the stage `everything`, and of the one after the warm-up: loss, gradients, clipping,
-/// optimizer, average and reset. It runs on a thread of the pool, so that what the kernels hand to the pool is counted,
-/// too.
+/// Allocations of the first step of the stage `everything`, and of the one after the warm-up: loss, gradients,
+/// clipping, optimizer, average and reset. It runs on a thread of the pool, so that work that the kernels hand to the
+/// pool is counted, too.
 fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
@@ -56,7 +56,7 @@ fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
         let (mut tape, workspaces) = (Tape::new(), WorkspacePool::new());
         let start = params.clone();
         let mut step = |index: u64| {
-            // The same weights each time: other Gaussians touch other numbers of tiles, which is another shape.
+            // The same weights each time: other Gaussians touch other numbers of tiles, which changes shapes.
             for (id, param) in start.iter() {
                 params.value_mut(id).copy_from_slice(param.value());
             }
@@ -100,7 +100,7 @@ fn a_step_allocates_nothing() {
 
 #[test]
 fn no_loss_allocates() {
-    // Those that the stage has not: the published ones.
+    // Losses that the stage lacks: the published ones.
     let config = everything(&[
         NO_SEARCH,
         "stages.1.losses.pose.huber=10",

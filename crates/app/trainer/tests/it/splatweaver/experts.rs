@@ -1,4 +1,4 @@
-//! Experts that training never used are spoken of before they are.
+//! Experts that training never used are named before they are used.
 
 use crate::capture;
 use weaver_inference::{Checkpoint, Density, Predictor, SplatWeaverPredictor};
@@ -58,7 +58,7 @@ fn untrained_experts_are_named_and_trained_ones_pass() {
     assert_eq!(of_run.remark(Density::default()), None);
 }
 
-/// A run that is evaluated by what it does not train says so before it begins.
+/// A run whose evaluation uses untrained experts reports it before it begins.
 #[test]
 fn evaluation_by_untrained_experts_is_warned_of() {
     let plan = |settings: &[&str]| Session::new(resolve(settings)).unwrap().plan();

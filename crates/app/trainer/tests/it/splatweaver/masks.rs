@@ -1,4 +1,4 @@
-//! What masks leave out counts for nothing: not in training, not in allocation, not in evaluation.
+//! Masked pixels have no effect: not in training, not in allocation, not in evaluation.
 
 use super::switch_off::{everything, reports};
 use crate::capture;
@@ -17,7 +17,7 @@ use weaver_trainer::{Example, Recipe, Session, scenes};
 
 type Config = weaver_trainer::Config<SplatWeaverRecipe>;
 
-/// A capture of which the right part of each photo is masked and shows garbage.
+/// A capture with the right part of each photo masked and full of garbage.
 fn captured(folder: &Path, garbage: f32) {
     let mut truth = scene(3, &ProceduralOptions { width: 40, height: 32, views: 9 });
     std::fs::create_dir_all(folder.join("masks")).unwrap();

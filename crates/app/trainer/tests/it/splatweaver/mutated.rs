@@ -6,7 +6,7 @@ use weaver_kernels::random::Stream;
 use weaver_trainer::Config;
 use weaver_trainer::splatweaver::SplatWeaverRecipe;
 
-/// Memory that a reader may hold: so many times its input, and some more.
+/// Memory that a reader may hold: a multiple of its input, and a constant.
 const TIMES: u64 = 64;
 const MORE: u64 = 4 << 20;
 

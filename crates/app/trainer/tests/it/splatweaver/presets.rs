@@ -1,4 +1,4 @@
-//! Every preset trains, made small where it must be; and what only some presets ask for does what it says.
+//! Every preset trains, made small where it must be; and settings of single presets take effect.
 
 use super::switch_off::{everything, everything_built_in, reports, term};
 use crate::capture;
@@ -111,10 +111,10 @@ fn endless_scenes_are_fresh_ones() {
     assert_eq!((first.len(), changed), (16, 1), "one of sixteen at every second step");
 }
 
-/// Given cameras leave nothing to what the network says of them.
+/// Given cameras replace the network's predictions of them altogether.
 #[test]
 fn given_cameras_replace_predicted_ones() {
-    // With a camera head that moves, renders of predicted cameras change; those of given ones do not.
+    // With a camera head that moves, renders from predicted cameras change; renders from given cameras do not.
     let mse = |cameras: &str, gain: &str| -> f32 {
         let config = everything(
             1,

@@ -1,4 +1,4 @@
-//! The range of every number of the configuration, and what must fit together.
+//! The range of every number of the configuration, and conditions across keys.
 
 use std::collections::BTreeSet;
 use weaver_autograd::Params;

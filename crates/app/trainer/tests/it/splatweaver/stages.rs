@@ -1,4 +1,4 @@
-//! What stages may leave as it is, recompute, and draw.
+//! Frozen parts, recomputation and samplers of stages.
 
 use super::switch_off::reports;
 use crate::capture;
@@ -76,7 +76,7 @@ fn what_is_frozen_must_be_there_and_leave_something() {
     let all = "[\"aggregator\", \"camera_head\", \"depth_head\", \"gaussian_param_head\"]";
     let nothing = message(&[&format!("stages.0.frozen={all}")]);
     assert!(nothing.contains("stages.0.frozen: expected a part that is left to train"), "{nothing}");
-    // Of what the losses of a stage reach, all is frozen.
+    // All parts that the losses of the stage reach are frozen.
     let mut session = Session::new(config(10, &["stages.0.frozen=[\"aggregator\", \"camera_head\"]"])).unwrap();
     let unreached = session.advance().expect_err("an error").to_string();
     assert!(unreached.contains("stages.0.frozen: expected a part to learn"), "{unreached}");
@@ -101,7 +101,7 @@ fn recomputing_takes_less_memory() {
     assert!(10 * few < 8 * all, "{few} of {all} bytes");
 }
 
-/// Samplers and numbers of views change what is trained.
+/// Samplers and numbers of views change the training.
 ///
 /// Promise of `a_gap_is_bounded`.
 #[test]
@@ -116,7 +116,7 @@ fn samplers_and_views_change_the_run() {
     assert_ne!(losses(&["data.sampler=bounded-gap"]), nearest);
     assert_ne!(losses(&["data.sampler=uniform"]), nearest);
     let more = losses(&["data.most_context_views=4"]);
-    // The same seed draws the same scene and pool; steps of as many views are the same.
+    // The same seed draws the same scene and pool; steps with the same number of views are equal.
     assert!(more != nearest && more[0] != more[1]);
     assert_eq!(losses(&["data.most_context_views=2"]), nearest);
 

@@ -22,7 +22,7 @@ pub fn everything(steps: usize, settings: &[&str]) -> Config {
     config
 }
 
-/// The stage `everything` alone, a number of steps long, on the built-in scenes or those that the settings name.
+/// The stage `everything` alone, a number of steps long, on the built-in scenes or the scenes of the settings.
 pub fn everything_built_in(steps: usize, settings: &[&str]) -> Config {
     let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
     let mut config = Config::resolve(Some("micro"), None, &settings).unwrap();

@@ -1,4 +1,4 @@
-//! Every switch of the model and of its training changes what it names, and trains.
+//! Every switch of the model and of its training takes effect, and trains.
 
 use super::switch_off::{everything, reports};
 use crate::capture;
@@ -19,7 +19,7 @@ use weaver_wavelet::{Wavelet, energy};
 struct Seen {
     /// Names of the parameters.
     names: Vec<String>,
-    /// Wavelet energy, and what the two wavelets say it is.
+    /// Wavelet energy of the model, and as computed with each of the two wavelets.
     energy: Vec<f32>,
     haar: Vec<f32>,
     db2: Vec<f32>,
@@ -107,7 +107,7 @@ fn trains(settings: &[&str]) -> (f32, f32) {
     (found[2].loss as f32, found[2].scalar("gaussians_per_pixel").unwrap() as f32)
 }
 
-/// The frequency prior is what the router sees of wavelets.
+/// The frequency prior is the router's only input from wavelets.
 ///
 /// Promise of `terms_are_there_where_they_have_a_weight`.
 #[test]
@@ -175,7 +175,7 @@ fn energy_is_that_of_the_wavelet() {
     assert_ne!(trains(&["model.gaussians.wavelet=haar"]).0, trains(&["model.gaussians.wavelet=db2"]).0);
 }
 
-/// Offsets and scales are those of the parametrization.
+/// Offsets and scales follow the parametrization.
 ///
 /// Promise of `terms_are_there_where_they_have_a_weight`.
 #[test]
