@@ -1,15 +1,11 @@
 //! The wall between the product and the published methods: no source below `crates/` names a method's crate, but for
-//! the tables of the command line.
+//! the table of the command line.
 
 use super::sources::Source;
 use super::{Workspace, floors};
 
 /// Files that may name methods.
-const DOORS: &[&str] =
-    &["crates/app/cli/Cargo.toml", "crates/app/cli/src/methods.rs", "crates/app/cli/src/models.rs", RECIPES];
-
-/// A folder that names the networks of methods until their recipes lie beside them.
-const RECIPES: &str = "crates/app/recipes/";
+const DOORS: &[&str] = &["crates/app/cli/Cargo.toml", "crates/app/cli/src/methods.rs"];
 
 pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     let methods = workspace.packages.iter().filter(|package| floors::of(package) == floors::METHODS);

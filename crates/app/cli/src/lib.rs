@@ -7,7 +7,6 @@ mod commands;
 mod failure_kind;
 mod flags;
 mod methods;
-mod models;
 mod old_names;
 mod paths;
 mod processes;

@@ -5,6 +5,7 @@ use clap::Subcommand;
 #[cfg(not(all(feature = "dynamic", feature = "image", feature = "lidar")))]
 use std::path::Path;
 use weaver_command::{Console, Failure, Interrupt};
+use weaver_trainer::Registry;
 
 #[cfg(feature = "dynamic")]
 pub use weaver_dynamic::command::film;
@@ -39,6 +40,16 @@ table! {
     }
 }
 
+/// The models that a name selects: SplatWeaver, and those of methods, a row each.
+pub fn models() -> Registry {
+    let registry = Registry::default();
+    #[cfg(feature = "two-experts")]
+    let registry = registry.with::<weaver_two_experts::TwoExpertsRecipe>();
+    #[cfg(feature = "wild")]
+    let registry = registry.with::<weaver_wild::WildRecipe>();
+    registry
+}
+
 /// In place of methods that the program was built without.
 #[cfg(not(feature = "dynamic"))]
 pub fn film(
@@ -68,4 +79,24 @@ pub fn map_views<T>(
 fn left_out(path: &Path, method: &str) -> Failure {
     let path = path.display();
     Failure::message(format!("{path}: expected a program that was built with `{method}`, found one without it"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::models;
+
+    #[test]
+    fn models_are_found_by_name() {
+        let registry = models();
+        let names: Vec<&str> = registry.iter().map(|entry| entry.name()).collect();
+        let methods: [(bool, &str); 2] =
+            [(cfg!(feature = "two-experts"), "two-experts"), (cfg!(feature = "wild"), "wild")];
+        let expected = methods.iter().filter(|(built, _)| *built).map(|(_, name)| *name);
+        assert_eq!(names, ["splatweaver"].into_iter().chain(expected).collect::<Vec<_>>());
+        for entry in registry.iter() {
+            for preset in entry.presets() {
+                assert!(entry.annotated(preset).unwrap().contains("architecture"), "{preset}");
+            }
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! `splatweaver config`.
 
-use crate::models;
+use crate::methods;
 use clap::Args;
 use weaver_command::{Console, Failure};
 
@@ -26,7 +26,7 @@ pub fn run(arguments: &Config, console: &mut Console) -> Result<(), Failure> {
     if arguments.fit {
         return console.print(&weaver_run::settings::annotate(&weaver_fit::FitSettings::default())?);
     }
-    let registry = models::registry();
+    let registry = methods::models();
     let entry = registry.find(arguments.model.as_deref())?;
     let preset = arguments.preset.as_deref().unwrap_or(entry.presets()[0]);
     console.print(&entry.annotated(preset)?)

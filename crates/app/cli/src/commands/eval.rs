@@ -2,7 +2,7 @@
 
 use super::align::{self, LOSSES, METHODS};
 use crate::flags::{CameraChoice, DensityFlags, RefineFlags};
-use crate::models;
+use crate::methods;
 use crate::refine::refined;
 use clap::Args;
 use serde_json::json;
@@ -231,12 +231,12 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
 /// Opens the networks that are judged, with their names.
 fn opened(arguments: &Eval) -> Result<Vec<(String, OpenRun)>, Failure> {
     if let Some(weights) = &arguments.weights {
-        return Ok(vec![(weights.display().to_string(), models::registry().open_weights(weights)?)]);
+        return Ok(vec![(weights.display().to_string(), methods::models().open_weights(weights)?)]);
     }
     if arguments.run.is_empty() {
         return Ok(vec![("built-in".into(), OpenRun::built_in()?)]);
     }
-    let registry = models::registry();
+    let registry = methods::models();
     let open = |path: &PathBuf| {
         let folder = RunFolder::at(path);
         Ok((path.display().to_string(), registry.of_run(&folder)?.open(&folder)?))

@@ -2,7 +2,7 @@
 
 use super::view::{self, Seen};
 use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, DensityFlags, LightFlags, MatchingFlags, RefineFlags};
-use crate::models;
+use crate::methods;
 use crate::refine::refined;
 use clap::{ArgGroup, Args};
 use serde_json::json;
@@ -237,11 +237,11 @@ fn own(
     let (mut predictor, seed): (Box<dyn Predictor>, u64) = match (&arguments.run, &arguments.weights) {
         (Some(run), _) => {
             let folder = RunFolder::at(run);
-            let run = models::registry().of_run(&folder)?.open(&folder)?;
+            let run = methods::models().of_run(&folder)?.open(&folder)?;
             (run.predictor, run.seed)
         }
         (None, Some(weights)) => {
-            let run = models::registry().open_weights(weights)?;
+            let run = methods::models().open_weights(weights)?;
             (run.predictor, arguments.seed.unwrap_or(run.seed))
         }
         (None, None) => (Box::new(SplatWeaverPredictor::built_in()?), 0),

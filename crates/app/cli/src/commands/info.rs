@@ -2,8 +2,7 @@
 
 mod json;
 
-use crate::methods::describe_picture;
-use crate::models;
+use crate::methods;
 use clap::Args;
 use json::of_json;
 use serde_json::Value;
@@ -63,7 +62,7 @@ fn described(path: &Path) -> Result<String, Failure> {
         "ckpt" | "pt" | "pth" => of_torch(path),
         "bin" if !["cameras.bin", "images.bin", "points3d.bin"].contains(&name.as_str()) => of_bin(path),
         "json" if is_of_results(path)? => of_json(path),
-        "wgi" => describe_picture(path),
+        "wgi" => methods::describe_picture(path),
         _ if path.is_file() && weaver_clip::is_clip(path) => Ok(weaver_clip::info(path)?),
         _ => Ok(weaver_io::info(path)?),
     }
@@ -97,7 +96,7 @@ fn of_bin(path: &Path) -> Result<String, Failure> {
 }
 
 fn of_run(run: &RunFolder) -> Result<String, Failure> {
-    let config = models::registry().of_run(run)?.read(run)?;
+    let config = methods::models().of_run(run)?.read(run)?;
     let mut text = format!("run of {}, preset {}\n", config.architecture, config.preset);
     if run.checkpoint_path().is_file() {
         let checkpoint = Checkpoint::read(&run.checkpoint_path())?;

@@ -1,6 +1,6 @@
 //! `splatweaver train`.
 
-use crate::models;
+use crate::methods;
 use crate::processes::{network, together};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -121,7 +121,7 @@ fn run_in(
         }
         Ok(Some(session))
     };
-    let registry = models::registry();
+    let registry = methods::models();
     let rasterizer = device::rasterizer(&arguments.device)?;
     if let Some(path) = &arguments.resume {
         let folder = RunFolder::at(path);

@@ -1,6 +1,6 @@
 //! Where the Gaussians of a fit begin.
 
-use crate::models;
+use crate::methods;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use weaver_command::Failure;
@@ -75,7 +75,7 @@ impl Start {
 /// Predicts Gaussians of the photos to fit to, thinned so that there is room to work in.
 fn predicted(folder: Option<&RunFolder>, settings: &RunSettings) -> Result<Gaussians, Box<dyn Error + Send + Sync>> {
     let mut run = match folder {
-        Some(folder) => models::registry().of_run(folder)?.open(folder)?,
+        Some(folder) => methods::models().of_run(folder)?.open(folder)?,
         None => OpenRun::built_in()?,
     };
     let [height, width] = run.predictor.image_size();
