@@ -134,7 +134,7 @@ fn cameras_of_further_photos_are_predicted_along() {
         let alone =
             predictor.predict(example.context_photos(), CameraSource::Predicted, Density::default(), stream).unwrap();
         assert_ne!(alone.predicted[1].pose, joint.prediction.predicted[1].pose, "the further photo was not seen");
-        // // With given cameras, the geometry expert has no influence.
+        // With given cameras, the geometry expert has no influence.
         let given = CameraSource::Given(example.context());
         let made = predictor.predict(example.context_photos(), given, Density::default(), stream).unwrap();
         assert_eq!(made.cameras[1].pose, example.context()[1].pose);
