@@ -121,7 +121,7 @@ fn experts_and_gate_equal_the_reference() {
     assert_gradients(&file, &params, &tape);
 }
 
-/// Permuting experts and the columns that take their scores changes nothing.
+/// Permuting experts and their columns of the gate's input changes nothing.
 #[test]
 fn the_gate_does_not_care_for_the_order_of_experts() {
     let mut params = Params::<f64>::new();
