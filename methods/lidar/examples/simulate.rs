@@ -2,8 +2,8 @@
 //! `cargo run --release -p weaver-lidar --features command --example simulate -- FOLDER room|street COUNT [SEED] [moving]`.
 //!
 //! Writes `FOLDER/scans/NNNN.bin` (or .ply with times, while the sensor moves) and `FOLDER/poses.txt` of a loop through
-//! the room, or of a drive along the street, half a meter from scan to scan, `truth.ply`, the points of its surfaces
-//! that the sensor can see, and `mesh.ply`.
+//! the room, or of a drive along the street, half a meter from scan to scan, `truth.ply`, the visible points of its
+//! surfaces, and `mesh.ply`.
 
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
