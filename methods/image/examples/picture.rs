@@ -1,5 +1,6 @@
 //! A photo as Gaussians:
-//! `cargo run --release -p weaver-image --example picture -- PHOTO OUT.png [RATIO] [STEPS] [published] [coarse] [whole]`.
+//! `cargo run --release -p weaver-image --example picture -- PHOTO OUT.png [RATIO] [STEPS]
+//! [published] [coarse] [whole]`.
 //!
 //! Fits the middle 512 x 512 pixels, or the whole, prints decibels on the way, and writes the photo beside the drawing.
 

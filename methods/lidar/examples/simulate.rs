@@ -1,5 +1,6 @@
 //! Scans of a simulated world:
-//! `cargo run --release -p weaver-lidar --features command --example simulate -- FOLDER room|street COUNT [SEED] [moving]`.
+//! `cargo run --release -p weaver-lidar --features command --example simulate -- FOLDER room|street COUNT
+//! [SEED] [moving]`.
 //!
 //! Writes `FOLDER/scans/NNNN.bin` (or .ply with times, while the sensor moves) and `FOLDER/poses.txt` of a loop through
 //! the room, or of a drive along the street, half a meter from scan to scan, `truth.ply`, the visible points of its
