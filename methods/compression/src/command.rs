@@ -22,7 +22,7 @@ use weaver_run::{Folder, Job, Run};
 
 /// Compares methods on scenes, and prints a table or JSON. With a folder, it saves when it is interrupted.
 ///
-/// Fails where a scene, cameras or photos cannot be read, where a method fails, and where results cannot be written.
+/// Fails on unreadable scenes, cameras or photos, on a failing method, and on results that cannot be written.
 pub fn run(arguments: &BenchCompress, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || compare(arguments, console, interrupt))
 }

@@ -14,7 +14,7 @@ struct Place<T> {
     cell: usize,
     x: T,
     y: T,
-    /// Cells per unit of each coordinate; 0 where it was clamped.
+    /// Cells per unit of each coordinate; 0 for a clamped coordinate.
     slope: [T; 2],
 }
 

@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some("street") => (LidarWorld::street(seed), street_drive(count + 1, 0.5)),
         _ => return Err("expected room or street".into()),
     };
-    // Where the last sweep ends.
+    // Pose at the end of the last sweep.
     let end = if poses.len() > count { poses.remove(count) } else { poses[0] };
     std::fs::create_dir_all(folder.join("scans"))?;
     for (i, pose) in poses.iter().enumerate() {

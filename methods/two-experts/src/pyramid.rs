@@ -40,7 +40,7 @@ pub struct PyramidConfig {
     pub group: usize,
     /// Channels in which levels are added up: a multiple of 4.
     pub features: usize,
-    /// True if attention across views knows the cameras.
+    /// True if attention across views uses the cameras.
     pub cameras: bool,
     /// True if rays are in world coordinates; false, in the frame of their own camera, is for ablations.
     pub world_rays: bool,
@@ -75,9 +75,9 @@ pub struct Features<'t, T: Real = f32> {
 ///
 /// Patches of rays and colors are tokens of three levels: within each view; within it and, in turns, in groups of
 /// neighboring views; within it and, in turns, across all views. Between levels 2 x 2 patches become one. Where tokens
-/// of several views meet, attention knows their cameras ([`weaver_nn::projective_attention`]). The levels are added up
-/// at the resolution of the patches; one linear layer makes all numbers of a patch's pixels. Parameters have the names
-/// of the published checkpoint.
+/// of several views meet, attention depends on their cameras ([`weaver_nn::projective_attention`]). The levels are
+/// added up at the resolution of the patches; one linear layer makes all numbers of a patch's pixels. Parameters have
+/// the names of the published checkpoint.
 #[derive(Clone, Debug)]
 pub struct Pyramid {
     config: PyramidConfig,

@@ -32,7 +32,7 @@ impl Chart<'_> {
         for (t, share) in self.anomalous.iter().enumerate().filter(|(_, share)| **share > 0.0) {
             let (from, to) = (x_of(t as f32), x_of(t as f32 + 1.0));
             for x in from as usize..(to.ceil() as usize).min(WIDTH) {
-                // How much of the pixel lies in the snippet.
+                // Overlap of the pixel and the snippet.
                 let inside = (to.min(x as f32 + 1.0) - from.max(x as f32)).clamp(0.0, 1.0);
                 (top as usize..bottom as usize).for_each(|y| blend(&mut image, x, y, BAND, share * inside));
             }

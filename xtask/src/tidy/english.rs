@@ -3,7 +3,23 @@
 use super::sources::Source;
 
 /// Folders that the rules hold for.
-const FOLDERS: &[&str] = &["crates/engine", "crates/scene", "crates/photos", "crates/fit", "crates/nets", "docs"];
+const FOLDERS: &[&str] = &[
+    "crates/engine",
+    "crates/scene",
+    "crates/photos",
+    "crates/fit",
+    "crates/nets",
+    "docs",
+    "methods/compression",
+    "methods/dynamic",
+    "methods/image",
+    "methods/lidar",
+    "methods/lift",
+    "methods/studies",
+    "methods/two-experts",
+    "methods/vad",
+    "methods/wild",
+];
 
 /// Pages made of the texts of the program, whose lines do not wrap.
 const GENERATED: &[&str] = &["docs/reference/flags.md", "docs/reference/python/"];

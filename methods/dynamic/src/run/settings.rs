@@ -102,7 +102,7 @@ pub enum Stage {
         /// Steps.
         steps: usize,
     },
-    /// An expert by photos where the gate believes it, by the mixture elsewhere.
+    /// An expert by photos at pixels of its own, as weighted by the gate, and by the mixture elsewhere.
     Distil {
         /// Index of the expert, from 0.
         index: usize,

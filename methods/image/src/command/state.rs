@@ -28,7 +28,7 @@ pub fn insert(state: &FitState, tensors: &mut Tensors) {
     tensors.insert(COUNTS, &[3], vec![state.step, state.first, state.reset]);
 }
 
-/// True if a checkpoint is of a fit; false where it is between two pictures.
+/// True if a checkpoint is of a fit; false for one between two pictures.
 pub fn is_under_way(tensors: &Tensors) -> bool {
     tensors.tensors.contains_key(COUNTS)
 }

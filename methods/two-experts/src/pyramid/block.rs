@@ -1,4 +1,4 @@
-//! A transformer block without biases, whose attention may know positions and cameras.
+//! A transformer block without biases, whose attention may depend on positions and cameras.
 
 use super::positions::Positions;
 use weaver_autograd::ops::{self, Activation};

@@ -154,7 +154,7 @@ fn load(file: &Fixture, params: &mut Params<f64>) {
     assert_eq!(params.len(), file.keys().filter(|key| key.starts_with("w.")).count(), "every weight has a parameter");
 }
 
-/// Every gradient: in full where the file has it, and its norm, sum and weighted sum.
+/// Every gradient: in full if the file holds it, and its norm, sum and weighted sum.
 fn assert_gradients(file: &Fixture, params: &Params<f64>, tape: &Tape<f64>) {
     for (id, param) in params.iter() {
         let gradient = tape.param_grad(id).unwrap_or_else(|| panic!("{}: no gradient", param.name()));
