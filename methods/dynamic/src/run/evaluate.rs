@@ -39,7 +39,7 @@ pub struct Scores {
     pub oracle: Quality,
     /// Mean gate of each expert.
     pub shares: Vec<f64>,
-    /// Of the pixels at which experts differ, the share at which the gate's first choice is as good as the best expert.
+    /// Share of the pixels with differing experts at which the gate's first choice is as good as the best expert.
     pub right: f64,
 }
 

@@ -122,6 +122,7 @@ fn a_mesh_in_another_unit_is_asked_about() {
 
 /// A square that a scan shows one millimeter lower, and distant points, which do not count as errors; a mesh in another
 /// unit is refused by name.
+///
 /// Promise (results): surfaces are measured as benchmarks do: a cloud moved by a millimeter is a millimeter off, far
 /// points and points outside the box do not count, points are spread.
 #[test]

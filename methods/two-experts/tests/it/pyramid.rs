@@ -63,7 +63,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 64))]
 
-    /// Of means, colors and opacities, by photos, poses and focal lengths, through rays, attention and directions.
+    /// Gradients of means, colors and opacities by photos, poses and focal lengths, through rays, attention and directions.
     #[test]
     fn gradients_of_photos_and_cameras(seed in 0u64..1_000_000, published: bool) {
         let (params, network) = network(config());
@@ -113,6 +113,7 @@ proptest! {
     }
 
     /// Equal cameras, wherever they stand, and positions 0: plain attention. The same holds within a single view.
+    ///
     /// Promise of `attention_knows_no_world`.
     #[test]
     fn one_camera_is_none(seed in 0u64..1_000_000) {

@@ -59,7 +59,7 @@ fn shown(judged: &Judged) -> Vec<usize> {
     abnormal.into_iter().chain(normal).collect()
 }
 
-/// Of the snippets with a score of at least 0.5, the share with each expert's score as the highest, percent.
+/// For each expert, the percentage of snippets with a score of at least 0.5 at which its own score is the highest.
 fn leading(curves: &[Curves], experts: usize) -> Vec<String> {
     let mut leads = vec![0_usize; experts];
     for of in curves {
