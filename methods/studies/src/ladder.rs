@@ -201,8 +201,8 @@ impl Ladder {
         }
     }
 
-    /// Of the snippets of events, and of the others of their videos, the shares with more than half of the video's
-    /// highest score.
+    /// Shares of snippets with more than half of their video's highest score: among snippets of events, and among the
+    /// other ones of the same videos.
     fn above_half(&self, detector: &Detector) -> Result<[f64; 2]> {
         let (mut above, mut all) = ([0.0; 2], [0.0; 2]);
         for video in self.test.iter().filter(|video| video.class.is_some()) {

@@ -8,7 +8,7 @@ use weaver_run::state::{put_optimizer, take_optimizer};
 
 /// Factor on the rate of positions at the end of a stage.
 const SLOWER: f64 = 0.01;
-/// Factor on the rate of networks and planes at the end of a stage. At its first rate, a field would diverge again.
+/// Factor on the rate of networks and planes at the end of a stage. At its first rate, a field would lose its gains.
 const NETWORK_SLOWER: f64 = 0.1;
 /// Factor on the rate of the router's weights after this number of steps, in exponential decay, and from then on.
 const ROUTER_SLOWER: (f64, f64) = (0.01, 10_000.0);
