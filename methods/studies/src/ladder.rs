@@ -202,7 +202,7 @@ impl Ladder {
     }
 
     /// Shares of snippets with more than half of their video's highest score: among snippets of events, and among the
-    /// other ones of the same videos.
+    /// other snippets of the same videos.
     fn above_half(&self, detector: &Detector) -> Result<[f64; 2]> {
         let (mut above, mut all) = ([0.0; 2], [0.0; 2]);
         for video in self.test.iter().filter(|video| video.class.is_some()) {

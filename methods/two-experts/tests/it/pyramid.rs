@@ -63,7 +63,8 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 64))]
 
-    /// Gradients of means, colors and opacities by photos, poses and focal lengths, through rays, attention and directions.
+    /// Gradients of means, colors and opacities by photos, poses and focal lengths, through rays, attention and
+    /// directions.
     #[test]
     fn gradients_of_photos_and_cameras(seed in 0u64..1_000_000, published: bool) {
         let (params, network) = network(config());
