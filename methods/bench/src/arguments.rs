@@ -34,10 +34,10 @@ pub enum Subject {
 
 /// Draws a scene of Gaussians again and again, forward and backward: medians per stage.
 ///
-/// The first time is not counted. Outputs and gradients go to memory that is used again. A workload file is safetensors,
-/// all F32: means [N,3], quats [N,4] (wxyz), scales [N,3], opacities [N], colors [N,3] or sh [N,K,3], viewmat [4,4]
-/// (world to camera), K [3,3], background [3]; the gradients that arrive: v_image [H,W,3], v_alpha [H,W] and, if wanted,
-/// v_depth [H,W]; metadata: width, height and, if wanted, mode (classic or antialiased).
+/// The first time is not counted. Outputs and gradients go to memory that is used again. A workload file is
+/// safetensors, all F32: means [N,3], quats [N,4] (wxyz), scales [N,3], opacities [N], colors [N,3] or sh [N,K,3],
+/// viewmat [4,4] (world to camera), K [3,3], background [3]; the gradients that arrive: v_image [H,W,3], v_alpha [H,W]
+/// and, if wanted, v_depth [H,W]; metadata: width, height and, if wanted, mode (classic or antialiased).
 #[derive(Args, Debug)]
 #[command(group(ArgGroup::new("scene").required(true).args(["workload", "synthetic"])))]
 #[command(after_help = "Examples:
@@ -73,8 +73,8 @@ pub struct BenchRaster {
 /// Fits a scene for some steps: medians of the parts of a step, beside what the machine needs for them at least.
 ///
 /// Photos are seen at their full size, with harmonics of degree 3. A synthetic scene is fitted to its own picture with
-/// noise and keeps its number of Gaussians. A capture's begins on its points and grows to 30,000 over three times as many
-/// steps as are counted, which come last.
+/// noise and keeps its number of Gaussians. A capture's begins on its points and grows to 30,000 over three times as
+/// many steps as are counted, which come last.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver bench fit --synthetic 1000000,1280,720 --threads 2
@@ -98,7 +98,8 @@ pub struct BenchFit {
     pub threads: Threads,
 }
 
-/// Draws a mixture of experts in one pass, in one for each expert, and in two for each (colors and router's numbers apart): frames a second.
+/// Draws a mixture of experts in one pass, in one for each expert, and in two for each (colors and router's numbers
+/// apart): frames a second.
 ///
 /// All ways draw the same pictures, to the bit, which is checked.
 #[derive(Args, Debug)]
@@ -133,8 +134,8 @@ pub struct BenchMixture {
 
 /// Draws a map of surfels into range images, forward and backward: medians of the stages, beside those of ellipsoids.
 ///
-/// The map is of one scan of a hall, fitted for the 200 steps of a keyframe, which are timed; so is the registration of the scans that follow,
-/// 11 cm apart. The ellipsoids are those of `bench raster --synthetic 100000,640,480`.
+/// The map is of one scan of a hall, fitted for the 200 steps of a keyframe, which are timed; so is the registration of
+/// the scans that follow, 11 cm apart. The ellipsoids are those of `bench raster --synthetic 100000,640,480`.
 #[cfg(feature = "lidar")]
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:

@@ -1,4 +1,4 @@
-//! What draws a workload: the processor or a device, with its memory, and how long its parts took.
+//! A rasterizer for workloads: the processor or a device, with its memory and the times of its parts.
 
 use weaver_command::device::Device;
 use weaver_scene::{CameraSlices, GaussianSlices};

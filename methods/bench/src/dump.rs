@@ -6,7 +6,7 @@ use weaver_command::Failure;
 use weaver_io::safetensors::Tensors;
 
 /// Writes `out.image`, `out.alpha`, `out.depth` and the gradient `grad.<input>` of every input of a workload file, in
-/// the input's shape; zeros stand where a matrix has a constant.
+/// the input's shape, with zeros for the constants of matrices.
 pub fn write(path: &Path, frame: Frame<'_>) -> Result<(), Failure> {
     let workload = frame.workload;
     let (n, size) = (workload.len(), [workload.camera.height, workload.camera.width]);

@@ -16,13 +16,13 @@ use weaver_kernels::random::Stream;
 use weaver_reconstruct::{Run, RunSettings};
 use weaver_splat::{CpuRasterizer, Images, RasterSettings, Workspace, rasterize};
 
-/// Vector operations per lane that a part needs about: of a Gaussian at a pixel forward (the exponent, its exponential, the
-/// comparisons, the blending of three colors) and backward, of a pixel for the loss (seven maps under eleven taps in two
-/// directions, and some forty more for each color), of a parameter for Adam.
+/// Approximate vector operations per lane of each part: of a Gaussian at a pixel forward (the exponent, its
+/// exponential, the comparisons, the blending of three colors) and backward, of a pixel for the loss (seven maps under
+/// eleven taps in two directions, and some forty more for each color), of a parameter for Adam.
 const OPERATIONS: [f64; 4] = [20.0, 45.0, 3.0 * (7.0 * 22.0 + 40.0), 12.0];
-/// Rounds of density control among the steps that count.
+/// Rounds of density control among the timed steps.
 const ROUNDS: usize = 4;
-/// Steps of a synthetic scene that do not count: they allocate and touch all memory.
+/// Untimed steps of a synthetic scene at the beginning: they allocate and touch all memory.
 const WARM: usize = 2;
 /// Standard deviation of the noise that sets a synthetic photo apart from the scene's own picture, of 255.
 const NOISE: f64 = 25.0;
@@ -57,7 +57,7 @@ pub fn run(arguments: &BenchFit, console: &mut Console) -> Result<(), Failure> {
     let mut samples = Vec::with_capacity(runs);
     for done in 1..=warm + runs {
         if done == warm + 1 {
-            // Those of steps that do not count.
+            // Drops the times of the warm-up steps.
             fit.pass_times();
         }
         let step = fit.step()?;
@@ -123,17 +123,17 @@ fn synthetic(scene: Synthetic, mut settings: FitSettings, rasterizer: Arc<dyn Fi
     Ok(Fit::with(rasterizer, settings.density.strategy(), vec![photo], &initial, settings)?)
 }
 
-/// A step that counts.
+/// Times and sizes of a timed step.
 struct Sample {
     timings: StepTimings,
-    /// True if density control had a round after it.
+    /// True if a round of density control followed.
     round: bool,
     gaussians: f64,
     pixels: f64,
     pairs: f64,
 }
 
-/// A part of a step: its median, and what the machine needs for its bytes and its operations.
+/// A part of a step: its median, and the machine's least time for its bytes and its operations.
 struct Part {
     name: &'static str,
     ms: f64,
@@ -165,12 +165,12 @@ impl Report {
         median(self.samples.iter().map(of))
     }
 
-    /// Of a round of density control.
+    /// Median milliseconds of a round of density control.
     fn round_ms(&self) -> f64 {
         median(self.samples.iter().filter(|sample| sample.round).map(|sample| ms(sample.timings.density)))
     }
 
-    /// Bytes are those of parameters, gradients, moments and images, each read and written once.
+    /// The bytes of a part are its parameters, gradients, moments and images, each read and written once.
     fn parts(&self) -> [Part; 5] {
         let (n, pixels) = (self.median(|s| s.gaussians), self.median(|s| s.pixels));
         let pairs = self.median(|s| s.pairs);

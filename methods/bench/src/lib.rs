@@ -18,9 +18,10 @@ use arguments::Subject;
 use weaver_command::{Console, Failure, Interrupt, in_pool};
 use weaver_kernels::order::median_mean;
 
-/// Runs a benchmark and prints its figures, as a table or as JSON. One that keeps a folder saves when it is interrupted.
+/// Runs a benchmark and prints its figures, as a table or as JSON. A benchmark with a run folder saves when it is
+/// interrupted.
 ///
-/// Fails where a workload or a capture cannot be read, where there is no such device, and where figures cannot be written.
+/// Fails on an unreadable workload or capture, on a missing device, and on figures that cannot be written.
 #[cfg_attr(
     not(feature = "compression"),
     expect(unused_variables, reason = "comparisons of methods alone keep a folder")

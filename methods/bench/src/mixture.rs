@@ -93,7 +93,7 @@ impl Scene {
         }
     }
 
-    /// The Gaussians that the pictures have most of.
+    /// The Gaussians with the largest contributions to the pictures.
     fn kept(self, share: f64) -> Result<Self, Failure> {
         let mut frame = Frame::new(&self, Passes::One, false);
         frame.draw(&self)?;
@@ -152,7 +152,7 @@ fn gathered(values: &[f32], width: usize, rows: &[usize]) -> Vec<f32> {
     rows.iter().flat_map(|row| &values[row * width..][..width]).copied().collect()
 }
 
-/// One drawing: of an expert or of all, of colors and of what is carried.
+/// One drawing: of an expert or of all, of colors and of the carried features.
 #[derive(Clone, Copy)]
 struct Pass {
     expert: Option<usize>,
@@ -173,17 +173,17 @@ fn passes(way: Passes, experts: usize) -> Vec<Pass> {
     }
 }
 
-/// A way of drawing, and all memory that it takes.
+/// A way of drawing, and all its memory.
 struct Frame {
     way: Passes,
     workspaces: Vec<Workspace<f32>>,
-    /// Images `[K, H, W, 3]`, what is covered `[K, H, W]`, what is carried `[K, H, W, CARRIED]`.
+    /// Images `[K, H, W, 3]`, alphas `[K, H, W]`, carried features `[K, H, W, CARRIED]`.
     planes: [Vec<f32>; 3],
-    /// The gradients that arrive at them, where gradients are asked for.
+    /// Incoming gradients of the planes, `None` without the backward pass.
     slopes: Option<[Vec<f32>; 3]>,
-    /// Gradients of means, quaternions, scales, opacities, colors and what is carried, expert by expert.
+    /// Gradients of means, quaternions, scales, opacities, colors and carried features, expert by expert.
     gradients: [Vec<f32>; 6],
-    /// Gaussians over pixels that they add to.
+    /// Pairs of a Gaussian and a pixel of its footprint.
     pairs: u64,
 }
 
@@ -205,7 +205,7 @@ impl Frame {
         }
     }
 
-    /// Draws everything once; milliseconds.
+    /// Draws everything once; returns milliseconds.
     fn draw(&mut self, scene: &Scene) -> Result<f64, Failure> {
         let start = Instant::now();
         self.pairs = 0;
@@ -239,7 +239,7 @@ impl Frame {
         };
         let rows = scene.rows(pass.expert);
         let [means, quats, scales, opacities, colors, carried] = &mut self.gradients;
-        // What both drawings of an expert have gradients for, the second adds to.
+        // The second drawing of an expert adds to the gradients that both have.
         let shape = |values, width| {
             let values = part_mut(values, width, &rows);
             Some(if pass.colors { Target::write(values) } else { Target::add(values) })
@@ -257,7 +257,7 @@ impl Frame {
         Ok(())
     }
 
-    /// True if both hold the same pictures, to the bit, and the same gradients unless one sums those of two drawings.
+    /// True if both hold the same pictures, to the bit, and the same gradients unless one sums two drawings.
     fn same_as(&self, other: &Self) -> bool {
         let bits = |values: &Vec<f32>| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         let sums = [self, other].iter().any(|frame| frame.way == Passes::Apart);

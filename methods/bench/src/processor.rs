@@ -1,9 +1,9 @@
 //! Processor time of the process.
 
-/// Seconds that the threads of this process have run so far, those of a software device included; `None` where the system does
-/// not tell in the way of Linux.
+/// Processor seconds of all threads of this process so far, a software device's included; `None` without
+/// `/proc/self/stat`.
 pub fn seconds() -> Option<f64> {
-    /// Of a second, which is what Linux counts in, whatever the kernel's own clock.
+    /// Clock ticks per second in `/proc`: always 100 on Linux, independent of the kernel's own clock.
     const TICKS: f64 = 100.0;
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
     // The name before it, in parentheses, may hold anything.

@@ -11,7 +11,7 @@ use weaver_command::{Console, Failure, Progress};
 use weaver_kernels::peak;
 use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, RasterStats, Target, Workspace};
 
-/// About as many operations as compositing one Gaussian at one pixel takes in forward: the exponent, its exponential, the
+/// Approximate operations for compositing one Gaussian at one pixel forward: the exponent, its exponential, the
 /// comparisons, the blending of three colors.
 pub const OPERATIONS: f64 = 20.0;
 
@@ -47,7 +47,7 @@ pub fn run(arguments: &BenchRaster, console: &mut Console) -> Result<(), Failure
     console.print(&text)
 }
 
-/// A workload, and all memory that drawing it again and again takes.
+/// A workload, and all memory for drawing it again and again.
 pub struct Frame<'a> {
     pub workload: &'a Workload,
     settings: RasterSettings,
@@ -56,7 +56,7 @@ pub struct Frame<'a> {
     pub image: Vec<f32>,
     /// `[H, W]`
     pub alpha: Vec<f32>,
-    /// `[H, W]`, where it is wanted.
+    /// `[H, W]`; `None` if depth is not drawn.
     pub depth: Option<Vec<f32>>,
     pub gradients: Option<GradientBuffers>,
 }
@@ -90,11 +90,11 @@ struct Sample {
 #[derive(Clone, Copy)]
 struct Times {
     wall: f64,
-    /// Of all threads; NaN where it is not known.
+    /// Processor time of all threads; NaN if unknown.
     processor: f64,
 }
 
-/// Times since it was made.
+/// Wall and processor time since its creation.
 struct Clock {
     start: Instant,
     processor: Option<f64>,
@@ -200,7 +200,7 @@ impl Report<'_> {
         median(self.samples.iter().map(|sample| of(sample.forward)))
     }
 
-    /// `None` without backward.
+    /// Median of a time of whole frames; `None` without backward.
     fn whole(&self, of: fn(Times) -> f64) -> Option<f64> {
         self.frame.gradients.as_ref().map(|_| median(self.samples.iter().filter_map(|sample| sample.whole).map(of)))
     }

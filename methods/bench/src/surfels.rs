@@ -11,8 +11,9 @@ use weaver_kernels::peak;
 use weaver_lidar::{MapSettings, Odometry, Scan, SurfelCamera, TrackSettings};
 use weaver_surfel::{Limits, RangeCotangents, RangeImages, Sight, SurfelWorkspace, Surfels};
 
-/// About as many operations as compositing one surfel at one pixel takes in forward: the ray's direction and the turn of the azimuth
-/// (10), the plane and its two coordinates (20), the exponential (10), and the blending of range, normal and opacity (10).
+/// Approximate operations for compositing one surfel at one pixel forward: the ray's direction and the turn of the
+/// azimuth (10), the plane and its two coordinates (20), the exponential (10), and the blending of range, normal and
+/// opacity (10).
 const OPERATIONS: f64 = 50.0;
 /// Walls of the hall, meters, beside the sensor when it begins, 1.8 m above the floor.
 const LOW: [f64; 3] = [-20.0, -10.0, -1.8];
@@ -21,9 +22,9 @@ const HIGH: [f64; 3] = [20.0, 10.0, 6.2];
 const MOTION: [f64; 3] = [0.1, 0.05, 0.0];
 /// Ranges that are used, meters.
 const RANGE: [f64; 2] = [0.5, 60.0];
-/// Steps of a keyframe, as maps are made.
+/// Optimization steps of a keyframe, as in maps.
 const STEPS: usize = 200;
-/// The scene of ellipsoids beside it.
+/// The scene of ellipsoids for comparison.
 const BESIDE: Synthetic = Synthetic { gaussians: 100_000, width: 640, height: 480 };
 
 pub fn run(arguments: &BenchSurfels, console: &mut Console) -> Result<(), Failure> {

@@ -14,13 +14,13 @@ const LARGEST: usize = 1 << 20;
 /// Tolerance for the constant entries of a camera's matrices, which may be rounded.
 const ROUNDING: f32 = 1e-5;
 
-/// One view of Gaussians, and the gradients that arrive at its images.
+/// One view of Gaussians, and the incoming gradients of its images.
 #[derive(Debug)]
 pub struct Workload {
     /// The file's name, or a description of the synthetic scene.
     pub name: String,
     pub antialiased: bool,
-    /// Without coefficients where colors are plain.
+    /// The Gaussians, without coefficients if colors are plain.
     pub gaussians: ActivatedGaussians,
     /// Colors `[N, 3]` in place of spherical harmonics.
     pub plain: Option<Vec<f32>>,
@@ -28,11 +28,11 @@ pub struct Workload {
     pub camera: CameraRows,
     /// `[3]`
     pub background: Vec<f32>,
-    /// `None` where only the images are wanted.
+    /// `None` without the backward pass.
     pub cotangents: Option<Cotangents>,
 }
 
-/// Gradients that arrive at the images.
+/// Incoming gradients of the images.
 #[derive(Debug)]
 pub struct Cotangents {
     /// `[H, W, 3]`
@@ -183,12 +183,12 @@ impl Workload {
         self.plain.is_none().then_some(self.gaussians.degree)
     }
 
-    /// The numbers that colors are made of, in the file's shape.
+    /// The values of colors, plain or harmonics, in the file's shape.
     pub fn colors(&self) -> &[f32] {
         self.plain.as_deref().unwrap_or(&self.gaussians.sh)
     }
 
-    /// As the rasterizer takes them.
+    /// The Gaussians as the rasterizer's input.
     pub fn gaussians(&self) -> GaussianSlices<'_, f32> {
         let gaussians = self.gaussians.as_slices();
         match &self.plain {
@@ -197,7 +197,7 @@ impl Workload {
         }
     }
 
-    /// As the rasterizer takes it.
+    /// The camera as the rasterizer's input.
     pub fn camera(&self) -> CameraSlices<'_, f32> {
         self.camera.as_slices(&self.background)
     }
@@ -213,7 +213,7 @@ fn pixels(file: &Mapped, key: &str) -> Result<usize, Failure> {
     })
 }
 
-/// Which tensor has the colors, and the degree of its spherical harmonics if they are that.
+/// Name of the color tensor, and the degree if it holds spherical harmonics.
 fn colors(file: &Mapped, n: usize) -> Result<(&'static str, Option<usize>), Failure> {
     match (file.get("colors").is_some(), file.get("sh").is_some()) {
         (true, false) => Ok(("colors", None)),

@@ -22,7 +22,7 @@ use weaver_run::{Folder, Job, Run};
 
 /// Compares methods on scenes, and prints a table or JSON. With a folder, it saves when it is interrupted.
 ///
-/// Fails where a scene, cameras or photos cannot be read, where a method fails, and where results cannot be written.
+/// Fails on unreadable scenes, cameras or photos, on a failing method, and on results that cannot be written.
 pub fn run(arguments: &BenchCompress, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || compare(arguments, console, interrupt))
 }
@@ -76,7 +76,7 @@ fn compare(arguments: &BenchCompress, console: &mut Console, interrupt: &Interru
     show(arguments, &inputs, run.job.rows(), console)
 }
 
-/// Settings that the arguments ask for; of a run with a folder by absolute paths, so that it can go on from anywhere.
+/// Settings from the arguments; with absolute paths for a run folder, so that it can be resumed from anywhere.
 fn asked(arguments: &BenchCompress) -> Result<Settings, Failure> {
     let placed = |path: &PathBuf| match &arguments.out {
         Some(_) => std::path::absolute(path),
@@ -96,7 +96,7 @@ fn asked(arguments: &BenchCompress) -> Result<Settings, Failure> {
     })
 }
 
-/// Prints the rows, and writes the page that was asked for.
+/// Prints the rows, and writes the HTML page if wanted.
 fn show(arguments: &BenchCompress, inputs: &Inputs, rows: &[Row], console: &mut Console) -> Result<(), Failure> {
     if let Some(file) = &arguments.html {
         page(rows).write(file)?;

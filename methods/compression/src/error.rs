@@ -24,7 +24,7 @@ pub enum CompressionError {
     /// The surface of the scene cannot be made.
     #[error(transparent)]
     Mesh(#[from] weaver_mesh::MeshError),
-    /// Bytes of something else than the method.
+    /// Bytes that are not the method's.
     #[error("{place}: expected {expected}, found {found}")]
     Stream {
         /// The part.

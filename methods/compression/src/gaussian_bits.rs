@@ -4,13 +4,13 @@ use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, 
 use weaver_codec::{GaussianRate, binary, gaussian_rate};
 use weaver_kernels::parallel;
 
-/// Numbers of a task.
+/// Numbers in a parallel task.
 const GRAIN: usize = 2048;
 
 #[derive(Debug)]
 struct GaussianBits;
 
-/// The rate of number i: its place, the mean, the deviation, the step.
+/// The rate of number i, from its value, mean, deviation and step.
 fn rate<T: Real>(ins: &[View<'_, T>], i: usize) -> GaussianRate {
     let [x, mean, deviation, step] = [0, 1, 2, 3].map(|k| ins[k][i].to_f64());
     gaussian_rate(x, mean, deviation, step)
@@ -39,7 +39,7 @@ impl<T: Real> Op<T> for GaussianBits {
                 *slopes = [by_x, by_deviation, by_step].map(|slope| T::from_f64(slope) * douts[0][i]);
             }
         });
-        // The slope by the mean is the negative of the slope by the number.
+        // The derivative by the mean is the negative of the derivative by the value.
         for (din, (slope, sign)) in dins.iter_mut().zip([(0, T::ONE), (0, -T::ONE), (1, T::ONE), (2, T::ONE)]) {
             if let Some(din) = din {
                 din.add_each(|i| sign * slopes[i][slope]);
@@ -51,7 +51,7 @@ impl<T: Real> Op<T> for GaussianBits {
 /// Bits of numbers that are rounded with steps `Q`, under normal distributions:
 /// [`gaussian_rate`](weaver_codec::gaussian_rate) of each.
 ///
-/// All of one shape. Differentiable in all four; below the least probability the slope is that at it.
+/// All of one shape. Differentiable in all four; below the least probability the derivative is constant.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -1,4 +1,4 @@
-//! Quality by surfaces: meshes of the depth that scenes are drawn with.
+//! Quality by surfaces: meshes of the drawn depth of scenes.
 
 use crate::CompressionError;
 use weaver_compress::{CompressError, Pictures};
@@ -8,18 +8,18 @@ use weaver_mesh::{DistanceField, DrawnScene, FAR, Mesh, compare};
 use weaver_scene::Gaussians;
 use weaver_splat::RasterSettings;
 
-/// The least distance of a camera from the common focus, in units in which surfaces are compared: distances beyond a
-/// twentieth of it count as a twentieth.
+/// The least distance of a camera from the common focus, in the units of surface distances, which count as a twentieth
+/// of it at most.
 const DISTANCE: f64 = 10.0;
-/// Cells between a camera and that point, and cells of the truncation.
+/// Cells between a camera and the focus, and cells of the truncation.
 const CELLS: f64 = 96.0;
 const TRUNCATION: f64 = 5.0;
-/// Ranges beyond so many of these distances are background.
+/// Range of the background, in distances of the cameras from the focus.
 const BACKGROUND: f64 = 2.0;
-/// Points on a cell's area of a surface to which distances are.
+/// Sampled points on a cell's area of a surface.
 const PER_CELL: f64 = 32.0;
 
-/// The surface of a scene: depth as its cameras see it, averaged as truncated signed distances, and its zero level by
+/// The surface of a scene: depth from its cameras, averaged as truncated signed distances, and its zero level by
 /// surface nets.
 #[derive(Debug)]
 pub struct Surface {
@@ -31,7 +31,7 @@ pub struct Surface {
     points: Points,
 }
 
-/// A surface as points: one in each cell, to measure distances from, and many, to measure distances to.
+/// A surface as points: one in each cell as starts of distances, and many as their ends.
 #[derive(Debug, Default)]
 struct Points {
     vertices: Vec<[f32; 3]>,
@@ -39,10 +39,10 @@ struct Points {
 }
 
 impl Surface {
-    /// The surface that others are compared with.
+    /// The reference surface.
     ///
     /// # Errors
-    /// Without cameras, with cameras that look at no common point, or where the scene cannot be drawn.
+    /// Without cameras, with cameras without a common focus, or when the scene cannot be drawn.
     pub fn new(gaussians: &Gaussians, pictures: &Pictures<'_>) -> Result<Self, CompressionError> {
         let Pictures { cameras, background, settings } = *pictures;
         if cameras.is_empty() {
@@ -61,14 +61,14 @@ impl Surface {
     }
 
     /// Chamfer distance of a scene's surface, the mean of both mean distances, each distance at most a twentieth of the
-    /// cameras' or left out, in thousandths of the least distance of a camera from the point that all look at.
+    /// cameras' or left out, in thousandths of the least distance of a camera from the common focus.
     ///
     /// # Errors
-    /// Where the scene cannot be drawn.
+    /// When the scene cannot be drawn.
     pub fn chamfer(&self, gaussians: &Gaussians) -> Result<f64, CompressionError> {
         let (own, others) = (self.points(gaussians)?, &self.points);
         let near = DISTANCE / CELLS;
-        // A surface without any points, or without near ones, is as far off as can be.
+        // A surface without points, or without near ones, has the largest distance.
         let there = compare(&own.vertices, &others.samples, near).and_then(|errors| errors.accuracy).unwrap_or(FAR);
         let back = compare(&own.samples, &others.vertices, near).map_or(FAR, |errors| errors.completeness);
         Ok(1000.0 / DISTANCE * (there + back) / 2.0)

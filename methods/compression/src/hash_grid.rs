@@ -1,4 +1,4 @@
-//! Features of positions by tables that lattice points are hashed into.
+//! Features of positions from hash tables of lattice points.
 
 use std::sync::Arc;
 use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
@@ -6,10 +6,10 @@ use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, 
 /// Primes of the hash, one for each axis (Müller et al., 2022).
 const PRIMES: [u32; 3] = [1, 2_654_435_761, 805_459_861];
 
-/// A lattice over the unit cube, or over a plane of it, whose points have rows of a table.
+/// A lattice over the unit cube, or over a plane of it, whose points are hashed to rows of a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HashLevel {
-    /// The axes that it sees, up to three.
+    /// Its axes, up to three.
     pub axes: Vec<usize>,
     /// Cells along each axis.
     pub resolution: u32,
@@ -18,8 +18,8 @@ pub struct HashLevel {
 }
 
 impl HashLevel {
-    /// The row of a lattice point, only the axes of `[x, y, z]` that count: the exclusive or of coordinates times
-    /// primes, modulo the rows.
+    /// The row of a lattice point: the exclusive or of its coordinates on the level's axes times primes, modulo the
+    /// rows.
     pub fn row(&self, point: [u32; 3]) -> usize {
         let hash = self.axes.iter().fold(0, |hash, &axis| hash ^ point[axis].wrapping_mul(PRIMES[axis]));
         hash as usize & (self.rows - 1)
@@ -49,7 +49,7 @@ pub struct HashGrid {
     positions: usize,
     /// Rows of all tables.
     rows: usize,
-    /// Row and weight of each corner, `[positions, levels, 8]`, without weight where a level has fewer.
+    /// Row and weight of each corner, `[positions, levels, 8]`, with weight 0 beyond a level's corners.
     corners: Vec<(u32, f64)>,
 }
 
@@ -57,10 +57,10 @@ pub struct HashGrid {
 const CORNERS: usize = 8;
 
 impl HashGrid {
-    /// Finds the corners of positions in the unit cube; others count as the nearest in it.
+    /// Finds the corners of positions, clamped to the unit cube.
     ///
     /// # Panics
-    /// For a level whose rows are no power of two, that has another axis than 0, 1 and 2, or no cell.
+    /// For a level whose rows are no power of two, with another axis than 0, 1 and 2, or without cells.
     pub fn new(levels: &[HashLevel], positions: &[[f64; 3]]) -> Self {
         let mut corners = Vec::with_capacity(positions.len() * levels.len() * CORNERS);
         for position in positions {
@@ -107,7 +107,7 @@ impl HashGrid {
     }
 }
 
-/// Rows and weights of the corners about a position.
+/// Rows and weights of the corners around a position.
 fn corners_of(level: &HashLevel, position: [f64; 3]) -> [(usize, f64); CORNERS] {
     let cells = f64::from(level.resolution);
     let places = position.map(|x| if x.is_finite() { x.clamp(0.0, 1.0) * cells } else { 0.0 });

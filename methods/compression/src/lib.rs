@@ -1,9 +1,9 @@
-//! Published methods of compressing scenes of Gaussians behind one trait, to compare the product's own with; but for
-//! the [`command`], nothing is read from or written to disk.
+//! Published methods of compressing scenes of Gaussians behind one trait, for comparison with the product's own; except
+//! for the [`command`], nothing is read from or written to disk.
 //!
-//! - [`Method`] is a way to compress: real bytes of a scene, and a scene of these bytes alone. [`METHODS`] is the table
-//!   of them, [`formats()`] the formats of files as methods.
-//! - A method encodes in the steps of a [`Training`], which can be stopped and gone on with; changes of the scene are
+//! - [`Method`] is a way to compress: real bytes of a scene, and a scene from these bytes alone. [`METHODS`] is their
+//!   table, [`formats()`] the formats of files as methods.
+//! - A method encodes in the steps of a [`Training`], which can be interrupted and resumed; changes of the scene are
 //!   due on a [`Schedule`].
 //! - [`Surface`] compares surfaces: meshes of the drawn depth.
 

@@ -5,23 +5,23 @@ use std::fmt::Debug;
 use weaver_compress::Pictures;
 use weaver_scene::{Gaussians, Photo};
 
-/// A scene to compress, and the data that a method may learn from.
+/// A scene to compress, with the training data of a method.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
     /// The scene.
     pub gaussians: &'a Gaussians,
-    /// Cameras to measure importance and steps by, and to train with. Pictures that judge are of other cameras.
+    /// Cameras for measuring importance and steps, and for training. Judging pictures are of other cameras.
     pub pictures: Pictures<'a>,
     /// Photos to train with; without any, pictures of the scene itself.
     pub photos: &'a [Photo],
     /// Training steps in place of 5000 in a method's paper; other numbers of steps in proportion. Nothing is trained at
     /// 0.
     pub steps: usize,
-    /// Seed of everything that is drawn at random.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// A way to make a scene fewer bytes, with its constants.
+/// A way to compress a scene, with its constants.
 ///
 /// ```
 /// use weaver_compress::Pictures;
@@ -46,7 +46,7 @@ pub struct Task<'a> {
 /// # Ok::<(), weaver_compression::CompressionError>(())
 /// ```
 pub trait Method: Debug {
-    /// Steps of [training](Self::begin) where a paper's 5000 are `of`; without training none.
+    /// Steps of [training](Self::begin) for `of` in place of a paper's 5000; 0 without training.
     fn steps(&self, of: usize) -> usize {
         let _ = of;
         0
@@ -70,17 +70,17 @@ pub trait Method: Debug {
         training.finish()
     }
 
-    /// The scene of such bytes, from them alone.
+    /// The scene from the bytes of [`encode`](Self::encode) alone.
     ///
     /// # Errors
-    /// Bytes of something else, or that are missing or changed.
+    /// Foreign, incomplete or changed bytes.
     fn decode(&self, bytes: &[u8]) -> Result<Gaussians, CompressionError>;
 }
 
 /// A method with certain constants: a point of its curve of quality by bytes.
 #[derive(Debug)]
 pub struct Point {
-    /// The constants in short; empty if there is only one choice.
+    /// The constants in short; empty for a method with a single point.
     pub setting: String,
     /// The method.
     pub method: Box<dyn Method>,

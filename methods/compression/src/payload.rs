@@ -1,4 +1,4 @@
-//! Streams of the methods that have no codec of their own: numbers, symbols and positions, coded by order-0 models.
+//! Streams of the methods without a codec of their own: numbers, symbols and positions, coded by order-0 models.
 
 use crate::CompressionError;
 use half::f16;
@@ -9,7 +9,7 @@ use weaver_codec::{
 use weaver_geometry::sh;
 use weaver_scene::Gaussians;
 
-/// A grid about all positions.
+/// A grid around all positions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grid {
     origin: [f32; 3],
@@ -24,7 +24,7 @@ impl Grid {
         Ok(Self::about(&gaussians.means, depth))
     }
 
-    /// The grid about finite positions, and these in Morton order.
+    /// The grid around finite positions, and these in Morton order.
     pub(crate) fn about(means: &[[f32; 3]], depth: u32) -> (Self, Vec<(u64, usize)>) {
         let bound = |axis: usize, start: f32, of: fn(f32, f32) -> f32| means.iter().map(|m| m[axis]).fold(start, of);
         let low = [0, 1, 2].map(|axis| bound(axis, f32::INFINITY, f32::min));
@@ -50,7 +50,7 @@ impl Grid {
     }
 }
 
-/// Checks that there are Gaussians, and that their numbers are finite but for logits.
+/// Checks that there are Gaussians, and that all their numbers but logits are finite.
 pub(crate) fn check(gaussians: &Gaussians) -> Result<(), CompressionError> {
     if gaussians.is_empty() || !gaussians.lengths_agree() {
         return Err(broken("scene", "Gaussians with fields of one length", gaussians.len()));
@@ -66,7 +66,7 @@ pub(crate) fn check(gaussians: &Gaussians) -> Result<(), CompressionError> {
     }
 }
 
-/// An error of a stream, or of the data of a new one.
+/// An error in a stream, or in the data for a new one.
 pub(crate) fn broken(
     place: impl std::fmt::Display,
     expected: impl std::fmt::Display,
@@ -87,7 +87,7 @@ impl Writer {
         self.streams.push(Stream { name: *name, symbols: symbols as u64, bytes: Cow::Owned(bytes) });
     }
 
-    /// Numbers as they are.
+    /// Writes numbers unchanged.
     pub(crate) fn floats(&mut self, name: &[u8; 4], values: &[f32]) {
         self.push(name, values.len(), values.iter().flat_map(|x| x.to_le_bytes()).collect());
     }
@@ -115,12 +115,12 @@ impl Writer {
         self.push(name, symbols.len(), encoder.finish());
     }
 
-    /// The bytes that an encoder has made of so many symbols.
+    /// Writes the bytes of an encoder with its number of symbols.
     pub(crate) fn coded(&mut self, name: &[u8; 4], symbols: usize, encoder: RangeEncoder) {
         self.push(name, symbols, encoder.finish());
     }
 
-    /// A grid, and codes in Morton order.
+    /// Writes a grid, and codes in Morton order.
     pub(crate) fn positions(&mut self, grid: &Grid, order: &[(u64, usize)]) -> Result<(), CompressionError> {
         let [x, y, z] = grid.origin;
         self.floats(b"grid", &[x, y, z, grid.cell]);
@@ -182,7 +182,7 @@ impl<'a> Reader<'a> {
         Ok(stream)
     }
 
-    /// Symbols of the next stream, a bound of what its rows can be: at most `most`.
+    /// Number of rows of the next stream, by its symbols: at most `most`.
     pub(crate) fn rows(&self, width: usize, most: usize) -> Result<usize, CompressionError> {
         let symbols = self.container.streams.get(self.next).map_or(0, |stream| stream.symbols);
         let rows = symbols / width.max(1) as u64;
@@ -220,7 +220,7 @@ impl<'a> Reader<'a> {
         Ok(values)
     }
 
-    /// Decodes a stream of so many symbols.
+    /// Decodes a stream of a given number of symbols.
     pub(crate) fn coded<R>(
         &mut self,
         name: &[u8; 4],
@@ -253,7 +253,7 @@ impl<'a> Reader<'a> {
         Ok(symbols)
     }
 
-    /// The grid of so many levels, and the codes on it.
+    /// Reads a grid of `depth` levels, and its codes.
     pub(crate) fn positions(&mut self, depth: u32) -> Result<(Grid, Vec<u64>), CompressionError> {
         let head = self.floats(b"grid", 4)?;
         let count = self.gaussians();
@@ -287,7 +287,7 @@ mod tests {
     use super::*;
     use weaver_kernels::random::Stream;
 
-    /// Voxels are so near to positions as rounding says, and every position has one.
+    /// Voxels are within half a cell of positions, and every position has one.
     #[test]
     fn positions_are_half_a_cell_from_their_voxels() {
         for (seed, depth) in [(1, 4), (2, 10), (3, 16)] {

@@ -1,4 +1,4 @@
-//! Training that restores the quality lost by a change of the scene.
+//! Training that restores the quality after a change of the scene.
 
 use crate::payload::{broken, check};
 use crate::{CompressionError, Schedule, Task, Training};
@@ -8,26 +8,26 @@ use weaver_io::safetensors::Tensors;
 use weaver_scene::Gaussians;
 use weaver_splat::Renderer;
 
-/// Largest degree that is trained.
+/// Largest trained degree of harmonics.
 const DEGREE: usize = 3;
 
-/// Rates of 3D Gaussian splatting at the end of its run, where a scene is complete.
+/// Rates of 3D Gaussian splatting at the end of its run, for complete scenes.
 const MEANS: f64 = 1.6e-6;
 
-/// A scene that is trained and changed in turn: a part of the training by weaver-fit between any two changes.
+/// A scene that is trained and changed in turn: a fit by weaver-fit between any two changes.
 pub(crate) struct Recovery<'a> {
     task: &'a Task<'a>,
-    /// As the last change left them.
+    /// The scene after the last change.
     gaussians: Gaussians,
     schedule: Schedule<Change<'a>>,
     make_rounding: Option<Box<dyn Fn() -> Box<dyn Rounding> + 'a>>,
     write: Write<'a>,
-    /// Steps done, and all of them.
+    /// Finished steps, and all of them.
     steps: [usize; 2],
     part: Option<Part>,
 }
 
-/// A task of a schedule: the scene that is trained from there on.
+/// A scheduled change; returns the scene for the next part of the training.
 pub(crate) type Change<'a> = Box<dyn Fn(&Gaussians) -> Result<Gaussians, CompressionError> + 'a>;
 
 /// The bytes of the trained scene.
@@ -37,11 +37,11 @@ type Write<'a> = Box<dyn FnOnce(&Gaussians) -> Result<Vec<u8>, CompressionError>
 #[derive(Debug)]
 struct Part {
     fit: Fit,
-    /// Steps done before it.
+    /// Finished steps before it.
     start: usize,
 }
 
-/// Where a state has the steps done, and those before the part under way.
+/// Key in a state of the finished steps, and of the steps before the part under way.
 const STEPS: &str = "recovery.steps";
 
 impl Debug for Recovery<'_> {
@@ -51,7 +51,7 @@ impl Debug for Recovery<'_> {
 }
 
 impl<'a> Recovery<'a> {
-    /// A training of so many steps, with changes where they are due; without steps all changes are made at once.
+    /// A training of `steps` steps with scheduled changes; without steps all changes are made at once.
     pub(crate) fn new(
         task: &'a Task<'a>,
         gaussians: Gaussians,
@@ -62,7 +62,7 @@ impl<'a> Recovery<'a> {
         Self { task, gaussians, schedule, make_rounding: None, write: Box::new(write), steps: [0, steps], part: None }
     }
 
-    /// Trains rounded Gaussians; a rounding is made for each part.
+    /// Trains rounded Gaussians; `make` creates a rounding for each part.
     pub(crate) fn rounded(self, make: impl Fn() -> Box<dyn Rounding> + 'a) -> Self {
         Self { make_rounding: Some(Box::new(make)), ..self }
     }
@@ -79,7 +79,7 @@ impl<'a> Recovery<'a> {
         Ok(())
     }
 
-    /// The part that begins after so many steps and ends with the next change, at its beginning: constant rates.
+    /// The part from this step to the next change, at its beginning, with constant rates.
     fn part(&self, start: usize) -> Result<Part, CompressionError> {
         let [_, last] = self.steps;
         let end = self.schedule.next_step().unwrap_or(last).min(last);
@@ -135,7 +135,7 @@ impl Training for Recovery<'_> {
     }
 
     fn state(&self) -> Tensors {
-        // Without a part nothing has been done.
+        // Before the first part, no step is done.
         let (mut state, start) = match &self.part {
             Some(part) => (part.fit.state(), part.start),
             None => (Tensors::default(), 0),
@@ -171,7 +171,7 @@ impl Training for Recovery<'_> {
     }
 }
 
-/// The photos to train with: those that are given, else pictures of the scene.
+/// The training photos: the task's, else pictures of the scene.
 pub(crate) fn targets(task: &Task<'_>) -> Result<Vec<Photo>, CompressionError> {
     if !task.photos.is_empty() {
         return Ok(task.photos.to_vec());
@@ -186,7 +186,7 @@ pub(crate) fn targets(task: &Task<'_>) -> Result<Vec<Photo>, CompressionError> {
     pictures.cameras.iter().copied().enumerate().map(photo).collect()
 }
 
-/// The scene with harmonics that can be trained, if all its numbers are finite.
+/// The scene with harmonics of a trainable degree, if all its numbers are finite.
 pub(crate) fn trainable(gaussians: &Gaussians) -> Result<Gaussians, CompressionError> {
     check(gaussians)?;
     Ok(gaussians.with_degree(gaussians.degree.min(DEGREE)))

@@ -1,9 +1,9 @@
-//! Tasks that are due at certain steps.
+//! Tasks due at certain steps.
 
 /// Tasks by step and priority.
 ///
-/// Tasks of one step are done by ascending priority, of equal priority in the order in which they were given. A run
-/// that [goes on](Self::go_on) at a later step leaves out those before it.
+/// Tasks of one step are done by ascending priority, of equal priority in their given order. A run that [goes
+/// on](Self::go_on) at a later step leaves out earlier ones.
 ///
 /// ```
 /// use weaver_compression::Schedule;
@@ -21,7 +21,7 @@ pub struct Schedule<T> {
 }
 
 impl<T> Default for Schedule<T> {
-    /// No task.
+    /// An empty schedule.
     fn default() -> Self {
         Self { tasks: Vec::new() }
     }
@@ -34,7 +34,7 @@ impl<T> Schedule<T> {
         Self { tasks: tasks.into_iter().rev().map(|(step, _, task)| (step, task)).collect() }
     }
 
-    /// Leaves out the tasks before a step, where a run goes on.
+    /// Leaves out the tasks before a step, for a resumed run.
     pub fn go_on(&mut self, start: usize) {
         self.tasks.retain(|(step, _)| *step >= start);
     }
@@ -44,7 +44,7 @@ impl<T> Schedule<T> {
         self.tasks.last().map(|(step, _)| *step)
     }
 
-    /// The tasks of this step, in their order; they are then no longer in the schedule.
+    /// Removes and returns the tasks of this step, in their order.
     pub fn take_due(&mut self, step: usize) -> Vec<T> {
         let due = self.tasks.iter().rev().take_while(|(at, _)| *at == step).count();
         self.tasks.drain(self.tasks.len() - due..).rev().map(|(_, task)| task).collect()

@@ -24,7 +24,7 @@ pub(crate) fn normalized(gaussians: &Gaussians, i: usize) -> (f32, [f32; 6]) {
     ((largest + 0.5 * trace.ln()) as f32, row.map(|x| x as f32))
 }
 
-/// Log scales and rotation of such a size and shape.
+/// Log scales and rotation of a size and shape.
 pub(crate) fn decomposed(size: f32, shape: &[f32; 6]) -> ([f32; 3], [f32; 4]) {
     let [xx, xy, xz, yy, yz, zz] = shape.map(f64::from);
     let (values, mut axes) = eigen([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);

@@ -4,7 +4,7 @@ use crate::method::Point;
 use crate::methods::{C3dgs, Format, HacLite, Half, LightGaussian, Lite, MesonGs, SpeedySplat, Zstd};
 use weaver_io::SCENE_FORMATS;
 
-/// A method with all constants that it is compared at.
+/// A method with all its compared constants.
 #[derive(Clone, Copy, Debug)]
 pub struct Family {
     /// Its name.
@@ -15,7 +15,7 @@ pub struct Family {
     pub points: fn() -> Vec<Point>,
 }
 
-/// The methods beside the [formats](formats) of files. A further one is a file in `methods` and a row here.
+/// The methods beside the [formats](formats) of files. A further one takes a file in `methods` and a row here.
 pub const METHODS: [Family; 9] = [
     Family { name: "lite", about: "measured steps, mixed contexts, range coding (.wsz)", points: Lite::points },
     Family {

@@ -4,25 +4,25 @@ use crate::CompressionError;
 use std::fmt::{self, Debug, Formatter};
 use weaver_io::safetensors::Tensors;
 
-/// A scene on its way to bytes, in steps that can be stopped and gone on with.
+/// The encoding of a scene in steps, which can be interrupted and resumed.
 ///
-/// A step has five stages: tasks that are due before it, such as pruning; drawing a view; the loss and its gradients;
-/// tasks that see these; the optimizer. A training at its beginning that is given the [state](Self::state) of another
-/// after `n` steps goes on to the same bytes as that one.
+/// A step has five stages: tasks due before it, such as pruning; drawing a view; the loss and its gradients; tasks on
+/// these; the optimizer. A new training with the restored [state](Self::state) of another after `n` steps ends with the
+/// same bytes.
 pub trait Training: Debug {
-    /// Steps done, and steps of the whole.
+    /// Finished steps, and steps of the whole.
     fn steps(&self) -> [usize; 2];
 
     /// Does the next step, and returns its loss.
     ///
     /// # Errors
-    /// When a view cannot be drawn, or the loss is no number any more.
+    /// When a view cannot be drawn, or the loss is NaN or infinite.
     fn step(&mut self) -> Result<f64, CompressionError>;
 
-    /// Everything needed to go on.
+    /// Everything for resuming.
     fn state(&self) -> Tensors;
 
-    /// Goes to where a state was taken.
+    /// Restores a state.
     ///
     /// # Errors
     /// When the state is of another training.
@@ -35,7 +35,7 @@ pub trait Training: Debug {
     fn finish(self: Box<Self>) -> Result<Vec<u8>, CompressionError>;
 }
 
-/// A method that trains nothing: all of it is done in the end.
+/// A method without training: all of it is done in [`finish`](Training::finish).
 pub(crate) struct Untrained<F>(pub(crate) F);
 
 impl<F> Debug for Untrained<F> {

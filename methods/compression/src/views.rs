@@ -22,8 +22,8 @@ pub(crate) fn contributions(gaussians: &Gaussians, pictures: &Pictures<'_>) -> R
 /// Sum over all pixels of the squared derivative of the pixel's color with respect to the value of each Gaussian there,
 /// `[N]`.
 ///
-/// A pixel shows `C = Σ c_i o_i g_i T_i` over the background, so that `dC / dg_i = o_i T_i (c_i - C_i)`, with `C_i` the color of everything behind
-/// Gaussian i. The derivative of the sum of the three channels is squared.
+/// A pixel shows `C = Σ c_i o_i g_i T_i` over the background, so that `dC / dg_i = o_i T_i (c_i - C_i)`, with `C_i` the
+/// color of everything behind Gaussian i. The derivative of the sum of the three channels is squared.
 pub(crate) fn squared_gradients(gaussians: &Gaussians, pictures: &Pictures<'_>) -> Result<Vec<f32>, CompressionError> {
     let mut sums = vec![0.0_f64; gaussians.len()];
     let background: f64 = pictures.background.iter().map(|x| f64::from(*x)).sum();
@@ -37,7 +37,7 @@ pub(crate) fn squared_gradients(gaussians: &Gaussians, pictures: &Pictures<'_>) 
                 hits.push((gaussian, f64::from(weight), transmittance));
                 transmittance -= f64::from(weight);
             }
-            // From the back: the light from behind, as it would arrive without the Gaussians before it.
+            // From back to front: the light from behind, unattenuated by the Gaussians before it.
             let mut behind = background;
             for &(gaussian, weight, transmittance) in hits.iter().rev() {
                 let own = brightness[gaussian];
@@ -51,8 +51,9 @@ pub(crate) fn squared_gradients(gaussians: &Gaussians, pictures: &Pictures<'_>) 
     Ok(sums.into_iter().map(|sum| sum as f32).collect())
 }
 
-/// Sensitivities of a Gaussian's pictures to its colors and its shape: over all pictures, the sums of magnitudes of the derivatives of the sum of
-/// a picture's channels, a pixel's share; the largest over a color's coefficients, and over scales and rotation, `[N]` each.
+/// Sensitivities of a Gaussian's pictures to its colors and its shape: over all pictures, the sums of magnitudes of the
+/// derivatives of the sum of a picture's channels, a pixel's share; the largest over a color's coefficients, and over
+/// scales and rotation, `[N]` each.
 pub(crate) fn sensitivities(gaussians: &Gaussians, pictures: &Pictures<'_>) -> Result<[Vec<f64>; 2], CompressionError> {
     let (activated, n) = (gaussians.to_activated(), gaussians.len());
     let mut session = CpuRasterizer.session();
@@ -81,7 +82,7 @@ pub(crate) fn sensitivities(gaussians: &Gaussians, pictures: &Pictures<'_>) -> R
             sums.iter_mut().zip(values).for_each(|(sum, x)| *sum += f64::from(x.abs()));
         }
     }
-    // Of relative changes of scales, as codes of shapes have no size.
+    // Derivatives by logarithms of scales, as codes of shapes have no size.
     scales.iter_mut().zip(&activated.scales).for_each(|(sum, scale)| *sum *= f64::from(*scale));
     let largest = |rows: &[f64], width: usize| -> Vec<f64> {
         rows.chunks_exact(width).map(|row| row.iter().copied().fold(0.0, f64::max) / pixels.max(1) as f64).collect()
@@ -110,7 +111,7 @@ fn each_view(
     Ok(())
 }
 
-/// The sum of the channels of each Gaussian's color as a camera sees it, `[N]`.
+/// The sum of the channels of each Gaussian's color as seen by a camera, `[N]`.
 fn brightness(gaussians: &ActivatedGaussians, camera: &Camera) -> Vec<f64> {
     gaussians.colors_from(camera.pose.center()).into_iter().map(|[r, g, b]| r + g + b).collect()
 }
@@ -148,7 +149,7 @@ mod tests {
         let cotangents = Cotangents { image: Some(&[1.0; 3]), ..Cotangents::default() };
         let targets = Gradients { opacities: Some(Target::write(&mut opacities)), ..Gradients::default() };
         session.backward(&slices, &cameras, &pictures.settings, &cotangents, targets).unwrap();
-        // Of one pixel: alpha = o g, so that dC/dg = (o / g) dC/do, with g from the weights.
+        // For one pixel: alpha = o g, so that dC/dg = (o / g) dC/do, with g from the weights.
         let found = squared_gradients(&gaussians, &pictures).unwrap();
         let weights = contributions(&gaussians, &pictures).unwrap();
         let mut transmittance = 1.0;

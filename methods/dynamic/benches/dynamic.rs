@@ -43,7 +43,7 @@ fn bench(c: &mut Criterion) {
     }
 }
 
-/// A step on 96 x 72 pixels, by drawing and by what was kept.
+/// A step on 96 x 72 pixels, by drawing and by cached renders.
 fn router(c: &mut Criterion) {
     let owners: Vec<usize> = (0..COUNT).map(|i| i % 2).collect();
     let mut params = Params::<f32>::new();

@@ -1,4 +1,5 @@
-//! Each model learns the same paths from positions alone: a cubic, a wave, a jump, neighbors that move against each other.
+//! Each model learns the same paths from positions alone: a cubic, a wave, a jump, neighbors that move against each
+//! other.
 
 use weaver_autograd::{Params, Tape};
 use weaver_dynamic::{Code, CodeConfig, Field, FieldConfig, Keys, KeysConfig, Motion, Poly, Start};
@@ -7,7 +8,7 @@ use weaver_nn::{AdamW, Builder, Context, Group};
 const FRAMES: usize = 16;
 const PATHS: [&str; 4] = ["cubic", "wave", "jump", "against"];
 
-/// Where Gaussian i is at a time: two of each kind.
+/// Position of Gaussian i at a time: two of each kind.
 fn truth(i: usize, t: f64) -> [f64; 3] {
     let base = [0.5 * (i / 2) as f64 - 0.75, 0.02 * (i % 2) as f64, 0.0];
     let shift = match PATHS[i / 2] {

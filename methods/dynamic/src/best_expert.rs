@@ -1,4 +1,4 @@
-//! The best choice of an expert at each pixel, with the photo at hand: a bound that no choice passes.
+//! The best choice of an expert at each pixel, with the photo at hand: an upper bound on any choice.
 
 use weaver_kernels::Real;
 
@@ -11,7 +11,7 @@ use weaver_kernels::Real;
 /// ```
 ///
 /// # Panics
-/// Unless the pictures are some times as long as the photo.
+/// Unless the pictures are a whole number of times as long as the photo.
 pub fn hard_oracle<T: Real>(images: &[T], photo: &[T]) -> Vec<usize> {
     let whole = photo.len().is_multiple_of(3) && !photo.is_empty() && images.len().is_multiple_of(photo.len());
     assert!(whole, "pictures of the size of a photo with {} numbers, found {}", photo.len(), images.len());

@@ -1,5 +1,5 @@
-//! `splatweaver dynamic`: trainings of a mixture, its figures and pictures, smaller mixtures and single experts out of
-//! it.
+//! `splatweaver dynamic`: trainings of a mixture, its figures and pictures, and derived runs with fewer Gaussians or
+//! single experts.
 
 mod distil;
 mod eval;
@@ -44,10 +44,9 @@ enum DynamicCommand {
     Distil(DynamicDistil),
 }
 
-/// Runs one of the commands. A video is written by the program around them.
+/// Runs one of the commands. Videos are encoded by the surrounding program.
 ///
-/// Fails where files cannot be read or do not belong together, where training diverges, and where results cannot be
-/// written.
+/// Fails on unreadable or inconsistent files, on a diverging training, and on results that cannot be written.
 pub fn run(arguments: &Dynamic, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match &arguments.command {
         DynamicCommand::Train(it) => in_pool(it.threads.count(), || train::run(it, console, interrupt)),

@@ -25,7 +25,7 @@ impl<T: Real> Expert<T> {
         &*self.motion
     }
 
-    /// The parameters that have a row for each Gaussian.
+    /// The parameters with a row for each Gaussian.
     pub fn rows(&self) -> Vec<ParamId> {
         [self.motion.rows(), vec![self.color]].concat()
     }

@@ -1,10 +1,9 @@
 //! Gaussians that move: four models of motion, each a complete representation of a dynamic scene, behind one trait.
 //!
 //! [`Field`], [`Code`], [`Keys`] and [`Poly`] are the experts that MoE-GS (Jin et al., arXiv 2510.19210) mixes. Each is
-//! a file that follows its own paper; [`Motion`] is what they have in common, and [`Expert`] one of them with colors.
-//! [`PixelRouter`] says which of several frozen experts to believe at each pixel ([`Seen`] keeps what a step of its
-//! training needs), [`scores`] which of their Gaussians are worth keeping. [`hard_oracle`] is a bound that no choice of
-//! experts passes.
+//! a file that follows its own paper; [`Motion`] is their common trait, and [`Expert`] one of them with colors.
+//! [`PixelRouter`] weights several frozen experts at each pixel ([`Seen`] caches renders for its training), [`scores`]
+//! ranks their Gaussians for pruning. [`hard_oracle`] is an upper bound on any choice of experts.
 
 mod best_expert;
 #[cfg(feature = "command")]

@@ -1,4 +1,4 @@
-//! What models of motion have in common.
+//! The common trait of models of motion.
 
 pub mod code;
 pub mod field;
@@ -13,12 +13,12 @@ use weaver_splat::GaussianVars;
 
 /// Gaussians as a function of time.
 ///
-/// Time runs from 0 to 1 over a clip. Outside it every model goes on in its own way; none is meant to be asked there.
+/// Time runs from 0 to 1 over a clip. Outside of it models extrapolate in different ways, without meaning.
 pub trait Motion<T: Real>: Debug + Send + Sync {
     /// The Gaussians at a time. Differentiable in all parameters of the model.
     fn at<'t>(&self, cx: Context<'t, '_, T>, time: f64) -> Moved<'t, T>;
 
-    /// The parameters that have a row for each Gaussian, so that one can be left out.
+    /// The parameters with a row for each Gaussian, for pruning.
     fn rows(&self) -> Vec<ParamId>;
 
     /// Regularizer added to the loss of pictures, with its published weights; `None` for models without.
@@ -27,7 +27,7 @@ pub trait Motion<T: Real>: Debug + Send + Sync {
     }
 }
 
-/// N Gaussians at a time, but for their colors.
+/// N Gaussians at a time, without colors.
 #[derive(Clone, Copy, Debug)]
 pub struct Moved<'t, T: Real = f32> {
     /// Centers `[N, 3]`.
@@ -41,13 +41,14 @@ pub struct Moved<'t, T: Real = f32> {
 }
 
 impl<'t, T: Real> Moved<'t, T> {
-    /// The same with colors `[N, 3]` or `[N, K, 3]`.
+    /// The Gaussians with colors `[N, 3]` or `[N, K, 3]`.
     pub fn with_colors(&self, colors: Var<'t, T>) -> GaussianVars<'t, T> {
         let Self { means, quats, scales, opacities } = *self;
         GaussianVars { means, quats, scales, opacities, colors }
     }
 
-    /// Raw numbers as Gaussians: means as they are, scales exp, quaternions at unit length, opacities sigmoid. Opacities are `[N, 1]`.
+    /// Raw numbers as Gaussians: means as they are, scales exp, quaternions at unit length, opacities sigmoid.
+    /// Opacities are `[N, 1]`.
     pub(crate) fn activated([means, scales, quats, opacities]: [Var<'t, T>; 4]) -> Self {
         let n = means.shape()[0];
         Self {
@@ -59,7 +60,7 @@ impl<'t, T: Real> Moved<'t, T> {
     }
 }
 
-/// The Gaussians that a model begins with.
+/// The initial Gaussians of a model.
 #[derive(Clone, Copy, Debug)]
 pub struct Start<'a> {
     /// Centers `[N, 3]`.

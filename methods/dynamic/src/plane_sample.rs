@@ -3,18 +3,18 @@
 use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
-/// Points that are worked on together.
+/// Points in a parallel task.
 const GRAIN: usize = 256;
 
 #[derive(Debug)]
 struct PlaneSample;
 
-/// Where a point falls: the first of four cells, how far it is beyond it, and how that changes with the coordinates.
+/// Place of a point: the first of its four cells, its offset beyond the cell, and the derivative of the offset.
 struct Place<T> {
     cell: usize,
     x: T,
     y: T,
-    /// Cells per unit of each coordinate; 0 where it was clamped.
+    /// Cells per unit of each coordinate; 0 for a clamped coordinate.
     slope: [T; 2],
 }
 
@@ -110,11 +110,11 @@ impl<T: Real> Op<T> for PlaneSample {
     }
 }
 
-/// Features `[N, C]` of a plane `[C, rows, columns]` at places `[N, 2]`: the first coordinate runs along the columns, the second along the
-/// rows, both from -1 at the middle of the first cell to 1 at the middle of the last.
+/// Features `[N, C]` of a plane `[C, rows, columns]` at places `[N, 2]`: the first coordinate runs along the columns,
+/// the second along the rows, both from -1 at the middle of the first cell to 1 at the middle of the last.
 ///
-/// Between cells features are bilinear; beyond the border they are those of the border. Differentiable in plane and places; a coordinate
-/// beyond the border has no gradient.
+/// Between cells features are bilinear; beyond the border they are constant. Differentiable in plane and places; a
+/// coordinate beyond the border has no gradient.
 ///
 /// # Panics
 /// Unless the plane has at least two rows and two columns.

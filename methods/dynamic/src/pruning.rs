@@ -1,4 +1,4 @@
-//! Which Gaussians of a mixture are worth keeping.
+//! Scores of a mixture's Gaussians for pruning.
 
 use crate::{Gated, PixelRouter, Shot};
 use weaver_autograd::{Params, Real, Tape};
@@ -11,16 +11,16 @@ pub enum Score {
     /// Contribution to the picture it makes: sum_u G_k T_i alpha_i over the pixels, k its expert. Ours.
     #[default]
     Contribution,
-    /// Dependence of the gate on it: |d sum_u G_k / d(w, w_dir, w_time)|, as published (equation 10). It vanishes where the gate is certain, and
-    /// drops what alone carries a region.
+    /// Dependence of the gate on it: |d sum_u G_k / d(w, w_dir, w_time)|, as published (equation 10). It vanishes under
+    /// a certain gate, and drops even a region's only Gaussians.
     Sensitivity,
 }
 
 /// Draws the list of all Gaussians for a tape, at the time of a shot, without gradients.
 pub type Drawn<'a, T> = dyn for<'t> Fn(Context<'t, '_, T>) -> (GaussianVars<'t, T>, Shot<'a, 't, T>) + 'a;
 
-/// The score of each Gaussian of the list in one view at one time `[N]`; sum over views for [`Score::Contribution`], take the mean for
-/// [`Score::Sensitivity`].
+/// The score of each Gaussian of the list in one view at one time `[N]`; sum over views for [`Score::Contribution`],
+/// take the mean for [`Score::Sensitivity`].
 pub fn scores<T: Real>(router: &PixelRouter, params: &Params<T>, score: Score, drawn: &Drawn<'_, T>) -> Vec<f64> {
     match score {
         Score::Contribution => contributions(router, params, drawn),
@@ -28,7 +28,8 @@ pub fn scores<T: Real>(router: &PixelRouter, params: &Params<T>, score: Score, d
     }
 }
 
-/// The gradient by w of sum_k sum_u G_k W_k0, the gate held constant: what each Gaussian adds to its expert's map, times the gate.
+/// The gradient by w of sum_k sum_u G_k W_k0, the gate held constant: each Gaussian's addition to its expert's map,
+/// times the gate.
 fn contributions<T: Real>(router: &PixelRouter, params: &Params<T>, drawn: &Drawn<'_, T>) -> Vec<f64> {
     let tape = Tape::new();
     let cx = Context::new(&tape, params);
@@ -39,7 +40,7 @@ fn contributions<T: Real>(router: &PixelRouter, params: &Params<T>, drawn: &Draw
     gradient.map_or(Vec::new(), |gradient| gradient.chunks(2).map(|row| row[0].to_f64()).collect())
 }
 
-/// Lengths of the gradients of each expert's gate by what its own Gaussians carry.
+/// Lengths of the gradients of each expert's gate by the carried numbers of its own Gaussians.
 fn sensitivities<T: Real>(router: &PixelRouter, params: &Params<T>, drawn: &Drawn<'_, T>) -> Vec<f64> {
     let mut all = vec![0.0; router.rows().iter().map(Vec::len).sum()];
     for (expert, rows) in router.rows().iter().enumerate() {
@@ -58,7 +59,7 @@ fn sensitivities<T: Real>(router: &PixelRouter, params: &Params<T>, drawn: &Draw
     all
 }
 
-/// The best `share` of the Gaussians by their scores, in the order of the list; of equal ones those that come first.
+/// The best `share` of the Gaussians by their scores, in the order of the list; the first of equal ones.
 ///
 /// # Panics
 /// Unless the share is above 0 and at most 1.

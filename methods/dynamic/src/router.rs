@@ -1,4 +1,5 @@
-//! The volume-aware pixel router of MoE-GS (Jin et al., ICLR 2026, arXiv 2510.19210, equations 6 to 8): which expert to believe, pixel by pixel.
+//! The volume-aware pixel router of MoE-GS (Jin et al., ICLR 2026, arXiv 2510.19210, equations 6 to 8): weights of
+//! experts, pixel by pixel.
 
 use crate::{Seen, Shot};
 use std::sync::Arc;
@@ -9,7 +10,7 @@ use weaver_pose::{CameraVars, Rays};
 use weaver_scene::Groups;
 use weaver_splat::{GaussianVars, RasterError, Rasterize, Workspace};
 
-/// Numbers that every Gaussian carries, drawn as features: its weight, that of directions, that of time.
+/// Carried numbers of a Gaussian, drawn as features: its weight, and the weights of directions and of time.
 const CARRIED: usize = 3;
 /// Widths of the perceptron on two drawn numbers, the camera's center and the pixel's ray.
 const WIDTHS: [usize; 4] = [8, 6, 3, 1];
@@ -19,9 +20,10 @@ const START: f64 = 0.9;
 /// Settings of drawing and gating experts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RouterConfig {
-    /// Divisor of the gate's logits, positive: one value in training and in use. (The released code trains with 0.01 and shows with 1.)
+    /// Divisor of the gate's logits, positive: one value in training and in use. (The released code trains with 0.01
+    /// and shows with 1.)
     pub temperature: f64,
-    /// Values of the drawn numbers where an expert has nothing: 1 as published.
+    /// Values of the drawn numbers on an expert's empty pixels: 1 as published.
     pub background_weight: f64,
 }
 
@@ -33,9 +35,9 @@ impl Default for RouterConfig {
 
 /// The router of K frozen experts, whose Gaussians are one list.
 ///
-/// Every Gaussian carries w, w_dir and w_time. Drawn with the geometry of its expert, [w, w_dir, t w_time] become maps W_k, with the
-/// light that is left times b. R_k = W_k0 + Phi(W_k1, W_k2, camera center, unit ray), where Phi is a perceptron 8-6-3-1 with relu and
-/// without bias that all experts share, and the gate is G = softmax_k(R / tau).
+/// Every Gaussian carries w, w_dir and w_time. Drawn with the geometry of its expert, [w, w_dir, t w_time] become maps
+/// W_k, plus the remaining transmittance times b. R_k = W_k0 + Phi(W_k1, W_k2, camera center, unit ray), where Phi is a
+/// perceptron 8-6-3-1 with relu and without bias that all experts share, and the gate is G = softmax_k(R / tau).
 #[derive(Clone, Debug)]
 pub struct PixelRouter {
     config: RouterConfig,
@@ -66,7 +68,8 @@ pub struct Gated<'t, T: Real = f32> {
 }
 
 impl PixelRouter {
-    /// Builds `base` `[N, 2]` (w, w_dir), `time` `[N]` and `phi.{0, 1, 2}`; `owners` says whose each Gaussian of the list is, 0 to K - 1.
+    /// Builds `base` `[N, 2]` (w, w_dir), `time` `[N]` and `phi.{0, 1, 2}`; `owners` are the experts of the Gaussians
+    /// of the list, 0 to K - 1.
     ///
     /// # Panics
     /// If an expert has no Gaussian, or the temperature is not positive.
@@ -90,9 +93,11 @@ impl PixelRouter {
         &self.rows
     }
 
-    /// Draws all experts in one pass, each with light of its own (equation 9), and gates them. `gaussians` is the list at the shot's time.
+    /// Draws all experts in one pass, each with its own transmittance (equation 9), and gates them. `gaussians` is the
+    /// list at the shot's time.
     ///
-    /// Differentiable in the router's parameters and in the Gaussians; pass these [detached](Var::detach) where experts are frozen.
+    /// Differentiable in the router's parameters and in the Gaussians; pass these [detached](Var::detach) for frozen
+    /// experts.
     #[track_caller]
     pub fn gated<'t, T: Real>(
         &self,
@@ -122,8 +127,8 @@ impl PixelRouter {
         Seen::of(gaussians, groups, shot, workspace)
     }
 
-    /// Gates what was [seen](Self::see) of frozen experts at this shot: [`gated`](Self::gated) without drawing, up to rounding, W by a
-    /// sparse product. Differentiable in the router's parameters.
+    /// Gates cached [renders](Self::see) of frozen experts at this shot: [`gated`](Self::gated) without drawing, up to
+    /// rounding, W by a sparse product. Differentiable in the router's parameters.
     #[track_caller]
     pub fn gated_again<'t, T: Real>(
         &self,
@@ -142,7 +147,7 @@ impl PixelRouter {
         ops::concat(&[cx.param(self.base), cx.param(self.time).reshape([self.owners.len(), 1]) * time], 1)
     }
 
-    /// Gates pictures, by what was drawn of the carried numbers over zeros.
+    /// Gates pictures, given the carried numbers drawn over zeros.
     fn gate<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -192,7 +197,8 @@ impl PixelRouter {
     }
 }
 
-/// The loss of pictures `[P, 3]` of `size` (H, W): 0.8 mean |a - b| + 0.2 (1 - SSIM), SSIM over windows around every pixel, zeros outside.
+/// The loss of pictures `[P, 3]` of `size` (H, W): 0.8 mean |a - b| + 0.2 (1 - SSIM), SSIM over windows around every
+/// pixel, zeros outside.
 ///
 /// Differentiable in both.
 #[track_caller]
@@ -202,8 +208,8 @@ pub fn photometric<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>, [height, width]: [
     (a - b).abs().mean() * 0.8 + (similarity * -1.0 + 1.0) * 0.2
 }
 
-/// Distillation into one expert (equation 11): lambda L(G I_k, G I) + (1 - lambda) L((1 - G) I_k, (1 - G) I_mix), the gate G `[P]` and the
-/// mixture held constant. Lambda is not published; 0.5 is ours.
+/// Distillation into one expert (equation 11): lambda L(G I_k, G I) + (1 - lambda) L((1 - G) I_k, (1 - G) I_mix), the
+/// gate G `[P]` and the mixture held constant. Lambda is not published; 0.5 is ours.
 ///
 /// Pictures are `[P, 3]` of `size` (H, W). Differentiable in `expert`.
 #[track_caller]

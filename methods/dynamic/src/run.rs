@@ -2,15 +2,15 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `run.json` | what was asked for |
-//! | `init.safetensors` | the numbers it began with, if it came out of another run |
-//! | `checkpoint.safetensors` | everything needed to go on |
+//! | `run.json` | the settings |
+//! | `init.safetensors` | the initial parameters of a derived run |
+//! | `checkpoint.safetensors` | everything for resuming |
 //! | `model.safetensors` | experts and router, once all stages are done |
 //! | `metrics.jsonl` | losses |
-//! | `summary.json`, `report.html` | how photos are met, strips over time, gates, curves |
+//! | `summary.json`, `report.html` | errors on photos, strips over time, gates, curves |
 //!
-//! [`Run`] is such a training, [`RunSettings`] what is asked of it: stages one after the other, each of an expert, of
-//! the router, or of an expert that is distilled. [`Run::pruned`] makes the numbers of a smaller run.
+//! [`Run`] is such a training, [`RunSettings`] its settings: stages one after the other, each of an expert, of the
+//! router, or of an expert that is distilled. [`Run::pruned`] makes the parameters of a smaller run.
 //!
 //! ```rust
 //! use std::sync::atomic::AtomicBool;

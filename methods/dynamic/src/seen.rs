@@ -1,4 +1,4 @@
-//! Shots, and what frozen experts show of them, kept: a router's step is then a sparse product.
+//! Shots, and cached renders of frozen experts: with them, a router's step is a sparse product.
 
 use std::sync::Arc;
 use weaver_autograd::{Real, Var};
@@ -25,7 +25,8 @@ pub struct Shot<'a, 't, T: Real> {
     pub workspaces: &'a WorkspacePool<T>,
 }
 
-/// Renders of K frozen experts for one view at one time, P pixels: all that a router's step needs of them, made by [`PixelRouter::see`](crate::PixelRouter::see).
+/// Renders of K frozen experts for one view at one time, P pixels: all inputs of a router's step, made by
+/// [`PixelRouter::see`](crate::PixelRouter::see).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seen<T> {
     /// Each expert's picture `[K, P, 3]`.
@@ -74,7 +75,7 @@ impl<T: Real> Seen<T> {
         Ok(Self { images, alphas, weights: Arc::new(BlendWeights::of(workspace)?) })
     }
 
-    /// Bytes of memory.
+    /// Bytes in memory.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.images) + size_of_val(&*self.alphas) + self.weights.bytes()
     }

@@ -7,7 +7,7 @@ use std::hint::black_box;
 use weaver_image::{CUT, Canvas, Fitted, Gaussians, Tiled, Window, decode, decode_region, encode};
 use weaver_kernels::random::Stream;
 
-/// Gaussians of an even cover, as a quadtree makes them: standard deviations of half a cell and about it.
+/// Gaussians of an even cover, as from a quadtree: standard deviations of about half a cell.
 fn picture(side: usize, count: usize) -> Gaussians<f32> {
     let stream = Stream::new(1, 0, "bench.image");
     let cell = (side as f32) / (count as f32).sqrt();

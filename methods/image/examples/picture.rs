@@ -1,4 +1,6 @@
-//! A photo as Gaussians: `cargo run --release -p weaver-image --example picture -- PHOTO OUT.png [RATIO] [STEPS] [published] [coarse] [whole]`.
+//! A photo as Gaussians:
+//! `cargo run --release -p weaver-image --example picture -- PHOTO OUT.png [RATIO] [STEPS]
+//! [published] [coarse] [whole]`.
 //!
 //! Fits the middle 512 x 512 pixels, or the whole, prints decibels on the way, and writes the photo beside the drawing.
 
@@ -38,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ControlFlow::Continue(())
     })?;
     let seconds = begin.elapsed().as_secs_f64();
-    // Before the picture is judged, which takes more.
+    // Read before the metrics, which take more memory.
     let memory = weaver_io::peak_mb().map_or(String::new(), |mb| format!(", at most {mb:.0} MB"));
     let drawn = fitted.draw(width, height)?;
     let decibels = metrics::psnr(&drawn, picture.colors());

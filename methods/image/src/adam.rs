@@ -1,6 +1,6 @@
 //! Rates of Adam for the numbers of Gaussians.
 
-/// Rates of Adam: about how far a step moves each number.
+/// Rates of Adam: the approximate change of each number in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
     /// Centers, x and y, pixels.
@@ -14,7 +14,7 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// The same proportions.
+    /// The rates times a factor.
     pub fn times(&self, factor: f32) -> Self {
         Self {
             center: self.center.map(|rate| factor * rate),

@@ -1,10 +1,10 @@
-//! What the numbers of Gaussians are held to.
+//! Bounds of the numbers of Gaussians.
 
 use crate::gaussians::{Gaussians, LEAST_SCALE};
 use crate::picture::Picture;
 use crate::state::FitState;
 
-/// The range of scales, and what a lost Gaussian is set to.
+/// The range of scales, and the values of a reset Gaussian.
 #[derive(Debug)]
 pub struct Bounds {
     largest: f32,
@@ -19,12 +19,12 @@ impl Bounds {
         Self { largest, middle, pixels: picture.pixels() as f32 }
     }
 
-    /// Bounds scales. The published scale is an absolute value.
+    /// Clamps scales. The published scale is an absolute value.
     pub fn apply(&self, gaussians: &mut Gaussians<f32>) {
         gaussians.scales.iter_mut().for_each(|s| *s = s.abs().clamp(LEAST_SCALE, self.largest));
     }
 
-    /// Resets Gaussians that hold a number that is none, and counts them.
+    /// Resets Gaussians with a NaN or an infinity, and counts them.
     pub fn restore(&self, state: &mut FitState) {
         let count = state.gaussians.len();
         for i in 0..count {

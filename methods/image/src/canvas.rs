@@ -17,11 +17,12 @@ pub const CUT: f64 = 3.0;
 /// Gaussians of a parallel task.
 const GRAIN: usize = 128;
 
-/// A window onto Gaussians that were placed in it: draws colors, and passes gradients back.
+/// A window onto placed Gaussians: draws colors, and passes gradients back.
 ///
-/// The window is cut into tiles of 16 x 16 pixels. A Gaussian is in the list of a tile if the box of its ellipse at the cut meets
-/// it, and 0 beyond that ellipse. A pixel adds Gaussians in their order whatever the window, so that a region has the bits of the
-/// whole. The same bits at any number of threads. A repeated call takes no new memory but for the values of one tile per task.
+/// The window is cut into tiles of 16 x 16 pixels. A Gaussian is in the list of a tile if the box of its ellipse at the
+/// cut meets it, and 0 beyond that ellipse. A pixel adds Gaussians in their order in every window, so that a region has
+/// the bits of the whole. The same bits at any number of threads. A repeated call allocates nothing but the values of
+/// one tile per task.
 ///
 /// ```
 /// use weaver_image::{CUT, Canvas, Gaussians, Window};
@@ -40,22 +41,23 @@ pub struct Canvas<T> {
     cut: f64,
     records: Vec<Row<T>>,
     lists: Lists,
-    /// Of each entry of the lists.
+    /// Sums of each entry of the lists.
     sums: Vec<Sums<T>>,
-    /// Of each Gaussian.
+    /// Sums of each Gaussian.
     rows: Vec<Sums<T>>,
 }
 
 impl<T: Real> Canvas<T> {
-    /// A canvas that has no memory yet.
+    /// A canvas without memory.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Places Gaussians: their colors are not looked at. `cut` is in standard deviations, at most 12.
+    /// Places Gaussians, without their colors. `cut` is in standard deviations, at most 12.
     ///
     /// # Errors
-    /// Gaussians that [`Gaussians::check`] refuses, a window without pixels or beyond 2^28, too many tiles under Gaussians.
+    /// Gaussians that [`Gaussians::check`] refuses, a window without pixels or beyond 2^28, too many tiles under
+    /// Gaussians.
     pub fn place(&mut self, gaussians: &Gaussians<T>, window: Window, cut: f64) -> Result<(), ImageError> {
         gaussians.check()?;
         window.check()?;
@@ -77,12 +79,12 @@ impl<T: Real> Canvas<T> {
         self.lists.fill(&window)
     }
 
-    /// N.
+    /// N, the number of Gaussians.
     pub(crate) fn len(&self) -> usize {
         self.records.len()
     }
 
-    /// The window, empty before anything is placed.
+    /// The window, empty before the first placement.
     fn window(&self) -> Window {
         self.window.unwrap_or(Window::whole(0, 0))
     }
@@ -92,7 +94,8 @@ impl<T: Real> Canvas<T> {
         self.lists.entries.len()
     }
 
-    /// Blocks of 16 pixels that Gaussians meet, summed over Gaussians: what a drawing takes is a number of operations for each.
+    /// Pairs of a Gaussian and a block of 16 pixels in its footprint; the operations of a drawing are proportional to
+    /// them.
     pub fn blocks(&self) -> u64 {
         let rays = self.rays();
         (0..self.lists.tiles[1]).into_par_iter().map(|band| lanes::run(Count { rays, band })).sum()
@@ -106,7 +109,7 @@ impl<T: Real> Canvas<T> {
     /// Draws colors `[N, C]` to an image `[H, W, C]`, C = 1 or 3; overwrites it. Not clamped.
     ///
     /// # Errors
-    /// Lengths that are neither those of one channel nor of three.
+    /// Lengths that fit neither one channel nor three.
     pub fn draw(&self, colors: &[T], image: &mut [T]) -> Result<(), ImageError> {
         let channels = self.channels(colors.len(), image.len())?;
         let rays = self.rays();
@@ -118,8 +121,8 @@ impl<T: Real> Canvas<T> {
         Ok(())
     }
 
-    /// Adds to colors `[N, C]` the transpose of [`draw`](Self::draw) applied to an image `[H, W, C]`: the gradient with respect to
-    /// colors.
+    /// Adds to colors `[N, C]` the transpose of [`draw`](Self::draw) applied to an image `[H, W, C]`: the gradient with
+    /// respect to colors.
     ///
     /// # Errors
     /// As [`draw`](Self::draw).
@@ -135,14 +138,14 @@ impl<T: Real> Canvas<T> {
         Ok(())
     }
 
-    /// Overwrites `gradient` by that of a loss with respect to the placed Gaussians, from that with respect to the image, `slopes`
-    /// `[H, W, 3]`.
+    /// Overwrites `gradient` by the gradient of a loss with respect to the placed Gaussians, given `slopes`
+    /// `[H, W, 3]`, its gradient with respect to the image.
     ///
     /// With `t = w sum_ch g c` and `u = R^T d`: centers `sum t S^-1 d`, scales `sum t u_k^2 / s_k^3`, angles
     /// `sum t u_1 u_2 (1/s_2^2 - 1/s_1^2)`, colors `sum w g`. The cut is constant.
     ///
     /// # Errors
-    /// Other Gaussians than were placed, by their number, or an image of another size.
+    /// Another number of Gaussians than was placed, or an image of another size.
     pub fn backward(
         &mut self,
         gaussians: &Gaussians<T>,
@@ -156,10 +159,11 @@ impl<T: Real> Canvas<T> {
         Ok(())
     }
 
-    /// The mean squared error of the drawing, not clamped, against a picture, and its gradient, without an image in between.
+    /// The mean squared error of the drawing, not clamped, against a picture, and its gradient, without an image in
+    /// between.
     ///
     /// # Errors
-    /// Other Gaussians than were placed, by their number, or a window of another size than the picture's.
+    /// Another number of Gaussians than was placed, or a window of another size than the picture's.
     pub fn squared_error(
         &mut self,
         gaussians: &Gaussians<T>,
@@ -237,7 +241,8 @@ impl<T: Real> Canvas<T> {
 
 /// Gradients with respect to color, center, scale and angle, from sums over pixels.
 ///
-/// `(u, v)` of the sums and the offset along the axes in standard deviations are both of length 1 there: a rotation by (m, n) apart.
+/// `(u, v)` of the sums, over the root of K, and the offset along the axes in standard deviations differ by a rotation,
+/// (m, n).
 fn chain<T: Real>(gaussians: &Gaussians<T>, i: usize, sums: &Sums<T>, factor: f64) -> Sums<T> {
     let [r, g, b, u, v, uu, uv, vv] = sums.map(|x| factor * x.to_f64());
     let [s1, s2] = [gaussians.scales[2 * i], gaussians.scales[2 * i + 1]].map(|s| s.to_f64());

@@ -9,12 +9,13 @@ use crate::rounding::{Grid, Parts};
 use weaver_kernels::random::Stream;
 use weaver_lift::{Descent, LiftError, LiftOptions, Maps, Solver, Stop, lift};
 
-/// Rounds of rounding, and steps of conjugate gradients after each.
+/// Rounds of color rounding, and steps of conjugate gradients after each.
 const ROUNDS: usize = 6;
 const STEPS: usize = 6;
 
-/// Brings the colors of Gaussians nearer to the least squares against a picture, by `steps` steps of conjugate gradients on
-/// `A^T A c = A^T B` from the colors they have, preconditioned by `sum_p w_i(p)`. No step raises the squared error.
+/// Brings the colors of Gaussians nearer to the least squares against a picture, by `steps` steps of conjugate
+/// gradients on `A^T A c = A^T B` from their present colors, preconditioned by `sum_p w_i(p)`. No step raises the
+/// squared error.
 ///
 /// # Errors
 /// Gaussians that cannot be drawn.
@@ -28,7 +29,7 @@ pub fn solve_colors(
     solve_some(picture, gaussians, &all, cut, steps)
 }
 
-/// As [`solve_colors`], for some of the Gaussians, the others as they are.
+/// As [`solve_colors`], for some of the Gaussians; the others are constant.
 fn solve_some(
     picture: &Picture,
     gaussians: &mut Gaussians<f32>,
@@ -50,7 +51,7 @@ fn solve_some(
     };
     let mut maps = Maps { views: vec![residual], channels: 3 };
     let change = match lift(&mut values, &mut maps, &options, &mut || ()) {
-        // No color of them matters.
+        // Unseen Gaussians may have any color.
         Err(LiftError::NothingSeen { .. }) => return Ok(()),
         lifted => lifted?.features,
     };
@@ -60,7 +61,7 @@ fn solve_some(
     Ok(())
 }
 
-/// Rounds colors to a grid, a random sixth at a time; each time the others are solved for again.
+/// Rounds colors to a grid, a random sixth at a time; after each, the remaining ones are solved for again.
 pub(crate) fn round_colors(
     picture: &Picture,
     gaussians: &mut Gaussians<f32>,

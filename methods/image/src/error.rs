@@ -1,4 +1,4 @@
-//! Reasons why a picture cannot be drawn or fitted.
+//! Errors of drawing, fitting and coding pictures.
 
 /// An error of this crate.
 #[derive(Debug, thiserror::Error)]
@@ -7,11 +7,11 @@ pub enum ImageError {
     /// A length that does not fit.
     #[error("{what}: expected {expected} numbers, found {found}")]
     Length {
-        /// The list of that length.
+        /// Name of the list.
         what: &'static str,
-        /// The length it should have.
+        /// The expected length.
         expected: usize,
-        /// The length it has.
+        /// The length found.
         found: usize,
     },
     /// A number out of its range.
@@ -24,7 +24,7 @@ pub enum ImageError {
         /// The number.
         found: String,
     },
-    /// More tiles under Gaussians than a drawing keeps.
+    /// More tiles under Gaussians than the limit of a drawing.
     #[error("Gaussians: expected at most {most} tiles under all of them, found {found}; draw a smaller region")]
     TooMany {
         /// The limit.
@@ -35,7 +35,7 @@ pub enum ImageError {
     /// Bytes of a file that could not be read.
     #[error("reading the file: {0}")]
     Read(#[from] std::io::Error),
-    /// A file that is no picture, or not one that is whole.
+    /// A file that is no picture, or damaged.
     #[error(transparent)]
     File(#[from] weaver_codec::CodecError),
     /// A refusal of the solver of colors.
@@ -53,7 +53,7 @@ pub(crate) fn range(what: &'static str, expected: impl ToString, found: impl ToS
     ImageError::Range { what, expected: expected.to_string(), found: found.to_string() }
 }
 
-/// An error about what a file says.
+/// An error about invalid content of a file.
 pub(crate) fn invalid(place: &str, expected: impl ToString, found: impl ToString) -> ImageError {
     weaver_codec::CodecError::Invalid {
         place: place.to_string(),

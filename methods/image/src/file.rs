@@ -1,4 +1,4 @@
-//! Files of pictures: blocks of symbols, each by itself, and where they lie.
+//! Files of pictures: independent blocks of symbols, and their extents.
 
 use crate::blocks::{divide, extent, meets};
 use crate::error::{ImageError, invalid};
@@ -17,28 +17,28 @@ use weaver_codec::{
 /// Names of the streams.
 const HEAD: [u8; 4] = *b"pict";
 const SYMBOLS: [u8; 4] = *b"gaus";
-/// Bytes of the head before the blocks: width, height, which cut, weights of the colors' predictions.
+/// Bytes of the head before the blocks: width, height, kind of cut, weights of the colors' predictions.
 const HEAD_BYTES: usize = 10;
-/// Bytes of the place of a block.
+/// Bytes of the extent of a block.
 const PLACE_BYTES: usize = 16;
-/// Gaussians of a block, at most.
+/// Most Gaussians of a block.
 const BLOCK: usize = 4096;
-/// Bytes of a file that are read first, in the hope of its header.
+/// Length of the first read of a file; usually it holds the header.
 const FIRST: u64 = 4096;
 
-/// A picture as it is in a file.
+/// A decoded picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coded {
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// The Gaussians, and where they end.
+    /// The Gaussians, and their cut.
     pub fitted: Fitted,
 }
 
-/// The bytes of a file of a picture, its numbers rounded to symbols. A fit that is
-/// [`coded`](crate::FitSettings::coded) has them rounded already, all but exactly.
+/// The bytes of a file of a picture, its numbers rounded to symbols. A [`coded`](crate::FitSettings::coded) fit is
+/// already rounded, up to floating-point error.
 ///
 /// The layout is in docs/reference/wgi.md of the repository.
 ///
@@ -61,7 +61,8 @@ pub fn encode(fitted: &Fitted, width: usize, height: usize) -> Result<Vec<u8>, I
     encode_in_blocks(fitted, width, height, BLOCK)
 }
 
-/// As [`encode`], in blocks of at most so many Gaussians: the fewer, the less is read for a region, and the longer the file.
+/// As [`encode`], in blocks of at most `most` Gaussians: smaller blocks mean fewer bytes for a region, and a longer
+/// file.
 ///
 /// # Errors
 /// As [`encode`].
@@ -91,7 +92,7 @@ pub fn encode_in_blocks(fitted: &Fitted, width: usize, height: usize, most: usiz
     Ok(Container { gaussians: fitted.gaussians.len() as u64, coefficients: 0, streams }.write())
 }
 
-/// The weights of predictions that make blocks shortest, one channel after the other.
+/// The weights of predictions with the shortest blocks, one channel after the other.
 fn weights(grid: Grid, blocks: &[Vec<Symbols>]) -> Result<[usize; 3], ImageError> {
     let mut weights = [0; 3];
     for channel in 0..3 {
@@ -113,10 +114,10 @@ fn weights(grid: Grid, blocks: &[Vec<Symbols>]) -> Result<[usize; 3], ImageError
     Ok(weights)
 }
 
-/// Reads what [`encode`] wrote.
+/// Decodes the bytes of [`encode`].
 ///
 /// # Errors
-/// Bytes that are no picture, of a later version, missing, left over or changed; symbols out of range.
+/// Bytes of no picture or of a later version; missing, surplus or changed bytes; symbols out of range.
 pub fn decode(bytes: &[u8]) -> Result<Coded, ImageError> {
     let container = Container::read(bytes)?;
     let streams = container.streams.iter().map(|stream| (stream.name, stream.symbols));
@@ -126,14 +127,14 @@ pub fn decode(bytes: &[u8]) -> Result<Coded, ImageError> {
     head.decode(&blocks)
 }
 
-/// Reads those Gaussians of a file that show in a window of the picture: only the blocks that meet it. Drawn there, they have the bits
-/// of the whole.
+/// Decodes the Gaussians of a window of the picture: only the blocks that meet it. Drawn there, they have the bits of
+/// the whole.
 ///
-/// `read` gives bytes of the file, which has `length` of them. Someone who draws the window smaller has to ask for more around it, for
-/// Gaussians widen then ([`Window::around`]).
+/// `read` returns bytes of the file, whose length is `length`. Drawing the window at a smaller size takes a larger
+/// window, since Gaussians then widen ([`Window::around`]).
 ///
 /// # Errors
-/// As [`decode`], but for what is wrong with blocks that are not read; bytes that cannot be read.
+/// As [`decode`], for the blocks that are read; bytes that cannot be read.
 ///
 /// ```
 /// use weaver_image::{CUT, Fitted, Gaussians, Window, decode_region, encode_in_blocks};
@@ -184,7 +185,7 @@ pub fn decode_region(
     head.decode(&found.iter().map(|(bytes, symbols)| (&bytes[..], *symbols)).collect::<Vec<_>>())
 }
 
-/// Checks that streams are those of a picture with so many Gaussians.
+/// Checks the names of streams, and that their symbols add up to the number of Gaussians.
 fn check_streams(gaussians: u64, streams: impl Iterator<Item = ([u8; 4], u64)>) -> Result<(), ImageError> {
     let streams: Vec<([u8; 4], u64)> = streams.collect();
     let names: Vec<[u8; 4]> = streams.iter().map(|stream| stream.0).collect();
@@ -210,7 +211,7 @@ struct Head {
     grid: Grid,
     cut: f64,
     weights: [usize; 3],
-    /// Of blocks, where there are several: see [`extent`].
+    /// Extents of several blocks: see [`extent`]; empty for one.
     places: Vec<[u32; 4]>,
 }
 
@@ -225,7 +226,7 @@ impl Head {
         let (width, height) = (number(0) as usize, number(4) as usize);
         let window = Window::whole(width, height);
         window.check()?;
-        // The container has at least a byte for eight of them, so that this fits into memory.
+        // The container has at least a byte for eight Gaussians, so that they fit into memory.
         if gaussians > window.pixels() as u64 {
             let most = format!("at most {}, its pixels", window.pixels());
             return Err(invalid("Gaussians of a picture", most, gaussians));
@@ -244,7 +245,7 @@ impl Head {
         })
     }
 
-    /// The Gaussians of blocks, given by bytes and numbers of symbols.
+    /// The Gaussians of blocks, given as bytes and numbers of symbols.
     fn decode(&self, blocks: &[(&[u8], u64)]) -> Result<Coded, ImageError> {
         let found = blocks.par_iter().map(|(bytes, count)| self.block(bytes, *count as usize));
         let found = found.collect::<Result<Vec<_>, ImageError>>()?;

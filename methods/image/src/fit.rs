@@ -15,9 +15,9 @@ use crate::step::Step;
 use crate::window::Window;
 use std::ops::ControlFlow;
 
-/// Part of the rates that is left at the end.
+/// Part of the rates at the end.
 const LAST_RATE: f32 = 0.05;
-/// Times that Gaussians are added, one every twelfth of the steps.
+/// Number of additions of Gaussians, one every twelfth of the steps.
 const ADDITIONS: usize = 5;
 const PERIODS: usize = 12;
 /// Parts of the steps after which shapes and positions are rounded, for a file.
@@ -25,15 +25,15 @@ const SHAPES_AT: f64 = 0.6;
 const POSITIONS_AT: f64 = 0.8;
 /// Part of the steps after which a straight-through estimate begins.
 const THROUGH_AT: f64 = 2.0 / 3.0;
-/// Gaussians of a picture of one color, at most.
+/// Most Gaussians of a picture of one color.
 const OF_ONE_COLOR: usize = 64;
 
-/// A step that was made.
+/// Report of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
     /// Its number, from 1.
     pub step: usize,
-    /// Gaussians at the time.
+    /// Number of Gaussians.
     pub gaussians: usize,
     /// The loss before it: the mean squared error, or the published loss.
     pub loss: f64,
@@ -42,11 +42,11 @@ pub struct Progress {
 /// A fitted picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fitted {
-    /// The Gaussians; there may be fewer than asked for, where the start found no room.
+    /// The Gaussians; fewer than wanted, if the start found no room for all.
     pub gaussians: Gaussians<f32>,
-    /// Standard deviations at which they end, to be drawn with.
+    /// Cut of the drawing, standard deviations.
     pub cut: f64,
-    /// Gaussians that were reset because a number of theirs was none.
+    /// Gaussians that were reset because of a NaN or an infinity.
     pub reset: usize,
 }
 
@@ -75,8 +75,8 @@ impl Fitted {
 
 /// Fits Gaussians to a picture. `observe` is called after every step and may end the fit.
 ///
-/// The same bits from the same settings, at any number of threads. Scales stay between 0.3 pixels and a quarter of the longer side. A
-/// picture of one color gets 64 Gaussians at most. [`Fit`] is the same step by step.
+/// The same bits from the same settings, at any number of threads. Scales stay between 0.3 pixels and a quarter of the
+/// longer side. A picture of one color gets 64 Gaussians at most. [`Fit`] is the same step by step.
 ///
 /// # Errors
 /// No Gaussians or more than pixels.
@@ -102,7 +102,7 @@ pub fn fit(
     run(Fit::new(picture, settings)?, picture, observe)
 }
 
-/// Goes on with Gaussians that are there already, by the steps of [`fit`] after its start.
+/// Fits from existing Gaussians, by the steps of [`fit`] after its start.
 ///
 /// # Errors
 /// As [`fit`], and Gaussians that [`Gaussians::check`] refuses.
@@ -128,7 +128,7 @@ fn run(
     fit.finish(picture)
 }
 
-/// A fit under way, step by step. It can be left at a [state](Self::state), and gone on with to the same bits.
+/// A fit under way, step by step, which can be interrupted at a [state](Self::state) and resumed with the same bits.
 ///
 /// ```
 /// use weaver_image::{Fit, FitSettings, Picture};
@@ -176,10 +176,10 @@ impl Fit {
         Self::at(picture, &settings, FitState::new(gaussians))
     }
 
-    /// A fit that goes on from a state of the same picture and settings.
+    /// A fit resumed at a state of the same picture and settings.
     ///
     /// # Errors
-    /// As [`new`](Self::new), and a state of something else, as far as its numbers show.
+    /// As [`new`](Self::new), and a state of other numbers than this fit can have.
     pub fn at(picture: &Picture, settings: &FitSettings, state: FitState) -> Result<Self, ImageError> {
         settings.check(picture)?;
         state.check(picture, settings)?;
@@ -193,22 +193,22 @@ impl Fit {
         })
     }
 
-    /// State after the steps that are done.
+    /// State after the finished steps.
     pub fn state(&self) -> &FitState {
         &self.state
     }
 
-    /// The settings; of a picture of one color, with fewer Gaussians than were asked for.
+    /// The settings; with fewer Gaussians than wanted for a picture of one color.
     pub fn settings(&self) -> &FitSettings {
         &self.settings
     }
 
-    /// True if all steps are done.
+    /// True after the last step.
     pub fn is_done(&self) -> bool {
         self.state.step >= self.settings.steps as u64
     }
 
-    /// Does the next step with the picture that the fit is of.
+    /// Does the next step on the picture of the fit.
     ///
     /// # Errors
     /// A picture of another size; Gaussians over too many tiles.
@@ -236,7 +236,7 @@ impl Fit {
         if frozen.position {
             rates.center = [0.0; 2];
         }
-        // Of derivatives of a mean, the squares would be below the least number.
+        // The squares of the derivatives of a mean would underflow.
         self.step.move_by(&mut self.state, &rates, picture.pixels() as f32);
         self.bounds.restore(&mut self.state);
         // A rounded scale may lie a little beyond the bounds.
@@ -248,7 +248,7 @@ impl Fit {
         Ok(Progress { step: number, gaussians: self.state.gaussians.len(), loss })
     }
 
-    /// The picture as it is after the steps that are done, rounded if it is to be coded.
+    /// The picture after the finished steps, rounded if it is to be coded.
     ///
     /// # Errors
     /// As [`step`](Self::step).
@@ -262,7 +262,7 @@ impl Fit {
             self.round(self.rounded(self.state.step as usize), self.rounded(self.settings.steps));
         }
         let Self { settings, state, step, .. } = self;
-        // Its memory is that of several pictures.
+        // It holds memory of the size of several pictures.
         drop(step);
         let FitState { mut gaussians, reset, .. } = state;
         if settings.coded {
@@ -279,7 +279,7 @@ impl Fit {
         }
     }
 
-    /// Gaussians that are to be there in a step.
+    /// Number of Gaussians in a step.
     fn wanted(&self, number: usize) -> usize {
         let first = self.state.first as usize;
         let missing = if self.settings.growth { self.settings.gaussians.saturating_sub(first) } else { 0 };
@@ -293,14 +293,14 @@ impl Fit {
         out
     }
 
-    /// Parts that are rounded after so many steps, and do not move any more.
+    /// Parts that are rounded after `steps` steps, and frozen from then on.
     fn rounded(&self, steps: usize) -> Parts {
         let staged = self.settings.coded && !self.settings.straight_through;
         let due = |part: f64| staged && steps as f64 >= part * self.settings.steps as f64;
         Parts { shape: due(SHAPES_AT), position: due(POSITIONS_AT), color: false }
     }
 
-    /// Rounds what is to be rounded `after`, and was not `before`.
+    /// Rounds the parts of `after` that are not in `before`.
     fn round(&mut self, before: Parts, after: Parts) {
         let parts =
             Parts { shape: after.shape && !before.shape, position: after.position && !before.position, color: false };

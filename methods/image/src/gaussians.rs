@@ -1,16 +1,16 @@
-//! Gaussians of a picture, and the same Gaussians at another scale.
+//! Gaussians of a picture, and their rescaling.
 
 use crate::error::{ImageError, expect_len, range};
 use weaver_kernels::Real;
 
-/// The least standard deviation that fits give, in pixels.
+/// The least standard deviation of fits, in pixels.
 pub(crate) const LEAST_SCALE: f32 = 0.3;
 
 /// A picture as a sum of N Gaussians.
 ///
-/// The color of a point p is `C(p) = sum_i c_i exp(-d^T S_i^-1 d / 2)`, where `d = p - center_i` and `S_i = R diag(s^2) R^T` with
-/// the rotation R by `angle_i`. There is neither order nor opacity. Whoever displays it clamps to [0, 1]. The middle of pixel j is
-/// at j + 1/2. The same struct holds gradients, moments or rates of all numbers.
+/// The color of a point p is `C(p) = sum_i c_i exp(-d^T S_i^-1 d / 2)`, where `d = p - center_i` and
+/// `S_i = R diag(s^2) R^T` with the rotation R by `angle_i`. There is neither order nor opacity. Displays clamp to [0,
+/// 1]. The middle of pixel j is at j + 1/2. The same struct holds gradients, moments or rates of all numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gaussians<T> {
     /// Centers `[N, 2]`, x and y in pixels.
@@ -24,13 +24,13 @@ pub struct Gaussians<T> {
 }
 
 impl<T: Real> Gaussians<T> {
-    /// As many Gaussians, all numbers of which are zero: room for gradients.
+    /// `count` Gaussians of zeros: room for gradients.
     pub fn zeros(count: usize) -> Self {
         let zeros = |width: usize| vec![T::ZERO; count * width];
         Self { centers: zeros(2), scales: zeros(2), angles: zeros(1), colors: zeros(3) }
     }
 
-    /// N.
+    /// N, the number of Gaussians.
     pub fn len(&self) -> usize {
         self.angles.len()
     }
@@ -56,7 +56,7 @@ impl<T: Real> Gaussians<T> {
         self.colors.extend(&others.colors);
     }
 
-    /// Some of them, in the order asked for.
+    /// The Gaussians of these indices, in their order.
     pub(crate) fn some(&self, which: &[usize]) -> Self {
         let mut out = Self::default();
         for i in which.iter().copied() {
@@ -67,7 +67,7 @@ impl<T: Real> Gaussians<T> {
         out
     }
 
-    /// Checks that all lists are of as many Gaussians.
+    /// Checks that all lists have the same number of Gaussians.
     pub(crate) fn check_lengths(&self) -> Result<(), ImageError> {
         let count = self.len();
         expect_len("centers of Gaussians", self.centers.len(), 2 * count)?;
@@ -95,8 +95,8 @@ impl<T: Real> Gaussians<T> {
 
     /// The same picture with sides `factor` times as long, filtered by the box of its pixels where it shrinks.
     ///
-    /// With k the factor, `s'^2 = k^2 s^2 + max(0, 1 - k^2) / 12`: the variance that averaging over the pixels under a new one adds.
-    /// A Gaussian keeps its integral, so that its color is multiplied by `k^2 s_1 s_2 / (s'_1 s'_2)`.
+    /// With k the factor, `s'^2 = k^2 s^2 + max(0, 1 - k^2) / 12`: the added variance of averaging over the pixels
+    /// under a new one. A Gaussian keeps its integral, so that its color is multiplied by `k^2 s_1 s_2 / (s'_1 s'_2)`.
     ///
     /// ```
     /// let mut picture = weaver_image::Gaussians::default();
@@ -121,7 +121,8 @@ impl<T: Real> Gaussians<T> {
         out
     }
 
-    /// Turns gradients with respect to [`at_scale`](Self::at_scale) of these Gaussians into gradients with respect to themselves.
+    /// Turns gradients with respect to [`at_scale`](Self::at_scale) of these Gaussians into gradients with respect to
+    /// themselves.
     pub fn pull_back(&self, factor: f64, gradient: &mut Self) {
         let k = T::from_f64(factor);
         gradient.centers.iter_mut().for_each(|x| *x *= k);

@@ -1,13 +1,13 @@
 //! A picture as a sum of 2-D Gaussians.
 //!
 //! - [`fit`] fits [`Gaussians`] to a [`Picture`]: from a [`quadtree()`] or as published, by [`FitSettings`];
-//!   [`solve_colors`] is the part that is linear algebra.
+//!   [`solve_colors`] is its linear algebra.
 //! - [`Canvas`] draws a window of Gaussians and passes gradients back; [`Gaussians::at_scale`] is the same picture at
 //!   another size.
-//! - [`encode`] and [`decode`] are the bytes of a file, [`decode_region`] those of a part. [`Fit`] goes step by step,
-//!   to be left and gone on with.
+//! - [`encode`] and [`decode`] are the codec of files, [`decode_region`] reads a part. [`Fit`] goes step by step and
+//!   can be interrupted and resumed.
 //! - [`Values`] is the drawing as a linear map from colors to pixels, for the solvers of weaver-lift.
-//! - [`mod@reference`] is the model written as a plain loop, [`metrics`] says how near two pictures are.
+//! - [`mod@reference`] is the model as a plain loop, [`metrics`] measures the difference of two pictures.
 //!
 //! Same bits at any number of threads.
 

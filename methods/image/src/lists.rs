@@ -26,7 +26,7 @@ pub struct Lists {
 }
 
 impl Lists {
-    /// Fills the lists from the [`boxes`](Self::boxes), which [`over`] has found for this window.
+    /// Fills the lists from the [`boxes`](Self::boxes), computed by [`over`] for this window.
     pub fn fill(&mut self, window: &Window) -> Result<(), ImageError> {
         self.tiles = window.tiles();
         let [columns, rows] = self.tiles;
@@ -61,7 +61,7 @@ impl Lists {
                 }
             }
         }
-        // Each start has moved to the end of its tile, where the next one begins.
+        // Each start has moved to the end of its tile, which is the start of the next.
         self.starts.rotate_right(1);
         self.starts[0] = 0;
         Ok(())
@@ -77,19 +77,19 @@ impl Lists {
         self.starts[band * self.tiles[0]]..self.starts[(band + 1) * self.tiles[0]]
     }
 
-    /// The places among all entries of a Gaussian's own.
+    /// The places of a Gaussian's entries among all entries.
     pub fn of_gaussian(&self, i: usize) -> &[u32] {
         &self.places[self.firsts[i]..self.firsts[i + 1]]
     }
 }
 
-/// The tiles of a window that a box meets, given by its middle and half its sides, in pixels.
+/// The tiles of a window that meet a box, given by its middle and half its sides, in pixels.
 pub fn over(window: &Window, center: [f64; 2], half: [f64; 2]) -> [u32; 4] {
     let tiles = window.tiles();
     let along = |axis: usize, first: usize| {
         let tiles = tiles[axis] as u32;
         let center = center[axis] - (first / TILE * TILE) as f64;
-        // A tile's pixels have their middles half a pixel inside; a part of a pixel more is for rounding.
+        // Middles of pixels lie half a pixel inside a tile; the hundredth of a pixel allows for rounding.
         let low = ((center - half[axis] - 0.01 - (TILE as f64 - 0.5)) / TILE as f64).ceil().max(0.0) as u32;
         let high = ((center + half[axis] + 0.01 - 0.5) / TILE as f64).floor() + 1.0;
         [low.min(tiles), (high.max(0.0) as u32).clamp(low.min(tiles), tiles)]

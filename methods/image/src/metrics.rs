@@ -1,4 +1,4 @@
-//! How near two pictures are.
+//! Similarity of two pictures.
 
 use rayon::prelude::*;
 
@@ -15,9 +15,10 @@ const C2: f64 = 9e-4;
 
 /// The multi-scale structural similarity of two pictures `[H, W, 3]` in [0, 1], the mean of the channels.
 ///
-/// Of each of five scales, halved by means of 2 x 2 pixels, the contrast and structure term is raised to its exponent, of the
-/// coarsest the whole similarity; negative terms count as 0. Windows are Gaussians of 11 x 11 pixels inside the picture. `None` for
-/// a side below 176 pixels, which leaves no window at the coarsest scale. Source: Wang et al., 2003.
+/// Scales are halved by means of 2 x 2 pixels. The contrast and structure terms of the four finer scales and the whole
+/// similarity of the coarsest are raised to the scales' exponents; negative terms count as 0. Windows are Gaussians of
+/// 11 x 11 pixels inside the picture. `None` for a side below 176 pixels, which leaves no window at the coarsest scale.
+/// Source: Wang et al., 2003.
 ///
 /// # Panics
 /// Unless both have `size`, (H, W).
@@ -45,7 +46,7 @@ pub fn ms_ssim(a: &[f32], b: &[f32], size: [usize; 2]) -> Option<f64> {
         }
         product
     };
-    // One after the other: a plane is a large part of the picture's memory.
+    // One after the other: a plane takes a large part of the picture's memory.
     Some((0..3).map(channel).sum::<f64>() / 3.0)
 }
 

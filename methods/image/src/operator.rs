@@ -1,4 +1,4 @@
-//! Drawing as the linear map from colors to pixels that solvers of weaver-lift work with.
+//! Drawing as a linear map from colors to pixels, for the solvers of weaver-lift.
 
 use crate::canvas::Canvas;
 use crate::error::ImageError;
@@ -12,7 +12,7 @@ use weaver_lift::{LiftError, Operator};
 pub struct Values<T> {
     window: Window,
     canvas: Canvas<T>,
-    /// With the squares of all values.
+    /// The canvas of the squares of all values.
     squares: Canvas<T>,
 }
 
@@ -24,7 +24,7 @@ impl<T: Real> Values<T> {
     pub fn new(gaussians: &Gaussians<T>, window: Window, cut: f64) -> Result<Self, ImageError> {
         let (mut canvas, mut squares) = (Canvas::new(), Canvas::new());
         canvas.place(gaussians, window, cut)?;
-        // The square of a Gaussian is one with half the variance, and its cut lies where it was.
+        // The square of a Gaussian is one with half the variance and the same cut.
         let narrow = T::from_f64(0.5_f64.sqrt());
         let mut half = gaussians.clone();
         half.scales.iter_mut().for_each(|s| *s *= narrow);
@@ -38,7 +38,7 @@ fn channel<T: Real>(of: &[T], channel: usize, channels: usize) -> Vec<T> {
     of.iter().skip(channel).step_by(channels).copied().collect()
 }
 
-/// Runs `body(from, to)` on numbers that a canvas takes: one channel at a time, unless there are three of them or one.
+/// Runs `body(from, to)` on one channel at a time, or on all if there are one or three.
 fn by_channel<T: Real>(
     from: &[T],
     to: &mut [T],

@@ -17,7 +17,7 @@ pub struct Rays<'a, T> {
 }
 
 impl<'a, T: Real> Rays<'a, T> {
-    /// Tiles of a row of them.
+    /// Tiles of a row.
     #[inline(always)]
     fn tiles(&self, band: usize) -> Range<usize> {
         band * self.lists.tiles[0]..(band + 1) * self.lists.tiles[0]
@@ -29,7 +29,7 @@ impl<'a, T: Real> Rays<'a, T> {
         Tile { corner: self.window.corner(tile), ids, records: self.records, cut: self.cut }
     }
 
-    /// The entries of a tile among those of its band.
+    /// The range of a tile's entries within its row.
     #[inline(always)]
     fn own(&self, band: usize, tile: usize) -> Range<usize> {
         let (all, first) = (self.lists.of_tile(tile), self.lists.of_band(band).start);
@@ -65,7 +65,7 @@ pub struct Transposed<'a, T, const C: usize, const MOVE: bool> {
     pub rays: Rays<'a, T>,
     pub band: usize,
     pub colors: &'a [T],
-    /// Of the whole image.
+    /// Gradient with respect to the whole image.
     pub slopes: &'a [T],
     pub sums: &'a mut [Sums<T>],
 }
@@ -88,8 +88,8 @@ impl<T: Real, const C: usize, const MOVE: bool> LaneKernel<T> for Transposed<'_,
     }
 }
 
-/// Draws a row of tiles, compares them with a picture and passes the gradient of the squared error back; gives the sum of squares.
-/// The gradients are half of those of the sum.
+/// Draws a row of tiles, compares them with a picture and passes the gradient of the squared error back; returns the
+/// sum of squares. The gradients are half the derivatives of the sum.
 pub struct Step<'a, T> {
     pub rays: Rays<'a, T>,
     pub band: usize,
@@ -117,7 +117,7 @@ impl<T: Real> LaneKernel<T> for Step<'_, T> {
     }
 }
 
-/// Counts the blocks that the Gaussians over a row of tiles meet.
+/// Counts the pairs of a Gaussian and a block of its footprint over a row of tiles.
 pub struct Count<'a, T> {
     pub rays: Rays<'a, T>,
     pub band: usize,

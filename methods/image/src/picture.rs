@@ -1,4 +1,4 @@
-//! The picture that is fitted.
+//! The input picture of a fit.
 
 use crate::error::{ImageError, expect_len, range};
 use crate::window::Window;
@@ -18,7 +18,7 @@ impl Picture {
     /// A picture of colors `[H, W, 3]` in [0, 1].
     ///
     /// # Errors
-    /// No pixels or more than 2^28, another number of numbers, a number outside of [0, 1].
+    /// No pixels or more than 2^28, another number of values, a value outside of [0, 1].
     pub fn new(width: usize, height: usize, colors: Vec<f32>) -> Result<Self, ImageError> {
         Window::whole(width, height).check()?;
         expect_len("picture", colors.len(), 3 * width * height)?;
@@ -48,7 +48,8 @@ impl Picture {
         self.width * self.height
     }
 
-    /// The number of Gaussians whose 56 bits each are a `ratio`-th of 24 bits a pixel, `floor(3 H W / (7 ratio))`, at least one.
+    /// The number of Gaussians whose 56 bits each are a `ratio`-th of 24 bits a pixel, `floor(3 H W / (7 ratio))`, at
+    /// least one.
     ///
     /// That is the published count. Coded as files, Gaussians take about half of these bits.
     pub fn gaussians_for(&self, ratio: f64) -> usize {
@@ -64,7 +65,7 @@ impl Picture {
         Window::whole(self.width, self.height)
     }
 
-    /// Half the size: means of up to four pixels.
+    /// The picture at half the size: means of up to four pixels.
     pub(crate) fn half(&self) -> Self {
         let [width, height] = [self.width, self.height].map(|side| side.div_ceil(2));
         let mut colors = Vec::with_capacity(3 * width * height);
@@ -79,7 +80,7 @@ impl Picture {
         Self { width, height, colors }
     }
 
-    /// The color at a point by bilinear interpolation between pixel middles, those of the border beyond them.
+    /// The color at a point by bilinear interpolation between pixel middles, clamped at the border.
     pub(crate) fn at(&self, x: f32, y: f32) -> [f32; 3] {
         let along = |at: f32, side: usize| {
             let at = (at - 0.5).clamp(0.0, (side - 1) as f32);

@@ -4,7 +4,7 @@ use crate::picture::Picture;
 use crate::window::Window;
 use weaver_kernels::subdivision::subdivide;
 
-/// A cell of a picture, and the best color for it.
+/// A cell of a picture, and its mean color.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leaf {
     /// Its pixels.
@@ -17,8 +17,9 @@ pub struct Leaf {
 
 /// Divides a picture into `count` cells, or into pixels if there are fewer.
 ///
-/// The cell of the largest squared deviation is halved across its longer side, a square the better way, until there are enough. Of
-/// cells without any, the largest is halved. Sums are exact, of colors in 65536 steps.
+/// The cell of the largest squared deviation is halved across its longer side, a square in the direction with the
+/// smaller remaining deviation, until there are enough. If no cell has a deviation, the largest is halved. Sums are
+/// exact, of colors in 65536 steps.
 ///
 /// ```
 /// use weaver_image::{Picture, quadtree};
@@ -31,7 +32,7 @@ pub struct Leaf {
 /// ```
 pub fn quadtree(picture: &Picture, count: usize) -> Vec<Leaf> {
     let sums = Sums::new(picture);
-    // Deviations are not negative, so that their bits are in their order.
+    // Deviations are not negative, so that the order of their bits is theirs.
     let worst = |leaf: &Leaf| (leaf.deviation.to_bits(), leaf.cell.pixels());
     subdivide(vec![sums.leaf(picture.window())], count, 2, worst, |leaf| sums.halves(leaf.cell).into_iter().flatten())
 }

@@ -1,4 +1,4 @@
-//! A Gaussian as the drawing of tiles reads it.
+//! A Gaussian in the form that the drawing of tiles reads.
 
 use crate::gaussians::Gaussians;
 use weaver_kernels::Real;
@@ -10,21 +10,22 @@ pub const BLOCK: usize = 4;
 pub const BLOCKS: usize = 4;
 /// Pixels along a side of a tile.
 pub const TILE: usize = BLOCK * BLOCKS;
-/// Exponents of two that a block may lie beyond the cut by rounding alone.
+/// Exponents of two by which a block may lie beyond the cut through rounding alone.
 const SLACK: f64 = 0.02;
 
-/// `log2 w` at one standard deviation, less its sign.
+/// `-log2 w` at one standard deviation.
 pub const K: f64 = 0.5 * std::f64::consts::LOG2_E;
 
-/// Exponents of two of a Gaussian's value at so many standard deviations.
+/// Exponent of two of a Gaussian's value at this number of standard deviations.
 pub fn exponent(deviations: f64) -> f64 {
     -K * deviations * deviations
 }
 
-/// The numbers of a Gaussian: center, the factor of its precision, slopes of the lines on which it is largest; and half the sides of
-/// the box around its ellipse of one standard deviation.
+/// The record of a Gaussian: center, the factor of its precision, slopes of its ridge lines; and half the sides of the
+/// box around its ellipse of one standard deviation.
 ///
-/// `log2 w = -(u^2 + v^2)` with `u = a dx + b dy`, `v = c dy`: the Cholesky factor of the precision, whose squares cannot cancel.
+/// `log2 w = -(u^2 + v^2)` with `u = a dx + b dy`, `v = c dy`: the Cholesky factor of the precision, whose squares
+/// cannot cancel.
 pub fn record<T: Real>(gaussians: &Gaussians<T>, i: usize) -> (Row<T>, [f64; 2]) {
     let [s1, s2] = [gaussians.scales[2 * i], gaussians.scales[2 * i + 1]].map(|s| s.to_f64());
     let (sin, cos) = gaussians.angles[i].to_f64().sin_cos();
@@ -61,7 +62,7 @@ impl<V: Lanes> Loaded<V> {
         Self { x: s(x), y: s(y), a: s(a), b: s(b), c: s(c), y_by_x: s(y_by_x), x_by_y: s(x_by_y) }
     }
 
-    /// Base-2 logarithm of the value so far from the center.
+    /// Base-2 logarithm of the value at an offset from the center.
     #[inline(always)]
     fn log2(&self, [dx, dy]: [V; 2]) -> V {
         log2([self.b.mul_add(dy, self.a * dx), self.c * dy])
@@ -77,9 +78,9 @@ impl<V: Lanes> Loaded<V> {
         Over { first: [self.b.mul_add(dy, self.a * dx), self.c * dy], shifts }
     }
 
-    /// The blocks of a tile that the ellipse meets, one bit per block.
+    /// The blocks of a tile that meet the ellipse, one bit per block.
     ///
-    /// The largest value on a rectangle that does not hold the center lies on one of the two sides that face it.
+    /// On a rectangle without the center, the largest value lies on one of the two sides that face it.
     #[inline(always)]
     pub fn blocks(&self, grid: &Grid<V>, cut: V) -> u16 {
         let zero = V::zero();
@@ -93,7 +94,7 @@ impl<V: Lanes> Loaded<V> {
     }
 }
 
-/// A Gaussian over a tile: u and v at the lanes of its first block, and what each block adds to them.
+/// A Gaussian over a tile: u and v at the lanes of its first block, and the increments for each block.
 pub struct Over<V: Lanes> {
     first: [V; 2],
     shifts: [Row<V::Scalar>; 2],
@@ -124,10 +125,10 @@ pub fn value<V: Lanes>(uv: [V; 2], cut: V) -> V {
 
 /// Pixel middles of a tile.
 pub struct Grid<V> {
-    /// Of the lanes of the first block.
+    /// X coordinates of the lanes of the first block.
     x: V,
     y: V,
-    /// Of the first pixel, in all lanes.
+    /// X and y of the first pixel, in all lanes.
     corner: [V; 2],
     /// Pixels from the first block to each, a lane per block.
     right: V,

@@ -1,11 +1,11 @@
-//! The model without tiles, lanes or cut: the slow twin that the drawing is compared with.
+//! The model without tiles, lanes or cut: the slow reference of the drawing.
 
 use crate::gaussians::Gaussians;
 use crate::window::Window;
 use weaver_kernels::Real;
 
-/// Draws colors `[N, 3]` of Gaussians to an image `[H, W, 3]`, in `f64`: all Gaussians at all pixels, 0 beyond `cut` standard
-/// deviations.
+/// Draws colors `[N, 3]` of Gaussians to an image `[H, W, 3]`, in `f64`: all Gaussians at all pixels, 0 beyond `cut`
+/// standard deviations.
 pub fn draw<T: Real>(gaussians: &Gaussians<T>, window: &Window, cut: f64) -> Vec<f64> {
     let mut image = vec![0.0; 3 * window.pixels()];
     for (pixel, color) in image.chunks_exact_mut(3).enumerate() {

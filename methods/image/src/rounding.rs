@@ -9,12 +9,13 @@ const SCALE_STEP: f64 = 0.35;
 const SCALE: f64 = 0.5;
 /// Classes by the smaller scale: a further one for each doubling.
 pub const CLASSES: usize = 8;
-/// Steps of positions in pixels and of luma in the first class; the former grow and the latter fall by a root of two with each class.
+/// Steps of positions in pixels and of luma in the first class; the former grow and the latter fall by a root of two
+/// with each class.
 const POSITION_STEP: f64 = 0.35;
 const LUMA_STEP: f64 = 0.035 * std::f64::consts::SQRT_2;
-/// Steps of chroma are so many times those of luma.
+/// Ratio of the steps of chroma and luma.
 const CHROMA: f64 = 2.0;
-/// Symbols that scales and their ratios may have.
+/// Largest symbol of scales and their ratios.
 const LARGEST_SCALE: f64 = 100.0;
 pub const LARGEST_RATIO: i64 = 40;
 
@@ -64,7 +65,7 @@ fn color_step(class: usize, channel: usize) -> f64 {
 }
 
 impl Grid {
-    /// Pixels beyond the picture where a center may lie, a quarter of the longer side.
+    /// Margin for centers beyond the picture in pixels, a quarter of the longer side.
     fn margin(&self) -> f64 {
         (self.size[0].max(self.size[1]) as f64 / 4.0).ceil()
     }
@@ -98,12 +99,12 @@ impl Grid {
         Symbols { scale, ratio, angle, position, color }
     }
 
-    /// The center that symbols stand for.
+    /// The center of symbols.
     pub fn center(&self, symbols: &Symbols) -> [f64; 2] {
         symbols.position.map(|x| f64::from(x) * position_step(class(symbols.scale)) - self.margin())
     }
 
-    /// Writes the Gaussian of these symbols: shape, position, color, as far as they are asked for.
+    /// Writes the Gaussian of these symbols: shape, position, color, as selected by `parts`.
     pub fn write(&self, symbols: &Symbols, to: &mut Gaussians<f32>, i: usize, parts: Parts) {
         let class = class(symbols.scale);
         if parts.shape {

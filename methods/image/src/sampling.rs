@@ -1,4 +1,4 @@
-//! Pixels drawn at random, and the published placing of Gaussians.
+//! Random pixels, and the published placement of Gaussians.
 
 use crate::picture::Picture;
 use crate::window::Window;
@@ -13,7 +13,8 @@ const GRADIENT: f64 = 0.9;
 
 /// Draws indices without replacement, proportionally to weights, in ascending order.
 ///
-/// The smallest of the exponential numbers `-ln(u) / weight` are taken (Efraimidis and Spirakis, 2006). Weights of 0 are drawn last.
+/// The smallest of the exponential numbers `-ln(u) / weight` are taken (Efraimidis and Spirakis, 2006). Weights of 0
+/// are drawn last.
 pub fn weighted_sample(weights: &[f64], count: usize, stream: Stream) -> Vec<usize> {
     let count = count.min(weights.len());
     if count == 0 {
@@ -27,10 +28,10 @@ pub fn weighted_sample(weights: &[f64], count: usize, stream: Stream) -> Vec<usi
     chosen
 }
 
-/// The published weights of the pixels of a window: `max(1e-8, 0.9 m + 0.1 v)`, m the Sobel magnitude of the mean of channels, v the
-/// variance over 5 x 5 pixels, mean of channels, each divided by its largest.
+/// The published weights of the pixels of a window: `max(1e-8, 0.9 m + 0.1 v)`, m the Sobel magnitude of the mean of
+/// channels, v the variance over 5 x 5 pixels, mean of channels, each divided by its largest.
 ///
-/// The picture goes on beyond the window's border as its pixels there: zeros would make the frame an edge.
+/// The picture is extended beyond the window by its border pixels: zeros would make the frame an edge.
 pub fn weights(picture: &Picture, window: Window) -> Vec<f64> {
     let clamp = |x: isize, first: usize, length: usize| (x.max(0) as usize).min(length - 1) + first;
     let color = |x: isize, y: isize| {
@@ -63,8 +64,8 @@ pub fn weights(picture: &Picture, window: Window) -> Vec<f64> {
     slopes.iter().zip(&variances).map(weight).collect()
 }
 
-/// Adds up to `count` uniform points of a window that lie farther than `distance` from all points of before and of earlier rounds;
-/// those of one round may be near each other. There may be fewer. Returns the number of points after each round.
+/// Adds up to `count` uniform points of a window that lie farther than `distance` from all earlier points and rounds;
+/// points of one round may be near each other. There may be fewer. Returns the number of points after each round.
 pub fn exclude(points: &mut Vec<[f32; 2]>, count: usize, window: Window, distance: f32, stream: Stream) -> Vec<usize> {
     let mut near = Near::new(window, distance);
     points.iter().for_each(|point| near.insert(*point));
@@ -94,7 +95,7 @@ pub fn exclude(points: &mut Vec<[f32; 2]>, count: usize, window: Window, distanc
     ends
 }
 
-/// Points by square cells as large as a distance.
+/// Points by square cells with a distance as their side.
 struct Near {
     window: Window,
     distance: f32,
@@ -146,7 +147,7 @@ mod tests {
         let drawn = weighted_sample(&weights, 50, Stream::new(1, 0, "test"));
         assert_eq!(drawn, (0..100).step_by(2).collect::<Vec<_>>());
         assert_eq!(weighted_sample(&weights, 1000, Stream::new(1, 0, "test")).len(), 100);
-        // Once each of two: 0.9 of the time the heavier one.
+        // One of two: 0.9 of the time the heavier one.
         let heavier = |seed| weighted_sample(&[0.1, 0.9], 1, Stream::new(seed, 0, "test"))[0];
         let share = (0..4000).map(heavier).sum::<usize>() as f64 / 4000.0;
         assert!((share - 0.9).abs() < 0.02, "{share}");

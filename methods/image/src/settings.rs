@@ -9,11 +9,11 @@ use crate::start::Start;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Descent {
-    /// Mean squared error, not clamped; rates of 0.6 pixels for centers, 0.3 for scales, 0.1 for angles and 0.02 for colors, which
-    /// fall exponentially to a twentieth. Gaussians end at 3 standard deviations.
+    /// Mean squared error, not clamped; rates of 0.6 pixels for centers, 0.3 for scales, 0.1 for angles and 0.02 for
+    /// colors, which fall exponentially to a twentieth. Gaussians end at 3 standard deviations.
     Squared,
-    /// The published one: `0.8 L1 + 0.2 (1 - SSIM)` after the clamp, without a gradient outside of it; constant rates. Gaussians end
-    /// where they are 1/255.
+    /// The published one: `0.8 L1 + 0.2 (1 - SSIM)` after the clamp, without a gradient outside of it; constant rates.
+    /// Gaussians end at a value of 1/255.
     Published,
 }
 
@@ -29,7 +29,7 @@ impl Descent {
     pub(crate) fn rates(self, picture: &Picture) -> Rates {
         match self {
             Self::Squared => Rates { center: [0.6; 2], scale: 0.3, angle: 0.1, color: 0.02 },
-            // Of centers in a square from -1 to 1.
+            // The published rates are for centers in a square from -1 to 1.
             Self::Published => {
                 let center = [picture.width(), picture.height()].map(|side| 0.5e-4 * side as f32);
                 Rates { center, scale: 0.05, angle: 1e-3, color: 5e-3 }
@@ -46,28 +46,29 @@ pub struct FitSettings {
     pub gaussians: usize,
     /// Steps of Adam.
     pub steps: usize,
-    /// Seed of what is drawn at random.
+    /// Seed of random draws.
     pub seed: u64,
     /// Start of the fit.
     pub start: Start,
     /// Steps of conjugate gradients for the colors of the start; 0 keeps them.
     pub color_steps: usize,
-    /// True if half of the Gaussians are placed at the start and the others where the error is, in the first half of the steps.
+    /// True if half of the Gaussians are placed at the start and the others by the error, in the first half of the
+    /// steps.
     pub growth: bool,
     /// True if the first half of the steps is at half the size.
     pub coarse: bool,
-    /// True if the result is rounded to what a file holds ([`encode`](crate::encode)): shapes after 60 % of the steps, positions after
-    /// 80 %, colors at the end, each while the rest still moves.
+    /// True if the result is rounded to the precision of a file ([`encode`](crate::encode)): shapes after 60 % of the
+    /// steps, positions after 80 %, colors at the end, each while the rest still moves.
     pub coded: bool,
-    /// A control for [`coded`](Self::coded): in the last third of the steps, slopes are those of the rounded Gaussians and move the
-    /// others, and nothing is rounded on the way (a straight-through estimate).
+    /// A control for [`coded`](Self::coded): in the last third of the steps, the gradients at the rounded Gaussians
+    /// move the unrounded ones, without staged rounding (a straight-through estimate).
     pub straight_through: bool,
     /// Loss and rates.
     pub descent: Descent,
 }
 
 impl FitSettings {
-    /// The quadtree, closed colors, growth, the squared error and rates that fall.
+    /// The quadtree, closed-form colors, growth, the squared error and falling rates.
     pub fn new(gaussians: usize, steps: usize) -> Self {
         Self {
             gaussians,

@@ -1,4 +1,4 @@
-//! Gaussians that a fit starts from.
+//! Initial Gaussians of a fit.
 
 use crate::gaussians::{Gaussians, LEAST_SCALE};
 use crate::picture::Picture;
@@ -10,7 +10,7 @@ use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_kernels::order::median_high;
 use weaver_kernels::random::Stream;
 
-/// Gaussians that a fit starts from.
+/// Initial Gaussians of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Start {
@@ -20,16 +20,16 @@ pub enum Start {
     Positions,
     /// Published positions and scales, the rest as [`Random`](Self::Random).
     Scales,
-    /// The published one: positions where gradients and variances are large and then far from others, scales by weights and
-    /// neighbors, colors by weighted medians.
+    /// The published one: positions by gradients and variances, then far from others, scales by weights and neighbors,
+    /// colors by weighted medians.
     Published,
     /// A Gaussian in each cell of a [`quadtree()`]: standard deviations half of its sides, its mean color.
     Quadtree,
 }
 
-/// Sides of the parts that the published method places Gaussians in one after another.
+/// Sides of the parts in which the published method places Gaussians one after another.
 const PART: usize = 1024;
-/// Share of the Gaussians that it draws by weight.
+/// Share of the Gaussians drawn by weight.
 const BY_WEIGHT: f64 = 0.7;
 /// Half the samples of a median along an axis.
 const SAMPLES: i32 = 4;
@@ -74,14 +74,14 @@ fn from_quadtree(picture: &Picture, count: usize) -> Gaussians<f32> {
 
 /// Published positions and scales.
 fn published(picture: &Picture, count: usize, stream: Stream) -> (Vec<[f32; 2]>, Vec<f32>) {
-    // The same size everywhere; the last parts begin earlier, over their neighbors.
+    // All parts have the same size; the last ones begin earlier, over their neighbors.
     let firsts = |side: usize| (0..side.div_ceil(PART)).map(move |i| (i * PART).min(side.saturating_sub(PART)));
     let parts: Vec<[usize; 2]> =
         firsts(picture.height).flat_map(|y| firsts(picture.width).map(move |x| [x, y])).collect();
     let (mut positions, mut scales) = (Vec::new(), Vec::new());
     for (i, [x, y]) in parts.iter().copied().enumerate() {
         let window = Window { x, y, width: picture.width.min(PART), height: picture.height.min(PART) };
-        // Equal shares whatever the content; the first ones have what remains.
+        // Shares are equal, independent of the content; the first ones have the remainder.
         let share = count / parts.len() + usize::from(i < count % parts.len());
         let (own, sizes) = part(picture, window, share, stream.fork(i as u64));
         positions.extend(own);
@@ -119,8 +119,8 @@ fn part(picture: &Picture, window: Window, count: usize, stream: Stream) -> (Vec
     (positions, scales)
 }
 
-/// The published color: a weighted median of 9 x 9 samples out to the standard deviation. Weights take distances in samples and the
-/// deviation in pixels, as published.
+/// The published color: a weighted median of 9 x 9 samples out to the standard deviation. Weights take distances in
+/// samples and the deviation in pixels, as published.
 fn median(picture: &Picture, center: [f32; 2], scale: f32) -> [f32; 3] {
     let mut samples: Vec<([f32; 3], f32)> = Vec::new();
     for (i, j) in (-SAMPLES..=SAMPLES).flat_map(|i| (-SAMPLES..=SAMPLES).map(move |j| (i as f32, j as f32))) {

@@ -1,4 +1,4 @@
-//! What a fit knows between two steps.
+//! State of a fit between two steps.
 
 use crate::adam::Rates;
 use crate::error::{ImageError, range};
@@ -7,20 +7,21 @@ use crate::picture::Picture;
 use crate::settings::FitSettings;
 use weaver_kernels::optim::AdamW;
 
-/// Everything that a fit needs to go on after a step.
+/// Everything for resuming a fit after a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FitState {
     /// The Gaussians.
     pub gaussians: Gaussians<f32>,
-    /// Mean gradients and mean squares of gradients; none yet of Gaussians that were just added.
+    /// Mean gradients and mean squares of gradients; none yet for newly added Gaussians.
     pub moments: [Gaussians<f32>; 2],
-    /// For each addition of Gaussians, the first of them and the steps before: they count steps by themselves.
+    /// For each addition of Gaussians, the index of the first and the steps before: each addition has its own count of
+    /// steps.
     pub additions: Vec<[u64; 2]>,
-    /// Steps done.
+    /// Finished steps.
     pub step: u64,
     /// Gaussians of the start.
     pub first: u64,
-    /// Gaussians that were reset because a number of theirs was none.
+    /// Gaussians that were reset because of a NaN or an infinity.
     pub reset: u64,
 }
 
@@ -30,7 +31,7 @@ impl FitState {
         Self { first: gaussians.len() as u64, gaussians, ..Self::default() }
     }
 
-    /// Checks that a state is one of a fit of this picture with these settings.
+    /// Checks that a state can be of a fit of this picture with these settings.
     pub(crate) fn check(&self, picture: &Picture, settings: &FitSettings) -> Result<(), ImageError> {
         self.gaussians.check()?;
         let count = self.gaussians.len();
@@ -60,7 +61,7 @@ impl FitState {
         Ok(())
     }
 
-    /// Moves the Gaussians by a step of Adam along the negative gradient, of which `scale` is a factor.
+    /// Moves the Gaussians by a step of Adam along the negative `gradient` times `scale`.
     pub(crate) fn adam(&mut self, gradient: &Gaussians<f32>, rates: &Rates, scale: f32) {
         let (known, count) = (self.moments[0].len(), self.gaussians.len());
         if known < count {
@@ -88,7 +89,7 @@ impl FitState {
         }
     }
 
-    /// Forgets the moments of a Gaussian.
+    /// Clears the moments of a Gaussian.
     pub(crate) fn forget(&mut self, i: usize) {
         for moments in &mut self.moments {
             moments.centers[2 * i..2 * i + 2].fill(0.0);

@@ -19,7 +19,7 @@ const SIMILARITY: f64 = 0.2;
 #[derive(Debug)]
 pub struct Step {
     descent: Descent,
-    /// For the squared error: the picture, and half of it for the first steps.
+    /// Targets of the squared error: the picture, and its half size for the first steps.
     tiled: Option<Tiled<f32>>,
     half: Option<(Tiled<f32>, usize)>,
     canvas: Canvas<f32>,
@@ -81,12 +81,12 @@ impl Step {
         Ok(loss.loss)
     }
 
-    /// Moves the Gaussians along the gradient, of which `scale` is a factor.
+    /// Moves the Gaussians along the negative gradient times `scale`.
     pub fn move_by(&mut self, state: &mut FitState, rates: &Rates, scale: f32) {
         if self.descent == Descent::Squared {
             return state.adam(&self.gradient, rates, scale);
         }
-        // The published angle is 2 pi sigmoid of the number that is optimized.
+        // The published angle is 2 pi sigmoid of the optimized number.
         let turn = std::f32::consts::TAU;
         let part = |angle: f32| (angle / turn).clamp(1e-6, 1.0 - 1e-6);
         for (slope, angle) in self.gradient.angles.iter_mut().zip(&mut state.gaussians.angles) {
@@ -98,7 +98,7 @@ impl Step {
         state.gaussians.angles.iter_mut().for_each(|logit| *logit = turn / (1.0 + (-*logit).exp()));
     }
 
-    /// Adds Gaussians at pixels drawn by squared error, with half of what is missing there as color.
+    /// Adds Gaussians at pixels drawn by squared error, with half of the residual there as color.
     pub fn grow(
         &mut self,
         picture: &Picture,

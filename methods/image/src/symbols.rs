@@ -10,7 +10,7 @@ pub const WEIGHTS: [i64; 4] = [0, 7, 14, 20];
 const LONG: usize = 32;
 const SHORT: usize = 8;
 
-/// Orders symbols as a block codes them.
+/// Sorts symbols into the order of coding.
 pub fn sort(symbols: &mut [Symbols]) {
     symbols.sort_by_key(|s| (class(s.scale), morton2(s.position), s.scale, s.ratio, s.angle, s.color));
 }
@@ -66,7 +66,7 @@ pub struct Models {
     scales: Number,
     ratios: Number,
     colors: [Number; 3],
-    /// Of predictions of colors, by their numbers in [`WEIGHTS`].
+    /// Indices into [`WEIGHTS`] of the predictions of colors.
     weights: [usize; 3],
 }
 
@@ -83,7 +83,7 @@ impl Models {
         }
     }
 
-    /// Codes all symbols, in order of classes and Morton codes; those of a decoder are taken from its stream.
+    /// Codes all symbols, in order of classes and Morton codes; a decoder reads them from its stream.
     pub fn code(
         &mut self,
         coder: &mut impl Coder,
@@ -119,7 +119,7 @@ impl Models {
         Ok(out)
     }
 
-    /// Codes all but the position of a Gaussian, after the others of its class.
+    /// Codes a Gaussian without its position, after the others of its class.
     fn gaussian(&mut self, coder: &mut impl Coder, given: &Symbols, before: &[Symbols]) -> Result<Symbols, ImageError> {
         let scale = self.scales.signed(coder, given.scale);
         let ratio = self.ratios.code(coder, given.ratio as u64) as i64;

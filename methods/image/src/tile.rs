@@ -26,14 +26,14 @@ pub struct Tile<'a, T> {
 /// Values of the Gaussians of a tile at its pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Values<T> {
-    /// Blocks that each Gaussian meets.
+    /// Blocks of each Gaussian's footprint.
     blocks: Vec<u16>,
     /// Values in these blocks, one after another.
     values: Vec<Row<T>>,
 }
 
 impl<T: Real> Values<T> {
-    /// Makes room for a tile with so many Gaussians.
+    /// Reserves memory for a tile with this number of Gaussians.
     fn reserve(&mut self, gaussians: usize, keep: bool) {
         if self.blocks.len() < gaussians {
             self.blocks.resize(gaussians, 0);
@@ -45,7 +45,7 @@ impl<T: Real> Values<T> {
 }
 
 impl<T: Real> Tile<'_, T> {
-    /// Blocks that the Gaussians meet.
+    /// Pairs of a Gaussian and a block of its footprint.
     #[inline(always)]
     pub fn blocks<V: Lanes<Scalar = T>>(&self) -> u64 {
         let (grid, cut) = (Grid::<V>::new(self.corner), V::splat(self.cut));
@@ -67,7 +67,7 @@ impl<T: Real> Tile<'_, T> {
         let grid = Grid::<V>::new(self.corner);
         let cut = V::splat(self.cut);
         kept.reserve(self.ids.len(), KEEP);
-        // Before anything depends on them: how many blocks a Gaussian meets cannot be predicted.
+        // Blocks are found before the loop over them, whose length cannot be predicted.
         for (blocks, id) in kept.blocks.iter_mut().zip(self.ids) {
             *blocks = Loaded::<V>::new(&self.records[*id as usize]).blocks(&grid, cut);
         }
@@ -96,8 +96,8 @@ impl<T: Real> Tile<'_, T> {
         }
     }
 
-    /// Sums over pixels for each Gaussian, from gradients with respect to planes and kept values: of colors, and with `MOVE` of
-    /// the shape, too.
+    /// Sums over pixels for each Gaussian, from gradients with respect to planes and kept values: of colors, and with
+    /// `MOVE` of the shape, too.
     #[inline(always)]
     pub fn sums<V: Lanes<Scalar = T>, const C: usize, const MOVE: bool>(
         &self,
@@ -158,7 +158,7 @@ impl<T: Real> Tile<'_, T> {
     }
 }
 
-/// Subtracts a target from what is drawn, zeros outside of the picture; returns the sum of squares.
+/// Subtracts a target from the drawn planes, zeros outside of the picture; returns the sum of squares.
 #[inline(always)]
 pub fn residual<V: Lanes>(drawn: &mut Planes<V::Scalar, 3>, target: &Planes<V::Scalar, 3>, inside: Inside) -> f64 {
     let mut sum = V::zero();

@@ -1,4 +1,4 @@
-//! The part of a picture that is drawn, and pictures cut into tiles.
+//! The drawn part of a picture, and pictures cut into tiles.
 
 use crate::error::{ImageError, expect_len, range};
 use crate::record::{BLOCK, BLOCKS, TILE};
@@ -27,10 +27,10 @@ impl Window {
         Self { x: 0, y: 0, width, height }
     }
 
-    /// The part of a picture that has to be known to draw this window of it at another size: `factor` as in
+    /// The part of a picture that enters a drawing of this window at another size: `factor` as in
     /// [`Gaussians::at_scale`](crate::Gaussians::at_scale), Gaussians that end at `cut` standard deviations.
     pub fn around(&self, factor: f64, cut: f64) -> Self {
-        // What the filter adds to a standard deviation, at most.
+        // Upper bound on the filter's addition to a standard deviation.
         let wider = cut * ((1.0 - factor * factor).max(0.0) / 12.0).sqrt() / factor + 1.0;
         let along = |first: usize, length: usize| {
             let low = (first as f64 / factor - wider).floor().max(0.0);
@@ -56,7 +56,8 @@ impl Window {
         }
     }
 
-    /// Tiles that the window meets, along x and y. They are the picture's, so that a pixel is computed alike in all windows.
+    /// Tiles that meet the window, along x and y. They are the picture's, so that a pixel is computed alike in all
+    /// windows.
     pub(crate) fn tiles(&self) -> [usize; 2] {
         [(self.x, self.width), (self.y, self.height)]
             .map(|(first, length)| (first + length).div_ceil(TILE) - first / TILE)
@@ -94,12 +95,12 @@ pub(crate) struct Inside {
     pub first: [usize; 2],
     /// Column and row behind the last.
     pub end: [usize; 2],
-    /// Where the first column and row lie in the window.
+    /// Place of the first column and row in the window.
     pub place: [usize; 2],
 }
 
 impl Inside {
-    /// True if that is all of it.
+    /// True for the whole tile.
     #[inline(always)]
     pub fn is_whole(&self) -> bool {
         self.first == [0; 2] && self.end == [TILE; 2]
@@ -131,7 +132,7 @@ pub(crate) fn to_planes<T: Real, const C: usize>(image: &[T], stride: usize, ins
     planes
 }
 
-/// Copies planes to pixels, as [`to_planes`] the other way; `lines` are those of the row of tiles.
+/// Copies planes to pixels, the inverse of [`to_planes`]; `lines` is the row of tiles.
 #[inline(always)]
 pub(crate) fn from_planes<T: Real, const C: usize>(
     planes: &Planes<T, C>,
@@ -150,7 +151,7 @@ pub(crate) fn from_planes<T: Real, const C: usize>(
     }
 }
 
-/// A picture cut into tiles, as a step of a fit reads it.
+/// A picture cut into tiles, as input of a fit's steps.
 #[derive(Clone, Debug)]
 pub struct Tiled<T> {
     pub(crate) window: Window,
@@ -161,7 +162,7 @@ impl<T: Real> Tiled<T> {
     /// Cuts a picture `[H, W, 3]`; sides that are no multiples of 16 are padded by pixels that do not count.
     ///
     /// # Errors
-    /// Another number of numbers.
+    /// Another number of values.
     pub fn new(image: &[T], width: usize, height: usize) -> Result<Self, ImageError> {
         expect_len("picture", image.len(), 3 * width * height)?;
         let window = Window::whole(width, height);

@@ -1,4 +1,4 @@
-//! What a corridor tells of a motion: `cargo run -p weaver-lidar --example corridor`.
+//! Observability of a motion in a corridor: `cargo run -p weaver-lidar --example corridor`.
 
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;

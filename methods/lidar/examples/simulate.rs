@@ -1,9 +1,10 @@
 //! Scans of a simulated world:
-//! `cargo run --release -p weaver-lidar --features command --example simulate -- FOLDER room|street COUNT [SEED] [moving]`.
+//! `cargo run --release -p weaver-lidar --features command --example simulate -- FOLDER room|street COUNT
+//! [SEED] [moving]`.
 //!
 //! Writes `FOLDER/scans/NNNN.bin` (or .ply with times, while the sensor moves) and `FOLDER/poses.txt` of a loop through
-//! the room, or of a drive along the street, half a meter from scan to scan, `truth.ply`, the points of its surfaces
-//! that the sensor can see, and `mesh.ply`.
+//! the room, or of a drive along the street, half a meter from scan to scan, `truth.ply`, the visible points of its
+//! surfaces, and `mesh.ply`.
 
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
@@ -23,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some("street") => (LidarWorld::street(seed), street_drive(count + 1, 0.5)),
         _ => return Err("expected room or street".into()),
     };
-    // Where the last sweep ends.
+    // Pose at the end of the last sweep.
     let end = if poses.len() > count { poses.remove(count) } else { poses[0] };
     std::fs::create_dir_all(folder.join("scans"))?;
     for (i, pose) in poses.iter().enumerate() {

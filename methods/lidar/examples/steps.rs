@@ -1,4 +1,5 @@
-//! Milliseconds of the parts of a step of mapping: `cargo run --release -p weaver-lidar --example steps [ROWS COLUMNS DENSITY]`.
+//! Milliseconds of the parts of a step of mapping:
+//! `cargo run --release -p weaver-lidar --example steps [ROWS COLUMNS DENSITY]`.
 //!
 //! The scan is of a hall of 40 x 20 x 8 m with all pixels filled.
 

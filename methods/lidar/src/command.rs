@@ -3,8 +3,8 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `run.json` | what was asked for |
-//! | `checkpoint.safetensors` | everything needed to go on |
+//! | `run.json` | the settings |
+//! | `checkpoint.safetensors` | everything for resuming |
 //! | `trajectory.txt` | time, position and quaternion of each scan (TUM); times are the scans' numbers |
 //! | `keyframes.toml` | keyframes with their poses, and the edges between consecutive ones |
 //! | `map.ply` | the surfels as Gaussians of no thickness |

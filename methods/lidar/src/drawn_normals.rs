@@ -3,7 +3,7 @@
 use weaver_geometry::glam::DVec3;
 use weaver_surfel::SurfelCamera;
 
-/// Unit vectors of the pixels of a camera, kept.
+/// Unit vectors of the pixels of a camera, cached.
 #[derive(Clone, Debug)]
 pub(crate) struct Rays {
     rays: Vec<DVec3>,
@@ -18,7 +18,7 @@ impl Rays {
         Self { rays, width, height }
     }
 
-    /// Right, left, below and above a pixel; none at the upper and the lower border. Columns go around.
+    /// Right, left, below and above a pixel; none at the upper and the lower border. Columns wrap around.
     fn around(&self, pixel: usize) -> Option<[usize; 4]> {
         let (row, column) = (pixel / self.width, pixel % self.width);
         (row > 0 && row + 1 < self.height).then(|| {
@@ -29,7 +29,8 @@ impl Rays {
         })
     }
 
-    /// The normal (P_right - P_left) x (P_below - P_above) of length 1 toward the camera; none where one of these has no range.
+    /// The normal (P_right - P_left) x (P_below - P_above) of length 1 toward the camera; `None` if one of these has no
+    /// range.
     pub fn normal(&self, ranges: &[f32], pixel: usize) -> Option<DVec3> {
         self.cross(ranges, pixel).map(|(_, _, cross, sign)| cross.normalize() * sign)
     }
@@ -49,7 +50,7 @@ impl Rays {
         Some((around, sides, cross, sign))
     }
 
-    /// Adds the gradient with respect to the ranges, from that with respect to the normal of a pixel.
+    /// Adds the gradient with respect to the ranges, given the gradient with respect to the normal of a pixel.
     pub fn normal_backward(&self, ranges: &[f32], pixel: usize, dnormal: DVec3, to: &mut [f32]) {
         let Some((around, sides, cross, sign)) = self.cross(ranges, pixel) else { return };
         let length = cross.length();

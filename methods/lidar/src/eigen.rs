@@ -3,14 +3,14 @@
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_kernels::dense::symmetric_eigen;
 
-/// Rounds of rotations, of which hardly ten are needed.
+/// Most rounds of rotations; hardly ten are needed.
 const SWEEPS: usize = 50;
 
 /// Eigenvalues, ascending, and eigenvectors (`vectors[i]` belongs to `values[i]`) of a symmetric matrix.
 pub(crate) fn symmetric<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
     let mut v = [[0.0; N]; N];
     let scale: f64 = a.iter().flatten().map(|x| x.abs()).fold(0.0, f64::max);
-    // Also ends for what is not finite.
+    // NaN and infinities end the rotations, too.
     let settled = |a: &[f64]| {
         let below = (0..N).flat_map(|i| (0..i).map(move |j| a[i * N + j].abs()));
         let off: f64 = below.fold(0.0, f64::max);

@@ -1,12 +1,12 @@
-//! What can be wrong with scans and settings.
+//! Errors of scans and settings.
 
-/// Why scans or settings cannot be used.
+/// Error of scans or settings.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
-    /// A scan without points that can be used.
+    /// A scan without usable points.
     #[error("{of}: expected points between {near} and {far} m, found none among {points}")]
     NoPoints {
-        /// Which scan.
+        /// Name of the scan.
         of: String,
         /// Points in the file.
         points: usize,
@@ -18,31 +18,31 @@ pub enum Error {
     /// A scan that fills too few pixels.
     #[error("{of}: expected at least {least} pixels with a range, found {found}")]
     FewPixels {
-        /// Which scan.
+        /// Name of the scan.
         of: String,
         /// Pixels.
         found: usize,
         /// Pixels needed.
         least: usize,
     },
-    /// A cloud that was not seen from one place.
+    /// A cloud merged from several places.
     #[error(
         "{of}: expected a single scan; of its points with a neighbor within 0.1 degrees, {percent:.0} % differ from it by more than 1 m, as in \
          merged clouds: no range image can be made of it"
     )]
     NotOneScan {
-        /// Which scan.
+        /// Name of the scan.
         of: String,
-        /// Share of points with a neighbor that differ from it.
+        /// Share of points with a neighbor at another range.
         percent: f64,
     },
-    /// Settings that make no sense.
+    /// Invalid settings.
     #[error("{0}")]
     Settings(String),
     /// Too few scans.
     #[error("expected at least two scans, found {0}")]
     FewScans(usize),
-    /// Poses that do not fit the scans.
+    /// Another number of poses than scans.
     #[error("expected a pose for each of {scans} scans, found {poses}")]
     Poses {
         /// Number of scans.

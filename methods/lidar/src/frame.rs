@@ -8,9 +8,9 @@ use weaver_geometry::glam::DVec3;
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_surfel::SurfelCamera;
 
-/// Pixels that a scan must fill.
+/// Least number of filled pixels of a scan.
 const LEAST_PIXELS: usize = 100;
-/// Neighbors that a normal is made of.
+/// Neighbors in the estimate of a normal.
 const NORMAL_NEIGHBORS: usize = 12;
 
 /// A scan as a range image: in each pixel the nearest point, ties by index.
@@ -18,7 +18,8 @@ const NORMAL_NEIGHBORS: usize = 12;
 pub struct Frame {
     /// The camera.
     pub camera: SurfelCamera,
-    /// Range of each pixel, `[H, W]`, meters; 0 without a point. That of its point, or with normals that of the middle of the pixel.
+    /// Range of each pixel, `[H, W]`, meters; 0 without a point. The range of the point or, with normals, of the middle
+    /// of the pixel.
     pub range: Vec<f32>,
     /// Pixels with a point, ascending, `[n]`.
     pub pixels: Vec<u32>,
@@ -58,10 +59,12 @@ impl Frame {
         Ok(Self { camera: *camera, range, pixels, points, normals: Vec::new() })
     }
 
-    /// Adds normals: the direction of least spread of the 12 nearest points, or the direction to the sensor where these are no surface.
+    /// Adds normals: the direction of least spread of the 12 nearest points, or the direction to the sensor for points
+    /// that form no surface.
     ///
-    /// With them, ranges become those of the middles of pixels: a point p with normal n is where the ray d of its pixel meets its plane,
-    /// n.p / n.d. A beam is up to half a pixel off that ray, which at 20 m and 128 rows is decimeters on a slanted surface.
+    /// With them, ranges become the ranges of the middles of pixels: a point p with normal n is moved to the
+    /// intersection of the ray d of its pixel with its plane, n.p / n.d. A beam is up to half a pixel off that ray,
+    /// which at 20 m and 128 rows is decimeters on a slanted surface.
     #[must_use]
     pub fn with_normals(mut self) -> Self {
         if self.normals.is_empty() {
@@ -77,7 +80,8 @@ impl Frame {
         self
     }
 
-    /// The relative change of the range from pixel to pixel, |grad log r|, at each point, `[n]`; 0 beside pixels without a point.
+    /// The relative change of the range from pixel to pixel, |grad log r|, at each point, `[n]`; 0 beside pixels
+    /// without a point.
     pub fn log_gradients(&self) -> Vec<f64> {
         let (width, height) = (self.camera.width, self.camera.height);
         let log = |row: usize, column: usize| {
@@ -96,10 +100,10 @@ impl Frame {
     }
 }
 
-/// Least |n.d| of a ray that planes are prolonged to.
+/// Least |n.d| of a ray for the extension of a plane.
 const GRAZING: f64 = 0.1;
 
-/// The range at which the plane through `p` with a normal meets a ray; none where it grazes the plane.
+/// The range at the intersection of a ray with the plane through `p` with a normal; `None` at grazing incidence.
 pub(crate) fn plane_range(p: DVec3, normal: DVec3, ray: DVec3) -> Option<f64> {
     let toward = normal.dot(ray);
     Some(normal.dot(p) / toward).filter(|range| toward.abs() >= GRAZING && *range > 0.0)

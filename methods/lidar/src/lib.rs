@@ -2,11 +2,10 @@
 //! out.
 //!
 //! - A [`Scan`] has the points of a sweep; a [`Frame`] is its range image.
-//! - [`register`] brings points onto a [`PatchTree`], and [`register_ranges`] ranges onto a [`RangeReference`], with
-//!   reasons where they cannot ([`Lost`]).
+//! - [`register`] aligns points to a [`PatchTree`], and [`register_ranges`] ranges to a [`RangeReference`], with
+//!   reasons of failure ([`Lost`]).
 //! - A [`Mapper`] makes surfels of keyframes and fits them by differentiable drawing (weaver-surfel).
-//! - [`Odometry`] does both, scan by scan: what the map looks like from the last keyframe is what the next scan is
-//!   registered to.
+//! - [`Odometry`] does both, scan by scan: the next scan is registered to the map as drawn from the last keyframe.
 //! - Keyframes that come back to earlier ones ([`LoopSettings`]) bend the trajectory and the map so that all measured
 //!   motions agree best ([`optimize_poses`]).
 //! - [`trajectory_errors`] compares trajectories.

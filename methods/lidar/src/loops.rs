@@ -1,9 +1,10 @@
-//! Keyframes that come back to where an earlier one was.
+//! Loop closures: keyframes that return to an earlier one.
 
 use crate::{Edge, GeometricSettings, Keyframe, LoopSettings, PatchTree, register};
 use weaver_geometry::glam::DVec3;
 
-/// The motion between the last keyframe and the nearest of those that it may have come back to, if it is found; `points` of the scan at most.
+/// The motion between the last keyframe and the nearest candidate of a loop closure, if they can be registered, with at
+/// most `points` points of the scan.
 pub(crate) fn closing(keyframes: &[Keyframe], settings: &LoopSettings, points: usize) -> Option<Edge> {
     let (last, before) = keyframes.split_last()?;
     let earlier = before.len().checked_sub(settings.gap).map(|end| &before[..end])?;

@@ -1,4 +1,4 @@
-//! How far drawn surfels are from a measured range image.
+//! Loss of drawn surfels against a measured range image.
 
 use crate::Frame;
 use crate::drawn_normals::Rays;
@@ -6,45 +6,45 @@ use rayon::prelude::*;
 use weaver_geometry::glam::DVec3;
 use weaver_surfel::RangeImages;
 
-/// The normals that surfels are drawn toward.
+/// The targets of drawn normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NormalTarget {
-    /// The normals of the drawn ranges, which move along.
+    /// The normals of the drawn ranges, which change with them.
     Drawn,
     /// Normals of the scan's points by principal components.
     Measured,
 }
 
-/// The pixels that the range's term is a mean over.
+/// The pixels in the mean of the range term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RangeMean {
-    /// All of the image, as published. The fewer of them are measured, the less ranges weigh beside the other terms, which are means over
-    /// those that are.
+    /// All of the image, as published. The fewer pixels are measured, the less ranges weigh beside the other terms,
+    /// which are means over measured ones.
     Image,
-    /// Those that are measured.
+    /// The measured pixels.
     Measured,
 }
 
 /// Weights of the terms of the loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LossWeights {
-    /// Pixels that differences of ranges, whose weight is 1, are averaged over.
+    /// Pixels in the mean of the range differences, whose weight is 1.
     pub range: RangeMean,
-    /// Of -log opacity.
+    /// Weight of -log opacity.
     pub opacity: f64,
-    /// Of 1 - n.m, for the mean normal n and the target's m.
+    /// Weight of 1 - n.m, for the mean normal n and the target's m.
     pub normal: f64,
-    /// The source of m.
+    /// Source of the target normals m.
     pub target: NormalTarget,
 }
 
-/// Gradients with respect to drawn images, kept from step to step.
+/// Gradients with respect to drawn images, reused from step to step.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ImageGradients {
     pub range: Vec<f32>,
     pub opacity: Vec<f32>,
     pub normal: Vec<f32>,
-    /// With respect to the mean range.
+    /// Gradient with respect to the mean range.
     mean: Vec<f32>,
     ranges: Vec<f32>,
 }
@@ -54,14 +54,14 @@ pub(crate) struct ImageGradients {
 pub struct MapLoss {
     /// The loss without its term of scales.
     pub total: f64,
-    /// Mean difference of ranges over the pixels where something is drawn, meters.
+    /// Mean difference of ranges over covered pixels, meters.
     pub range: f64,
 }
 
-/// L = (1 / P) sum |r' - r| + w_o mean(-log A) + w_n mean(1 - n.m) over valid pixels, with r' = sum w r / A and P valid pixels, or
-/// all; fills the gradients.
+/// L = (1 / P) sum |r' - r| + w_o mean(-log A) + w_n mean(1 - n.m) over valid pixels, with r' = sum w r / A and P valid
+/// pixels, or all; fills the gradients.
 ///
-/// With m = A m' of length A, as the published method has it, and n = sum w n_i / A, the product is (sum w n_i).m'.
+/// With m = A m' of length A, as in the published method, and n = sum w n_i / A, the product is (sum w n_i).m'.
 pub(crate) fn map_loss(
     frame: &Frame,
     images: &RangeImages<f32>,
@@ -118,7 +118,7 @@ pub(crate) fn map_loss(
     let sums: Vec<Sums> = rows.enumerate().map(row_of).collect();
     let Sums { range: difference, missed, met, opacity: logs, normal: turned } = Sums::of(&sums);
     if weights.normal > 0.0 && weights.target == NormalTarget::Drawn {
-        // Into the ranges of neighbors.
+        // Gradients of drawn normals go into the ranges of their neighbors.
         for at in frame.pixels.iter().map(|pixel| *pixel as usize) {
             rays.normal_backward(ranges, at, vector(&images.normal, at) * (-weights.normal / n), mean);
         }
@@ -142,7 +142,7 @@ type RowGradients<'a> = ((&'a mut [f32], &'a mut [f32]), &'a mut [f32]);
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     range: f64,
-    /// Ranges where nothing is drawn.
+    /// Sum of measured ranges at uncovered pixels.
     missed: f64,
     met: f64,
     opacity: f64,
@@ -202,7 +202,7 @@ mod tests {
             let measured = many(3, 40);
             let frame = Frame {
                 camera,
-                // No nearer to the drawn ones than the differences step.
+                // Offsets from the drawn ranges exceed the step of the differences.
                 range: (0..40).map(|i| if i % 7 != 3 { ranges[i] + 0.1 + measured[i] } else { 0.0 }).collect(),
                 points: vec![DVec3::X; pixels.len()],
                 normals: pixels.iter().map(|i| rays.normal(&[2.0; 40], *i as usize).unwrap_or(DVec3::Z)).collect(),

@@ -18,7 +18,7 @@ const RATES: [f64; 4] = [5e-4, 1e-3, 5e-3, 5e-2];
 /// Opacity of a new surfel.
 const NEW_OPACITY: f64 = 0.9;
 
-/// A scan that the map is fitted to.
+/// A scan among the targets of the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Keyframe {
     /// The scan's number.
@@ -32,11 +32,11 @@ pub struct Keyframe {
 /// The effect of a keyframe on the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MapReport {
-    /// Surfels that were added.
+    /// Number of added surfels.
     pub added: usize,
-    /// Surfels that were removed afterwards.
+    /// Number of surfels pruned afterwards.
     pub pruned: usize,
-    /// Surfels of the map now.
+    /// Number of surfels of the map now.
     pub surfels: usize,
     /// Loss of the last step.
     pub loss: MapLoss,
@@ -44,22 +44,22 @@ pub struct MapReport {
     pub new_map: bool,
 }
 
-/// Everything that a [`Mapper`] has made so far.
+/// State of a [`Mapper`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapState {
-    /// The map at hand, in the world's frame.
+    /// The current map, in the world's frame.
     pub surfels: Surfels<f32>,
-    /// Which of the keyframes each surfel was made of.
+    /// Index of the keyframe from which each surfel was made.
     pub owners: Vec<u32>,
-    /// The keyframes of the map at hand.
+    /// The keyframes of the current map.
     pub keyframes: Vec<Keyframe>,
-    /// Maps that are complete.
+    /// Complete maps.
     pub finished: Vec<Surfels<f32>>,
     /// Number of keyframes of all maps.
     pub count: usize,
 }
 
-/// Surfels in the world's frame, and the keyframes that they are fitted to.
+/// Surfels in the world's frame, and the keyframes of their fit.
 #[derive(Debug)]
 pub struct Mapper {
     settings: MapSettings,
@@ -89,27 +89,27 @@ impl Mapper {
         })
     }
 
-    /// Goes on with what another has made.
+    /// Restores a state.
     pub fn restore(&mut self, state: MapState) {
         self.state = state;
     }
 
-    /// Everything that was made so far.
+    /// The state so far.
     pub fn state(&self) -> &MapState {
         &self.state
     }
 
-    /// The surfels of the map at hand.
+    /// The surfels of the current map.
     pub fn surfels(&self) -> &Surfels<f32> {
         &self.state.surfels
     }
 
-    /// The keyframes of the map at hand.
+    /// The keyframes of the current map.
     pub fn keyframes(&self) -> &[Keyframe] {
         &self.state.keyframes
     }
 
-    /// Moves the keyframes of the map at hand to other poses, each with its surfels.
+    /// Moves the keyframes of the current map to other poses, each with its surfels.
     ///
     /// # Panics
     ///
@@ -145,7 +145,7 @@ impl Mapper {
         Ok(&self.images)
     }
 
-    /// The drawn ranges from a pose where more than half of the light is stopped: what scans are registered to.
+    /// The drawn ranges from a pose at pixels with an opacity above one half: the reference for registration.
     ///
     /// # Errors
     /// As [`draw`](Self::draw).
@@ -156,7 +156,8 @@ impl Mapper {
         Ok(RangeReference::new(&self.camera, ranges))
     }
 
-    /// Adds a keyframe: surfels where the map does not cover it, then steps of Adam on random keyframes, then what became transparent goes.
+    /// Adds a keyframe: surfels at uncovered pixels, then steps of Adam on random keyframes, then pruning of
+    /// transparent surfels.
     ///
     /// # Errors
     /// As [`draw`](Self::draw).
@@ -191,7 +192,7 @@ impl Mapper {
         })
     }
 
-    /// Adds surfels at a share of the pixels that are not covered, drawn without replacement by how much ranges change there.
+    /// Adds surfels at a share of the uncovered pixels, drawn without replacement with the range gradient as weight.
     fn grow(&mut self, frame: &Frame, pose: &Pose) -> Result<usize> {
         let uncovered = self.settings.uncovered as f32;
         let first = self.state.surfels.is_empty();
@@ -289,7 +290,7 @@ fn descend(
     logits.step(step, &mut surfels.opacity_logits, &gradients.opacity_logits, m, v);
 }
 
-/// Draws `count` of `from` without replacement by `weights`; what has no weight comes last, uniformly.
+/// Draws `count` of `from` without replacement by `weights`; entries of weight 0 come last, uniformly.
 ///
 /// The smallest of -ln(u) / w, for a number u between 0 and 1 for each, are such a draw.
 fn choose(from: &[usize], weights: &[f64], count: usize, stream: Stream) -> Vec<usize> {
@@ -318,10 +319,10 @@ fn scales(points: &[DVec3], limit: f64) -> Vec<f64> {
     neighbors.chunks_exact(4).map(|row| mean(row).clamp(1e-7, limit * limit).sqrt()).collect()
 }
 
-/// The share of the rays of a scan at which a map is drawn with more than half of the light stopped and within `near` meters of the
-/// measured range, and the median difference there.
+/// The share of the rays of a scan with a drawn opacity above one half and a drawn range within `near` meters of the
+/// measured one, and the median difference there.
 ///
-/// What is drawn in a pixel is prolonged to the ray itself along the plane that the drawn normal gives it.
+/// The range of a pixel is extrapolated to the exact ray along the plane of the drawn normal.
 ///
 /// # Errors
 /// As [`Mapper::draw`].

@@ -17,7 +17,7 @@ pub struct NormalEquations {
     pub b: [f64; 6],
     /// Sum of weighted squares.
     pub cost: f64,
-    /// Residuals that were added.
+    /// Number of residuals.
     pub count: usize,
 }
 
@@ -29,7 +29,7 @@ pub(crate) struct Residual {
 }
 
 impl NormalEquations {
-    /// The sums of residuals of `n` things, in a fixed order at any number of threads.
+    /// The sums of `n` residuals, in a fixed order at any number of threads.
     pub(crate) fn sum(n: usize, residual: impl Fn(usize) -> Option<Residual> + Sync) -> Self {
         let part = |chunk: usize| {
             let mut sums = Self::default();
@@ -60,12 +60,12 @@ impl NormalEquations {
         self.count += 1;
     }
 
-    /// The eigenvalues of H, ascending: how well each direction is determined.
+    /// The eigenvalues of H, ascending: the certainty along each direction.
     pub fn eigenvalues(&self) -> [f64; 6] {
         symmetric(self.h).0
     }
 
-    /// The step d; none where H is singular.
+    /// The step d; `None` if H is singular.
     pub fn solve(&self) -> Option<[f64; 6]> {
         let (values, vectors) = symmetric(self.h);
         let determined = values[0] > 1e-9 * values[5] && values[0] > 1e-9;
@@ -84,6 +84,6 @@ impl NormalEquations {
 pub(crate) fn moved(x: &Pose, step: [f64; 6]) -> Pose {
     let [t, w] = [DVec3::from_slice(&step[..3]), DVec3::from_slice(&step[3..])];
     let pose = x.compose(&Pose::new(so3::exp(w), t));
-    // Rounding does not add up.
+    // Normalizes, so that rounding does not accumulate.
     Pose::from_wxyz(pose.wxyz(), pose.translation)
 }

@@ -1,4 +1,4 @@
-//! Where each scan was taken, and the map that grows meanwhile.
+//! Poses of scans, and the map that grows with them.
 
 use crate::loops::closing;
 use crate::{
@@ -9,7 +9,7 @@ use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_surfel::SurfelCamera;
 
-/// Points that the geometric stage takes of a scan at most.
+/// Most points of a scan in the geometric stage.
 const MOST_POINTS: usize = 30_000;
 
 /// The outcome of a scan.
@@ -19,26 +19,26 @@ pub struct Tracked {
     pub scan: usize,
     /// Sensor to world.
     pub pose: Pose,
-    /// Share of the scan that was used in the last step; 1 for the first.
+    /// Share of the scan in the last step of registration; 1 for the first.
     pub fitness: f64,
-    /// Why the pose is only the one that was expected, where it is.
+    /// Reason of failure, if the pose is only predicted.
     pub lost: Option<Lost>,
-    /// Why ranges were not registered, where they were not.
+    /// Reason for leaving out the range stage, if it was.
     pub without_ranges: Option<String>,
     /// The effect on the map, if the scan is a keyframe.
     pub map: Option<MapReport>,
-    /// The scan of the keyframe that this one came back to.
+    /// The scan of the keyframe at the other end of a loop closure.
     pub closed: Option<usize>,
 }
 
-/// Everything that an [`Odometry`] knows beside its map.
+/// State of an [`Odometry`] beside its map.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OdometryState {
     /// Poses of the scans, sensor to world.
     pub poses: Vec<Pose>,
-    /// The number of the last keyframe of all maps, when each scan was tracked.
+    /// For each scan, the number of the last keyframe of all maps at that time.
     pub anchors: Vec<u32>,
-    /// Measured motions between keyframes of the map at hand.
+    /// Measured motions between keyframes of the current map.
     pub edges: Vec<Edge>,
     /// Scans since the last keyframe.
     pub since: usize,
@@ -54,16 +54,16 @@ pub struct Odometry {
     /// Range limits, meters.
     range: [f64; 2],
     state: OdometryState,
-    /// Poses are given and not tracked.
+    /// Given poses, in place of tracking.
     given: Option<Vec<Pose>>,
     reference: Option<Reference>,
-    /// Reasons against range images, asked of the first scan.
+    /// Result of [`Scan::check_single`] on the first scan: the reason against range images.
     single: Option<std::result::Result<(), String>>,
-    /// The first scan, until its sweep's motion is known, if that is undone.
+    /// The first scan, until the motion of its sweep is known, if sweeps are deskewed.
     first: Option<Scan>,
 }
 
-/// The last keyframe as it is drawn, which scans are registered to.
+/// The drawn last keyframe, as the reference of registration.
 #[derive(Debug)]
 struct Reference {
     pose: Pose,
@@ -79,7 +79,7 @@ impl Reference {
 }
 
 impl Odometry {
-    /// Begins; the first scan's frame is the world's, or as `given` says.
+    /// Begins; the first scan's frame is the world's, or given by `given`.
     ///
     /// # Errors
     /// As [`MapSettings::check`].
@@ -122,17 +122,17 @@ impl Odometry {
         &mut self.mapper
     }
 
-    /// Everything that is known beside the map.
+    /// State beside the map.
     pub fn state(&self) -> &OdometryState {
         &self.state
     }
 
-    /// Says if tracking ended: too many scans were lost in a row. Given poses are not tracked.
+    /// Returns true if tracking ended: too many scans were lost in a row. With given poses it never ends.
     pub fn ended(&self) -> bool {
         self.given.is_none() && self.state.lost >= self.settings.lost
     }
 
-    /// Goes on where another was, whose first scan was `first`. The [map](Mapper::restore) follows, and then [`refer`](Self::refer).
+    /// Restores a state, given the first scan. The [map](Mapper::restore) follows, and then [`refer`](Self::refer).
     pub fn restore(&mut self, state: OdometryState, first: &Scan, name: &str) {
         self.state = state;
         self.first = (self.settings.deskew && self.state.poses.len() == 1).then(|| first.clone());
@@ -140,7 +140,7 @@ impl Odometry {
         self.single = Some(kept.check_single(name).map_err(|error| error.to_string()));
     }
 
-    /// Draws the last keyframe, which the next scan is registered to.
+    /// Draws the last keyframe as the reference of the next scan.
     ///
     /// # Errors
     /// As [`Mapper::draw`].
@@ -151,7 +151,7 @@ impl Odometry {
         Ok(())
     }
 
-    /// The pose to expect: the last motion again.
+    /// The predicted pose: the last motion again.
     fn expected(&self) -> Pose {
         match self.state.poses.as_slice() {
             [] => Pose::IDENTITY,
@@ -160,18 +160,19 @@ impl Odometry {
         }
     }
 
-    /// The range image of scan `number`, whose predecessors have their poses already: points within the range, moved to where they would
-    /// have been seen from at the beginning of the sweep if that is asked for. The motion of the sweep is that from the scan before to this
-    /// one, or while this one has no pose yet, to the scan before; of the first one that to the second.
+    /// The range image of scan `number`, whose predecessors have their poses already, from its points within the range,
+    /// optionally moved to the sensor's position at the beginning of the sweep. The motion of the sweep is the motion
+    /// from the previous scan to this one or, while this one has no pose yet, to the previous scan; for the first one,
+    /// the motion to the second.
     ///
     /// # Errors
-    /// Where the scan has no points within the range, or fills fewer than 100 pixels.
+    /// When the scan has no points within the range, or fills fewer than 100 pixels.
     pub fn frame(&self, number: usize, scan: &Scan, name: &str) -> Result<Frame> {
         let poses = &self.state.poses;
         self.frame_of(scan, name, poses.get(..=number.max(1)).unwrap_or(poses))
     }
 
-    /// The range image of a scan in whose sweep the last motion of a path went on.
+    /// The range image of a scan whose sweep continues the last motion of a path.
     fn frame_of(&self, scan: &Scan, name: &str, path: &[Pose]) -> Result<Frame> {
         let [near, far] = self.range;
         let (mut kept, _) = scan.within(self.range);
@@ -184,16 +185,16 @@ impl Odometry {
         Frame::new(&kept, self.mapper.camera(), name)
     }
 
-    /// The range image of the next scan, by the motion that leads to a pose.
+    /// The range image of the next scan, by the motion to a pose.
     fn frame_toward(&self, pose: Pose, scan: &Scan, name: &str) -> Result<Frame> {
         let last = self.state.poses.last().copied();
         self.frame_of(scan, name, &last.into_iter().chain([pose]).collect::<Vec<_>>())
     }
 
-    /// Tracks the next scan and adds it to the map if it shows enough that is new.
+    /// Tracks the next scan and adds it to the map if it becomes a keyframe.
     ///
     /// # Errors
-    /// As [`frame`](Self::frame); the scan is not added then.
+    /// As [`frame`](Self::frame); the scan is then not added.
     pub fn add(&mut self, scan: &Scan, name: &str) -> Result<Tracked> {
         let number = self.state.poses.len();
         let mut frame = self.frame(number, scan, name)?;
@@ -209,7 +210,8 @@ impl Odometry {
             (None, None) => {}
         }
         if self.settings.deskew && !scan.times.is_empty() {
-            // The sweep's own motion is known now. That of the one before would swing: an error of it comes back with the other sign.
+            // The sweep's own motion is known now. The previous motion would oscillate: its error comes back with the
+            // other sign.
             self.begin_again(&tracked)?;
             frame = self.frame_toward(tracked.pose, scan, name)?;
             if let (None, None, Some(reference)) = (given, tracked.lost, &self.reference) {
@@ -230,7 +232,8 @@ impl Odometry {
         Ok(tracked)
     }
 
-    /// Makes the map of the first scan once more if it is the second that was tracked, which tells how the sensor moved.
+    /// Makes the map of the first scan once more after the second tracked scan, which determines the motion of the
+    /// first sweep.
     fn begin_again(&mut self, second: &Tracked) -> Result<()> {
         let (Some(first), [pose], None) = (&self.first, &self.state.poses[..], second.lost) else { return Ok(()) };
         let pose = *pose;
@@ -250,7 +253,7 @@ impl Odometry {
         self.state.anchors.push(self.mapper.state().count.saturating_sub(1) as u32);
     }
 
-    /// Adds a keyframe to the map, and closes a loop if it came back to an earlier one.
+    /// Adds a keyframe to the map, and closes a loop if it returned to an earlier one.
     fn add_keyframe(&mut self, frame: Frame, tracked: &mut Tracked) -> Result<()> {
         let report = self.mapper.add(tracked.scan, frame, tracked.pose)?;
         self.state.since = 0;
@@ -289,7 +292,7 @@ impl Odometry {
         }
     }
 
-    /// Leaves out a scan that cannot be used: it is lost, with the pose that was expected or given.
+    /// Leaves out an unusable scan: it is lost, with the predicted or the given pose.
     pub fn skip(&mut self) -> Tracked {
         let given = self.given.as_ref().and_then(|poses| poses.get(self.state.poses.len()).copied());
         let mut tracked = Tracked { fitness: 0.0, lost: Some(Lost::NoScan), ..self.untracked() };
@@ -335,7 +338,7 @@ impl Odometry {
         }
     }
 
-    /// Says if a scan becomes a keyframe; a lost one never does, as it would spoil the map.
+    /// Returns true if a scan becomes a keyframe; a lost one never does, as it would spoil the map.
     fn is_keyframe(&self, tracked: &Tracked) -> bool {
         let Some(reference) = &self.reference else { return true };
         if tracked.lost.is_some() {

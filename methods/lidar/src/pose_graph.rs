@@ -1,18 +1,18 @@
-//! Poses that agree best with what was measured between them.
+//! Poses that agree best with measured motions between them.
 
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Pose, se3};
 use weaver_kernels::dense::{cholesky, cholesky_solve};
 
-/// Steps of Gauss-Newton at most.
+/// Most steps of Gauss-Newton.
 const STEPS: usize = 20;
 
 /// A measured motion between two poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// From which pose.
+    /// Index of the first pose.
     pub from: usize,
-    /// To which pose.
+    /// Index of the second pose.
     pub to: usize,
     /// The pose of `to` in the frame of `from`.
     pub motion: Pose,
@@ -20,8 +20,8 @@ pub struct Edge {
     pub weight: f64,
 }
 
-/// Moves poses (sensor to world) so that the sum over edges of w |log(Z^-1 X_from^-1 X_to)|^2 is least, with Gauss-Newton on SE(3). The first
-/// pose stays; poses that no edge leads to stay as well.
+/// Moves poses (sensor to world) so that the sum over edges of w |log(Z^-1 X_from^-1 X_to)|^2 is least, with
+/// Gauss-Newton on SE(3). The first pose stays; poses without an edge stay as well.
 ///
 /// ```
 /// use weaver_geometry::{Pose, glam::{DMat3, DVec3}};
@@ -39,7 +39,7 @@ pub fn optimize_poses(poses: &mut [Pose], edges: &[Edge]) {
         for edge in edges {
             add(edge, poses, &mut h, &mut b);
         }
-        // What is not moved: the first, and what nothing determines.
+        // Fixed poses: the first, and undetermined ones.
         for i in 0..n {
             if i < 6 || h[i * n + i] == 0.0 {
                 (0..n).for_each(|k| (h[i * n + k], h[k * n + i]) = (0.0, 0.0));
@@ -58,7 +58,8 @@ pub fn optimize_poses(poses: &mut [Pose], edges: &[Edge]) {
     }
 }
 
-/// Adds an edge: for X exp(d), the error grows by d_to - Ad(X_to^-1 X_from) d_from, up to what is small as the error.
+/// Adds an edge: for X exp(d), the error grows by d_to - Ad(X_to^-1 X_from) d_from, up to terms of the order of the
+/// error.
 fn add(edge: &Edge, poses: &[Pose], h: &mut [f64], b: &mut [f64]) {
     let n = 6 * poses.len();
     let between = poses[edge.from].inverse().compose(&poses[edge.to]);
@@ -90,7 +91,7 @@ fn add(edge: &Edge, poses: &[Pose], h: &mut [f64], b: &mut [f64]) {
     }
 }
 
-/// The solution of H x = -b by Cholesky's factors; none where H is not positive.
+/// The solution of H x = -b by Cholesky's factors; `None` if H is not positive definite.
 fn solved(mut h: Vec<f64>, b: &[f64]) -> Option<Vec<f64>> {
     let mut x: Vec<f64> = b.iter().map(|b| -b).collect();
     cholesky(&mut h, x.len(), x.len()).then(|| {

@@ -1,24 +1,24 @@
-//! The range image that ranges are registered to.
+//! The range image as the reference of registration.
 
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_surfel::SurfelCamera;
 
-/// Change of the range from a pixel to the next at which a pixel is an edge, meters.
+/// Least change of the range to the next pixel at an edge, meters.
 const EDGE: f64 = 0.5;
 
-/// A range image, and which of its pixels are smooth.
+/// A range image with its smooth pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RangeReference {
     /// The camera.
     pub camera: SurfelCamera,
-    /// Ranges `[H, W]`, meters; 0 where nothing is.
+    /// Ranges `[H, W]`, meters; 0 at empty pixels.
     pub range: Vec<f64>,
     smooth: Vec<bool>,
 }
 
 impl RangeReference {
-    /// The reference of ranges `[H, W]`, with 0 where nothing is.
+    /// The reference of ranges `[H, W]`, with 0 at empty pixels.
     ///
     /// # Panics
     ///
@@ -45,7 +45,7 @@ impl RangeReference {
         Self { camera: *camera, range, smooth }
     }
 
-    /// The points of its pixels.
+    /// The points of its nonempty pixels.
     pub fn points(&self) -> Vec<DVec3> {
         let width = self.camera.width;
         let filled = self.range.iter().enumerate().filter(|(_, r)| **r > 0.0);
@@ -59,7 +59,7 @@ impl RangeReference {
         (at.y >= 0.0 && at.y < height as f64).then(|| at.y as usize * width + column)
     }
 
-    /// The point that is nearest in each pixel after the motion x, ties by index; `u32::MAX` where there is none.
+    /// Index of the nearest point in each pixel after the motion x, ties by index; `u32::MAX` without a point.
     pub(crate) fn nearest(&self, query: &[DVec3], x: &Pose) -> Vec<u32> {
         let mut nearest = vec![(f64::INFINITY, u32::MAX); self.range.len()];
         for (i, q) in query.iter().enumerate() {

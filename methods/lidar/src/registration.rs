@@ -12,11 +12,11 @@ pub struct Registered {
     pub pose: Pose,
     /// The normal equations of the last step.
     pub equations: NormalEquations,
-    /// Share of the query that was used in the last step.
+    /// Share of the query in the last step.
     pub fitness: f64,
 }
 
-/// Why a registration failed.
+/// Reason of a failed registration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Lost {
     /// Too few matches to determine a motion.
@@ -28,7 +28,7 @@ pub enum Lost {
     /// The scan has no range image.
     #[error("the scan cannot be used")]
     NoScan,
-    /// A direction that nothing determines.
+    /// An undetermined direction.
     #[error("the scene does not determine the motion")]
     Singular,
 }
@@ -36,7 +36,7 @@ pub enum Lost {
 /// Least number of matches.
 const LEAST: usize = 20;
 
-/// Rules by which points are matched with patches.
+/// Rules for matching points with patches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometricSettings {
     /// Steps.
@@ -55,11 +55,11 @@ impl Default for GeometricSettings {
 
 /// Registers points to a tree by distances from its planes (point to plane), from the motion `start`.
 ///
-/// e = n.(Xq - m) for the patch m, n whose part of space Xq is in, matched within 0.2 m + 0.02 |q|; weights
-/// min(1, sqrt(0.8) / |e|) (1 - thickness / 0.2)^2.
+/// e = n.(Xq - m) for the patch m, n of the cell that holds Xq, matched within 0.2 m + 0.02 |q|; weights min(1,
+/// sqrt(0.8) / |e|) (1 - thickness / 0.2)^2.
 ///
 /// # Errors
-/// [`Lost`] where matches do not determine the motion.
+/// [`Lost`] if matches do not determine the motion.
 pub fn register(
     query: &[DVec3],
     tree: &PatchTree,
@@ -87,13 +87,14 @@ pub fn register(
     })
 }
 
-/// Registers points to a range image by their ranges, from the motion `start`; `query` are the points of a range image's pixels.
+/// Registers points to a range image by their ranges, from the motion `start`; `query` are the points of a range
+/// image's pixels.
 ///
-/// e = sqrt(5) (|Xq| - r(u, v)) for the point that is nearest in its pixel, bilinear in the reference; left out are
-/// e^2 > 0.8 and pixels where the reference changes by half a meter or more to the next, and those around them.
+/// e = sqrt(5) (|Xq| - r(u, v)) for the nearest point in each pixel, bilinear in the reference; left out are e^2 > 0.8
+/// and pixels at which the reference changes by half a meter or more to the next, with their neighbors.
 ///
 /// # Errors
-/// [`Lost`] where ranges do not determine the motion.
+/// [`Lost`] if ranges do not determine the motion.
 pub fn register_ranges(
     query: &[DVec3],
     reference: &RangeReference,

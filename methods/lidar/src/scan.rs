@@ -5,7 +5,7 @@ use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Pose, se3};
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
 
-/// Directions nearer to one another than this are those of one pixel or the next, radians.
+/// Largest angle between directions of the same pixel or of neighbors, radians.
 const NEIGHBOR: f64 = 0.1 * std::f64::consts::PI / 180.0;
 
 /// The points of one sweep in the sensor's frame: x forward, y left, z up, meters.
@@ -13,7 +13,7 @@ const NEIGHBOR: f64 = 0.1 * std::f64::consts::PI / 180.0;
 pub struct Scan {
     /// Points `[P]`.
     pub points: Vec<[f32; 3]>,
-    /// When each point was measured, as a fraction of the sweep from 0 to 1; empty where unknown.
+    /// Measurement time of each point, as a fraction of the sweep from 0 to 1; empty if unknown.
     pub times: Vec<f32>,
 }
 
@@ -23,7 +23,8 @@ impl Scan {
         Self { points, times: Vec::new() }
     }
 
-    /// The points whose range is in `[near, far]`, and how many were dropped, of them how many because they are not finite.
+    /// The points with a range in `[near, far]`, the number of dropped points, and the number of nonfinite ones among
+    /// these.
     pub fn within(&self, [near, far]: [f64; 2]) -> (Self, [usize; 2]) {
         let mut kept = Self::default();
         let mut not_finite = 0;
@@ -42,8 +43,8 @@ impl Scan {
         (kept, [dropped, not_finite])
     }
 
-    /// The points as they would have been seen from where the sensor was when the sweep began, if it moved by `motion` (the frame of its end
-    /// to that of its beginning) at constant speed and turn. A scan without times stays as it is.
+    /// The points as seen from the sensor's position at the beginning of the sweep, if it moved by `motion` (from the
+    /// frame at its end to the frame at its beginning) at constant speed and turn. A scan without times stays as it is.
     ///
     /// ```
     /// use weaver_geometry::{Pose, glam::{DMat3, DVec3}};
@@ -75,9 +76,11 @@ impl Scan {
         self.points.iter().map(elevation).fold([f64::INFINITY, f64::NEG_INFINITY], bounds)
     }
 
-    /// The share of points whose nearest direction is within 0.1 degrees, and the share of these whose range differs by more than 1 m.
+    /// The share of points with another direction within 0.1 degrees, and the share of these whose range differs by
+    /// more than 1 m from that neighbor.
     ///
-    /// A scan from one place has the latter only at edges: a few percent. A cloud merged from several places has tens of percent.
+    /// A scan from one place has the latter only at edges: a few percent. A cloud merged from several places has tens
+    /// of percent.
     pub fn overlap(&self) -> [f64; 2] {
         let directions: Vec<f64> = self.points.iter().flat_map(|p| vector(p).normalize_or_zero().to_array()).collect();
         let mut neighbors = vec![0; 2 * self.points.len()];
@@ -96,11 +99,11 @@ impl Scan {
         [share(near, self.points.len()), share(differ, near)]
     }
 
-    /// Checks that the points were seen from one place, so that a range image can be made of them.
+    /// Checks that the points were seen from one place, as a range image requires.
     ///
     /// # Errors
-    /// [`Error::NotOneScan`] where a tenth of the points have a neighbor within 0.1 degrees and over 30 % of these differ from it by
-    /// more than 1 m.
+    /// [`Error::NotOneScan`] if a tenth of the points have a neighbor within 0.1 degrees and over 30 % of these differ
+    /// from it by more than 1 m.
     pub fn check_single(&self, of: &str) -> Result<()> {
         let [near, differ] = self.overlap();
         match near >= 0.1 && differ > 0.3 {
@@ -110,7 +113,7 @@ impl Scan {
     }
 }
 
-/// A point in numbers of 64 bits.
+/// A point in double precision.
 pub(crate) fn vector(p: &[f32; 3]) -> DVec3 {
     DVec3::new(p[0].into(), p[1].into(), p[2].into())
 }

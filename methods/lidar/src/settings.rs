@@ -1,34 +1,34 @@
-//! How maps are made and scans are tracked.
+//! Settings of mapping and tracking.
 
 use crate::{Error, LossWeights, NormalTarget, RangeMean, Result};
 
-/// Rules by which surfels are made of keyframes.
+/// Rules for making surfels of keyframes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapSettings {
     /// Steps of Adam at each keyframe.
     pub iterations: usize,
-    /// Share of the pixels that are not covered yet which get a surfel.
+    /// Share of the uncovered pixels that get a surfel.
     pub density: f64,
-    /// Pixels with at most this opacity are not covered.
+    /// Largest opacity of an uncovered pixel.
     pub uncovered: f64,
-    /// Largest standard deviation that costs nothing, meters.
+    /// Largest standard deviation without a penalty, meters.
     pub scale_limit: f64,
-    /// Weight of the scales beyond it.
+    /// Weight of the penalty on larger scales.
     pub scale_weight: f64,
-    /// True if they are averaged over surfels, as other terms are over pixels, so that surfels grow into holes; else summed, as published,
-    /// which keeps all below the limit.
+    /// True if the penalty is averaged over surfels, as other terms are over pixels, so that surfels grow into holes;
+    /// false if it is summed, as published, which keeps all scales below the limit.
     pub scale_mean: bool,
     /// Weights of the other terms.
     pub loss: LossWeights,
     /// True if surfels begin with normals by principal components; else they face the sensor.
     pub measured_normals: bool,
-    /// Opacity below which a surfel goes after a keyframe.
+    /// Opacity below which a surfel is pruned after a keyframe.
     pub prune: f64,
-    /// A new map begins above so many surfels.
+    /// Number of surfels above which a new map begins.
     pub most_surfels: usize,
-    /// A new map begins after so many keyframes.
+    /// Number of keyframes after which a new map begins.
     pub most_keyframes: usize,
-    /// Seed of all chance.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
@@ -52,7 +52,8 @@ impl Default for MapSettings {
 }
 
 impl MapSettings {
-    /// The published settings: surfels face the sensor first, their normals follow those of drawn ranges, and are at most 0.1 m large.
+    /// The published settings: surfels first face the sensor, their normals follow the normals of drawn ranges, and
+    /// they are at most 0.1 m large.
     pub fn published() -> Self {
         let loss = LossWeights { range: RangeMean::Image, opacity: 0.4, normal: 0.5, target: NormalTarget::Drawn };
         Self { scale_limit: 0.1, loss, measured_normals: false, ..Self::default() }
@@ -61,7 +62,7 @@ impl MapSettings {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// [`Error::Settings`], which names the one that makes no sense.
+    /// [`Error::Settings`], which names the first invalid one.
     pub fn check(&self) -> Result<()> {
         let shares = [("density", self.density), ("uncovered", self.uncovered), ("prune", self.prune)];
         for (name, share) in shares {
@@ -76,26 +77,27 @@ impl MapSettings {
     }
 }
 
-/// Rules by which scans are tracked and become keyframes.
+/// Rules of tracking and of the choice of keyframes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackSettings {
     /// Steps of the geometric stage.
     pub geometric_steps: usize,
     /// Steps of the range stage; 0 leaves it out.
     pub range_steps: usize,
-    /// A scan becomes a keyframe if less of it fits.
+    /// Least share of a scan that fits the map, below which it becomes a keyframe.
     pub least_fitness: f64,
-    /// A scan is lost if less of it fits.
+    /// Least share of a scan that fits the map, below which it is lost.
     pub lost_fitness: f64,
-    /// A scan becomes a keyframe if it is farther from the last one, meters.
+    /// Largest distance from the last keyframe, above which a scan becomes a keyframe, meters.
     pub farthest: f64,
-    /// A scan becomes a keyframe after so many others.
+    /// Number of other scans after which a scan becomes a keyframe.
     pub most_frames: usize,
-    /// True if points are moved to where the sensor was when the sweep began, by their times and the motion of the sweep before.
+    /// True if points are moved to the sensor's position at the beginning of the sweep, by their times and the motion
+    /// of the previous sweep.
     pub deskew: bool,
-    /// Rules by which keyframes that come back are registered to earlier ones; none if they are not.
+    /// Rules of loop closures; `None` without them.
     pub loops: Option<LoopSettings>,
-    /// Tracking ends after so many scans were lost in a row.
+    /// Number of consecutive lost scans after which tracking ends.
     pub lost: usize,
 }
 
@@ -105,7 +107,7 @@ impl Default for TrackSettings {
             geometric_steps: 10,
             range_steps: 10,
             least_fitness: 0.3,
-            // Real scans that are tracked rightly have 0.19 and more, those of another place 0.02.
+            // Correctly tracked real scans have 0.19 and more, scans of another place 0.02.
             lost_fitness: 0.1,
             farthest: 5.0,
             most_frames: usize::MAX,
@@ -116,12 +118,12 @@ impl Default for TrackSettings {
     }
 }
 
-/// When a keyframe is registered to an earlier one.
+/// Conditions of a loop closure between two keyframes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoopSettings {
-    /// Largest distance between the two as far as is known, meters.
+    /// Largest distance between the two by their estimated poses, meters.
     pub reach: f64,
-    /// Keyframes between the two at least.
+    /// Least number of keyframes between the two.
     pub gap: usize,
     /// Share of the scan that must fit.
     pub least_fitness: f64,

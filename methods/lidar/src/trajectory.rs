@@ -11,12 +11,12 @@ const SHARES: [f64; 8] = [2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0, 55.0];
 pub struct TrajectoryErrors {
     /// Root mean square distance of positions after the best rigid motion, meters.
     pub ate: f64,
-    /// The same with the first poses made equal, meters.
+    /// Root mean square distance of positions with equal first poses, meters.
     pub ate_first: f64,
     /// Root mean square error of relative translations of consecutive scans, meters.
     pub rpe: f64,
-    /// Mean error of relative translations, percent of the length: over consecutive scans up to ten scans, else over the shares
-    /// 2, 3, 5, 8, 13, 21, 34 and 55 % of the path. None where the reference stands still.
+    /// Mean error of relative translations, percent of the length: over consecutive scans up to ten scans, else over
+    /// the shares 2, 3, 5, 8, 13, 21, 34 and 55 % of the path. `None` for a reference without motion.
     pub rpe_percent: Option<f64>,
     /// Root mean square error of relative rotations of consecutive scans, degrees.
     pub rpe_degrees: f64,
@@ -87,8 +87,8 @@ pub fn trajectory_errors(estimate: &[Pose], reference: &[Pose]) -> TrajectoryErr
     }
 }
 
-/// The rigid motion that brings positions nearest to others, by Horn's quaternion; where positions lie on a line, the rest of the turn is
-/// that of the first pose.
+/// The rigid motion that brings positions nearest to others, by Horn's quaternion; for positions on a line, the
+/// undetermined turn comes from the first pose.
 pub fn alignment(estimate: &[Pose], reference: &[Pose]) -> Pose {
     let mean = |poses: &[Pose]| poses.iter().map(|p| p.translation).sum::<DVec3>() / poses.len() as f64;
     let centers = [mean(estimate), mean(reference)];

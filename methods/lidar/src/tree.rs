@@ -3,9 +3,9 @@
 use crate::eigen::principal;
 use weaver_geometry::glam::DVec3;
 
-/// Leaves are smaller than this along their largest axis, meters.
+/// Upper bound on the largest extent of leaves, meters.
 const LEAF: f64 = 0.2;
-/// Points in a thinner layer are a surface, whose normal its parts inherit, meters.
+/// Thickness below which a layer of points is a surface, whose normal its parts inherit, meters.
 const SURFACE: f64 = 0.1;
 
 /// A patch of a surface.
@@ -15,7 +15,7 @@ pub struct Patch {
     pub point: DVec3,
     /// The normal.
     pub normal: DVec3,
-    /// Extent along the normal of what the normal was taken from, meters.
+    /// Extent along the normal of the points behind the normal, meters.
     pub thickness: f64,
 }
 
@@ -78,7 +78,7 @@ impl PatchTree {
         self.grow(after, surface, depth + 1);
     }
 
-    /// The patch in whose part of space a point lies; none in a tree without points.
+    /// The patch of the cell that holds a point; `None` in a tree without points.
     pub fn patch(&self, p: DVec3) -> Option<&Patch> {
         let mut at = 0;
         loop {
@@ -100,7 +100,7 @@ impl PatchTree {
     }
 }
 
-/// Moves what `first` holds for to the front; returns how many there are. The order is the same for the same points.
+/// Moves the points that satisfy `first` to the front; returns their number. The order is the same for the same points.
 fn partition(points: &mut [DVec3], first: impl Fn(&DVec3) -> bool) -> usize {
     let mut count = 0;
     for i in 0..points.len() {

@@ -1,4 +1,4 @@
-//! What lifting costs: time and memory for a large scene, beside the bytes that have to move and the products that have to be added.
+//! Cost of lifting: time and memory for a large scene, beside the bytes to be moved and the products to be added.
 //!
 //! `cost [GAUSSIANS] [CHANNELS] [VIEWS] [SOLVER ...]`, solvers of `row-sum`, `squared` and `exact` (three passes).
 
@@ -56,11 +56,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let passes = solver.passes() as f64;
         let mut marks = Vec::new();
         lift(&mut raster, &mut Waves::new(channels), &options, &mut || marks.push((Instant::now(), processor())))?;
-        // The first views are those of a single channel that find out what is seen.
+        // A pass over a single channel comes first and finds the seen Gaussians.
         let ((start, before), (end, after)) = (marks[views - 1], marks[marks.len() - 1]);
         let (elapsed, used) = ((end - start).as_secs_f64(), after - before);
         let passed = passes * views as f64;
-        // Features of what is seen are read and written where they are added to, read where they are drawn; pixels are written and read.
+        // Features of seen Gaussians are read and written in sums, read in drawing; pixels are written and read.
         let gathers = passes * (2.0 * visible as f64 + 2.0 * pixels as f64);
         let bytes =
             NUMBER * channels as f64 * views as f64 * (gathers + draws * (visible as f64 + 2.0 * pixels as f64));
@@ -83,7 +83,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Features that need no memory and next to no time: a saw over pixels and channels.
+/// Features without memory and nearly without time: a saw over pixels and channels.
 struct Waves {
     /// The saw, as long as its period and the channels.
     saw: Vec<f32>,
@@ -142,7 +142,7 @@ fn camera(turn: f64) -> Camera {
     Camera { pose, intrinsics, width: SIZE[0], height: SIZE[1] }
 }
 
-/// Gaussians times pixels that they add to, in a view.
+/// Pairs of a Gaussian and a pixel of its footprint in a view.
 fn pairs(scene: &ActivatedGaussians, camera: &Camera) -> Result<f64, LiftError> {
     let mut alpha = vec![0.0; camera.width * camera.height];
     let images = Images { image: &mut [], alpha: &mut alpha, depth: None, features: None };
@@ -152,7 +152,7 @@ fn pairs(scene: &ActivatedGaussians, camera: &Camera) -> Result<f64, LiftError> 
     Ok(rasterize(&gaussians, &cameras, &RasterSettings::default(), &mut Workspace::new(), images)?.pairs as f64)
 }
 
-/// Seconds that processors have worked for this process, where the system tells: other programs do not count.
+/// Processor seconds of this process, if the system reports them: other programs do not count.
 fn processor() -> f64 {
     let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let fields = text.rsplit(')').next().unwrap_or_default().split_whitespace();
@@ -160,7 +160,7 @@ fn processor() -> f64 {
     ticks.sum::<f64>() / 100.0
 }
 
-/// The most memory that this process has held, where the system tells.
+/// Peak memory of this process, if the system reports it.
 fn memory() -> String {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

@@ -1,4 +1,4 @@
-//! What the solvers do on built-in scenes of these seeds, where the truth is known.
+//! The solvers on built-in scenes of given seeds, with known truth.
 
 use clap::Parser;
 use weaver_command::Console;

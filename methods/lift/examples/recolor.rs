@@ -1,4 +1,5 @@
-//! Lifts the photos of a built-in scene to gray balls on its surfaces: how well does each solver draw a photo that was held out?
+//! Lifts the photos of a built-in scene to gray balls on its surfaces, and prints each solver's quality on a held-out
+//! photo.
 
 use weaver_geometry::glam::DVec2;
 use weaver_lift::{LiftOptions, Maps, Operator, Raster, Solver, Stop, lift};
@@ -6,7 +7,7 @@ use weaver_procedural::{ProceduralOptions, scene};
 use weaver_scene::ActivatedGaussians;
 use weaver_splat::RasterSettings;
 
-/// Every so many pixels there is a ball.
+/// Stride of the balls, pixels.
 const STEP: usize = 3;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -7,7 +7,7 @@ use crate::passes::for_rows;
 use std::collections::BTreeMap;
 use weaver_kernels::{Real, parallel};
 
-/// A mask of a view, and the feature that the view's pixels have in it.
+/// A mask of a view, and the feature of its pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask<T> {
     /// The view.
@@ -18,12 +18,12 @@ pub struct Mask<T> {
     pub feature: Vec<T>,
 }
 
-/// Which masks agree with the clusters.
+/// Agreement of masks with clusters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AggregateOptions {
-    /// A mask is kept if its overlap with the cluster that most of it shows is above this: intersection over union of pixels.
+    /// Bound on the overlap of a kept mask with its majority cluster: intersection over union of pixels.
     pub overlap: f64,
-    /// Clusters drawn at a time, a choice of memory.
+    /// Clusters drawn at a time; bounds memory.
     pub block: usize,
 }
 
@@ -37,21 +37,21 @@ impl Default for AggregateOptions {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Aggregation {
-    /// For each mask its intersection over union with the cluster that most of it shows; 0 where most of it shows none.
+    /// Intersection over union of each mask with its majority cluster; 0 for a majority of noise.
     pub overlaps: Vec<f64>,
-    /// For each mask whether it was kept.
+    /// Fate of each mask, true if kept.
     pub kept: Vec<bool>,
     /// Number of clusters.
     pub clusters: usize,
-    /// Clusters that no mask was kept for.
+    /// Clusters without a kept mask.
     pub without: usize,
 }
 
-/// The label of each pixel of each view: the largest of the drawn one-hot labels, 0 for noise and where nothing is, else the
-/// cluster's number plus one.
+/// The label of each pixel of each view: the largest of the drawn one-hot labels, 0 for noise and empty pixels, else
+/// the cluster's number plus one.
 ///
 /// # Errors
-/// Lengths that do not fit, and what drawing refuses.
+/// Lengths that do not fit, and errors of drawing.
 pub fn label_maps<T: Real>(
     operator: &mut impl Operator<T>,
     labels: &[Option<u32>],
@@ -91,11 +91,12 @@ pub fn label_maps<T: Real>(
 
 /// Gives each cluster's Gaussians the mean feature of the masks that agree with it, in place: `features` `[P, F]`.
 ///
-/// A mask belongs to the label that most of its pixels have in the view's [`label_maps`], and is kept if it overlaps with all that
-/// the view shows of that label. Noise and clusters without masks keep their features. Rows are divided by their lengths at the end.
+/// A mask belongs to the most frequent label of its pixels in the view's [`label_maps`], and is kept if it overlaps
+/// enough with all of the view's pixels of that label. Noise and clusters without masks keep their features. Rows are
+/// divided by their lengths at the end.
 ///
 /// # Errors
-/// Lengths that do not fit, masks of views or pixels that do not exist, and what drawing refuses.
+/// Lengths that do not fit, masks of views or pixels that do not exist, and errors of drawing.
 ///
 /// # Source
 /// Xiong et al., Splat Feature Solver, 2026: a means to better figures, which is not a solution of the linear system.
@@ -147,11 +148,11 @@ pub fn aggregate<T: Real>(
     Ok(Aggregation { overlaps, kept, clusters, without })
 }
 
-/// The cluster that most of a mask shows, and how far they overlap; `None` where that is noise.
+/// The majority cluster of a mask, and their intersection over union; `None` for noise.
 fn shown<T>(mask: &Mask<T>, map: &[u32], sizes: &BTreeMap<u32, usize>) -> Option<(usize, f64)> {
     let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
     mask.pixels.iter().for_each(|pixel| *counts.entry(map[*pixel as usize]).or_default() += 1);
-    // The smallest of equally frequent labels.
+    // Ties go to the smallest label.
     let (&label, &both) = counts.iter().rev().max_by_key(|(_, count)| **count)?;
     let either = mask.pixels.len() + sizes[&label] - both;
     Some(((label as usize).checked_sub(1)?, both as f64 / either as f64))

@@ -8,7 +8,7 @@ use weaver_kernels::Real;
 /// Options of clustering Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClusterOptions {
-    /// Principal components of the features that are looked at, or all where there are fewer.
+    /// Number of principal components of the features, or all if there are fewer.
     pub components: usize,
     /// Definition of a cluster.
     pub hdbscan: HdbscanOptions,
@@ -21,8 +21,8 @@ impl Default for ClusterOptions {
     }
 }
 
-/// The clusters of Gaussians by their `features` `[P, channels]`: [`Pca`], then [`hdbscan`]. `None` is noise, and what is not seen
-/// (`seen` `[P]` is 0), which is no part of it.
+/// The clusters of Gaussians by their `features` `[P, channels]`: [`Pca`], then [`hdbscan`]. `None` is noise, or an
+/// unseen Gaussian (`seen` `[P]` is 0), which is excluded from clustering.
 ///
 /// # Errors
 /// Lengths that do not fit.

@@ -1,5 +1,5 @@
-//! `splatweaver lift` and `splatweaver query`: features of photos for the Gaussians of a scene on disk, and where they
-//! are like a prompt.
+//! `splatweaver lift` and `splatweaver query`: features of photos for the Gaussians of a scene on disk, and their
+//! similarity to prompts.
 //!
 //! The solvers are the library's; here are the files of features, masks and pictures around them, and a demonstration
 //! on built-in scenes.
@@ -41,7 +41,7 @@ pub fn lift(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || lift::run(arguments, console))
 }
 
-/// Draws how like prompts the lifted features of a scene are, from each camera.
+/// Draws the similarity of a scene's lifted features to prompts, from each camera.
 ///
 /// Fails as [`lift`](fn@lift) does.
 pub fn query(arguments: &Query, console: &mut Console) -> Result<(), Failure> {

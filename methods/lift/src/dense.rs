@@ -1,10 +1,10 @@
-//! Weights that are given as numbers.
+//! Weights in a matrix.
 
 use crate::error::{LiftError, expect_len};
 use crate::operator::Operator;
 use weaver_kernels::Real;
 
-/// A matrix of weights held in memory: for tests, and for weights that come from elsewhere.
+/// A matrix of weights in memory: for tests, and for weights from elsewhere.
 ///
 /// ```
 /// use weaver_lift::{Dense, Operator};
@@ -25,7 +25,7 @@ impl<T: Real> Dense<T> {
     /// `weights` is `[R, P]` with R a multiple of `views`.
     ///
     /// # Errors
-    /// [`LiftError::Length`] if the weights cannot be cut into so many views of whole rows.
+    /// [`LiftError::Length`] if the weights cannot be cut into this number of views of whole rows.
     pub fn new(weights: Vec<T>, splats: usize, views: usize) -> Result<Self, LiftError> {
         let unit = (splats * views).max(1);
         expect_len("weights", weights.len(), weights.len() / unit * unit)?;

@@ -1,15 +1,15 @@
-//! What can be wrong with features and scenes.
+//! Errors of features and scenes.
 
 use weaver_splat::RasterError;
 
-/// Why features could not be lifted.
+/// Error of lifting.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LiftError {
     /// A length that does not fit.
     #[error("{what}: expected {expected} numbers, found {found}")]
     Length {
-        /// The array that has that length.
+        /// Name of the array.
         what: &'static str,
         /// Expected number of numbers.
         expected: usize,
@@ -19,13 +19,13 @@ pub enum LiftError {
     /// Features without a channel.
     #[error("features: expected at least one channel, found none")]
     NoChannels,
-    /// The mask leaves nothing of any view, or all pixels hold NaN.
+    /// No valid pixel in any view: all are masked, or hold NaN.
     #[error("features: expected pixels that count, found all {rays} masked")]
     AllMasked {
         /// Pixels of all views.
         rays: usize,
     },
-    /// Cameras that look elsewhere.
+    /// No Gaussian in any view.
     #[error("cameras: expected views that see some of the {splats} Gaussians, found none that do")]
     NothingSeen {
         /// Gaussians of the scene.

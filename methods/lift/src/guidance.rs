@@ -8,8 +8,8 @@ const MOST: f64 = 13.8;
 
 /// Opacities o, in `[0, 1]`, become `sigma(lambda logit o)`, logits limited to +-13.8; lambda = 1 changes no bit.
 ///
-/// Opacities above one half rise with lambda > 1, those below fall; whether each pixel then sees fewer Gaussians depends on which are
-/// more: [`Coverage::off_diagonal`](crate::Coverage::off_diagonal) tells.
+/// Opacities above one half rise with lambda > 1, others fall; the effect on the number of Gaussians in a pixel depends
+/// on the majority: [`Coverage::off_diagonal`](crate::Coverage::off_diagonal) measures it.
 ///
 /// # Errors
 /// A lambda that is not positive and finite.

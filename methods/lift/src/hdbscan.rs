@@ -11,10 +11,9 @@ use tree::{Points, core_distances, merges, spanning_tree};
 pub struct HdbscanOptions {
     /// Fewest points of a cluster, at least 2.
     pub smallest: usize,
-    /// Number of neighbors that tell the density around a point.
+    /// Number of neighbors in the estimate of the density around a point.
     pub samples: usize,
-    /// Points that are nearer to each other than this count as this far apart, so that no cluster falls into clusters of points that
-    /// only rounding tells apart; 0 for none of it.
+    /// Lower bound of distances, so that clusters do not fall apart by rounding; 0 for none.
     pub resolution: f64,
 }
 
@@ -25,13 +24,13 @@ impl Default for HdbscanOptions {
     }
 }
 
-/// The clusters of `points` `[N, dimensions]` by HDBSCAN with Euclidean distances: a number from 0 for each point, in the order
-/// of the clusters' first points, or `None` for noise.
+/// The clusters of `points` `[N, dimensions]` by HDBSCAN with Euclidean distances: a number from 0 for each point, in
+/// the order of the clusters' first points, or `None` for noise.
 ///
-/// A point's core distance is that to its `samples`-th neighbor; points are joined by the tree that spans the larger of both core
-/// distances and their own; of the clusters that fall apart from it, those with the most excess of mass stay, never all points as
-/// one. Takes time of N^2, and memory of N. Same bits at any number of threads.
-///
+/// A point's core distance is the distance to its `samples`-th neighbor. Points are joined by the minimum spanning tree
+/// of the largest of both core distances and their own distance. Among the clusters that it falls into, the selection
+/// has the most excess of mass and never holds all points as one cluster. Takes time of N^2, and memory of N. Same bits
+/// at any number of threads.
 /// # Source
 /// Campello, Moulavi, Zimek and Sander, 2015; McInnes, Healy and Astels, 2017.
 ///

@@ -14,14 +14,14 @@ use weaver_kernels::Real;
 pub struct LiftOptions {
     /// Solver of Gaussians' features.
     pub solver: Solver,
-    /// For solvers that draw ([`Solver::draws`]): pixels that Gaussians cover less than this do not count, and features of the
-    /// others are multiplied by their alpha. `None` for features that are composited over zeros already, as drawn ones are.
+    /// For solvers that draw ([`Solver::draws`]): least alpha of a valid pixel; the features of valid pixels are
+    /// multiplied by their alpha. `None` for features that are already composited over zeros, such as drawn ones.
     pub least_alpha: Option<f64>,
-    /// Channels at a time: a choice of memory, of which results do not depend.
+    /// Channels at a time; bounds memory without changing results.
     pub block: usize,
     /// True if features are divided by their length; zeros stay.
     pub unit: bool,
-    /// Finds the loss as well, which is one more pass.
+    /// True to compute the loss as well, in one more pass.
     pub loss: bool,
 }
 
@@ -32,12 +32,12 @@ impl Default for LiftOptions {
 }
 
 impl LiftOptions {
-    /// The defaults with another solver.
+    /// The default options with another solver.
     pub fn with(solver: Solver) -> Self {
         Self { solver, ..Self::default() }
     }
 
-    /// Most views that will be looked at, for `channels` channels in `views` views: for a progress display.
+    /// Upper bound on the visits of views, for `channels` channels in `views` views: for a progress display.
     pub fn work(&self, views: usize, channels: usize) -> usize {
         let passes = self.solver.passes() + usize::from(self.loss);
         views * (1 + passes * channels.div_ceil(self.block.max(1)))
@@ -51,24 +51,24 @@ pub struct Lifted<T> {
     pub features: Vec<T>,
     /// F.
     pub channels: usize,
-    /// `D_j = sum_i A_ij` over the pixels that count, `[P]`: how much each Gaussian was seen.
+    /// `D_j = sum_i A_ij` over the valid pixels, `[P]`: each Gaussian's visibility.
     pub seen: Vec<T>,
-    /// Pixels and Gaussians that counted.
+    /// Valid pixels and seen Gaussians.
     pub coverage: Coverage,
-    /// Most passes that a block of channels took.
+    /// Most passes of a block of channels.
     pub passes: usize,
-    /// `|A X - B|^2 / |B|^2`, before features are made unit vectors, where it was asked for.
+    /// `|A X - B|^2 / |B|^2`, before features become unit vectors; `None` unless [`LiftOptions::loss`] is set.
     pub loss: Option<f64>,
 }
 
 /// Finds features of Gaussians such that drawing them gives the features of pixels.
 ///
-/// Geometry stays as it is, so that drawing is linear: no training. `seen_view` is called after each view of each pass, at most
-/// [`LiftOptions::work`] times. Memory: `[P, F]` for the result, `[P, block]` three to four times, a view's pixels twice.
-/// Same bits at any number of threads and for any size of blocks.
+/// Geometry stays as it is, so that drawing is linear: no training. `seen_view` is called after each view of each pass,
+/// at most [`LiftOptions::work`] times. Memory: `[P, F]` for the result, `[P, block]` three to four times, a view's
+/// pixels twice. Same bits at any number of threads and for any size of blocks.
 ///
 /// # Errors
-/// No channels, all pixels masked, no Gaussian seen, settings out of range, and what operator and observations refuse.
+/// No channels, all pixels masked, no Gaussian seen, settings out of range, and errors of operator and observations.
 ///
 /// # Source
 /// Xiong et al., Splat Feature Solver, 2026 (row sums, least squares); the damped solver is ours.
@@ -92,7 +92,7 @@ pub fn lift<T: Real>(
     options.solver.check()?;
     let least_alpha = options.least_alpha.filter(|_| options.solver.draws());
     let rows = Rows::new(operator, observations, least_alpha, seen_view)?;
-    // What features are damped toward is a mean of them as they are.
+    // Damping pulls toward a mean of the features without alpha.
     let plain = match options.solver {
         Solver::Damped { .. } if least_alpha.is_some() => Some(Rows::new(operator, observations, None, &mut || ())?),
         _ => None,
@@ -144,7 +144,7 @@ pub fn lift<T: Real>(
     Ok(Lifted { features, channels: total, seen, coverage, passes: most, loss })
 }
 
-/// Divides the rows of `[N, channels]` by their lengths; those below 1e-6 stay short, divided by that.
+/// Divides the rows of `[N, channels]` by their lengths, or by 1e-6 if they are shorter.
 pub fn to_unit_length<T: Real>(rows: &mut [T], channels: usize) {
     for_rows(rows, channels, |_, row| {
         let length = row.iter().map(|x| x.to_f64() * x.to_f64()).sum::<f64>().sqrt().max(1e-6);

@@ -1,9 +1,9 @@
-//! How well labels agree with the truth.
+//! Agreement of labels with the truth.
 
 use std::collections::BTreeMap;
 use weaver_kernels::Real;
 
-/// The part of `predicted` that equals `truth`; 1 of nothing.
+/// The part of `predicted` that equals `truth`; 1 for empty lists.
 ///
 /// # Panics
 /// If the lengths differ.
@@ -13,7 +13,8 @@ pub fn accuracy(predicted: &[u32], truth: &[u32]) -> f64 {
     if truth.is_empty() { 1.0 } else { right as f64 / truth.len() as f64 }
 }
 
-/// Intersection over union of each class of `truth` that at least `least` pixels have, averaged; `None` without such a class.
+/// Intersection over union, averaged over the classes of `truth` with at least `least` pixels; `None` without such a
+/// class.
 ///
 /// # Panics
 /// If the lengths differ.
@@ -25,7 +26,7 @@ pub fn accuracy(predicted: &[u32], truth: &[u32]) -> f64 {
 /// ```
 pub fn mean_iou(predicted: &[u32], truth: &[u32], least: usize) -> Option<f64> {
     assert_eq!(predicted.len(), truth.len(), "mean_iou: lengths");
-    // In both, in the prediction, in the truth.
+    // Pixels in both, in the prediction, in the truth.
     let mut classes: BTreeMap<u32, [usize; 3]> = BTreeMap::new();
     for (a, b) in predicted.iter().zip(truth) {
         classes.entry(*a).or_default()[1] += 1;
@@ -38,14 +39,14 @@ pub fn mean_iou(predicted: &[u32], truth: &[u32], least: usize) -> Option<f64> {
     (!ious.is_empty()).then(|| ious.iter().sum::<f64>() / ious.len() as f64)
 }
 
-/// The cosine of the angle between two vectors; 0 where one is zero.
+/// The cosine of the angle between two vectors; 0 if one is zero.
 pub fn cosine<T: Real>(a: &[T], b: &[T]) -> f64 {
     let dot = |a: &[T], b: &[T]| a.iter().zip(b).map(|(a, b)| a.to_f64() * b.to_f64()).sum::<f64>();
     let lengths = (dot(a, a) * dot(b, b)).sqrt();
     if lengths > 0.0 { dot(a, b) / lengths } else { 0.0 }
 }
 
-/// The number of the largest of each row's `channels` values, the first of equal ones.
+/// The index of the largest of each row's `channels` values, the first of equal ones.
 ///
 /// ```
 /// assert_eq!(weaver_lift::metrics::argmax(&[0.1, 0.3, 0.5, 0.5], 2), [1, 0]);

@@ -1,4 +1,4 @@
-//! The features of pixels that are lifted.
+//! The features of pixels as the input of lifting.
 
 use crate::error::{LiftError, expect_len};
 use std::ops::Range;
@@ -9,21 +9,21 @@ pub trait Observations<T: Real> {
     /// F, the number of channels.
     fn channels(&self) -> usize;
 
-    /// The factor on the features of each pixel of a view, `[R_v]`: 0 leaves a pixel out, whatever it holds; its length makes
-    /// features into unit vectors.
+    /// The factor on the features of each pixel of a view, `[R_v]`: 0 masks a pixel out, even one with NaN; the inverse
+    /// length makes features into unit vectors.
     ///
     /// # Errors
-    /// When they cannot be read, or there are not so many.
+    /// When they cannot be read, or their number differs.
     fn factors(&mut self, view: usize, factors: &mut [T]) -> Result<(), LiftError>;
 
     /// Some channels of the features of a view, `[R_v, channels]`, without the factors.
     ///
     /// # Errors
-    /// When they cannot be read, or there are not so many.
+    /// When they cannot be read, or their number differs.
     fn read(&mut self, view: usize, channels: Range<usize>, out: &mut [T]) -> Result<(), LiftError>;
 }
 
-/// Features in memory, of which every pixel counts.
+/// Features in memory, without masks.
 #[derive(Clone, Debug)]
 pub struct Maps<T> {
     /// For each view `[R_v, F]`.

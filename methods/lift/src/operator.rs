@@ -3,11 +3,11 @@
 use crate::error::LiftError;
 use weaver_kernels::Real;
 
-/// The matrix A `[R, P]` of compositing weights: `A_ij` is alpha T of Gaussian j at pixel i, not negative, with row sums of at
-/// most 1. Its rows come view by view, so that no more than one view's pixels are in memory.
+/// The matrix A `[R, P]` of compositing weights: `A_ij` is alpha T of Gaussian j at pixel i, not negative, with row
+/// sums of at most 1. Its rows come view by view, so that no more than one view's pixels are in memory.
 ///
-/// Implemented by the rasterizer, [`Raster`](crate::Raster), and by numbers that are given, [`Dense`](crate::Dense). With
-/// `Y = A X`, `forward` is drawing and `adjoint` the gradient of drawing with respect to features.
+/// Implemented by the rasterizer, [`Raster`](crate::Raster), and by a matrix, [`Dense`](crate::Dense). With `Y = A X`,
+/// `forward` is drawing and `adjoint` the gradient of drawing with respect to features.
 pub trait Operator<T: Real> {
     /// P, the number of Gaussians.
     fn splats(&self) -> usize;
@@ -21,7 +21,7 @@ pub trait Operator<T: Real> {
     /// `y = A_v x`: overwrites `y` `[R_v, channels]`, from `x` `[P, channels]`.
     ///
     /// # Errors
-    /// Lengths that do not fit, or what drawing refuses.
+    /// Lengths that do not fit, or errors of drawing.
     fn forward(&mut self, view: usize, x: &[T], channels: usize, y: &mut [T]) -> Result<(), LiftError>;
 
     /// `x += A_v^T y`: adds to `x` `[P, channels]`, from `y` `[R_v, channels]`.

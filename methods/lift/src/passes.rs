@@ -90,7 +90,7 @@ impl<T: Real, O: Operator<T>, B: Observations<T>> Passes<'_, T, O, B> {
         Ok(())
     }
 
-    /// Distance of `x` from the features of the pixels that count.
+    /// Squared distance of `x` from the features of valid pixels.
     pub fn loss(&mut self, x: &[T]) -> Result<Loss, LiftError> {
         let mut loss = Loss::default();
         for view in 0..self.operator.views() {
@@ -103,7 +103,7 @@ impl<T: Real, O: Operator<T>, B: Observations<T>> Passes<'_, T, O, B> {
         Ok(loss)
     }
 
-    /// Leaves B of a view in `given`; zeros where pixels do not count.
+    /// Leaves B of a view in `given`; zeros at masked pixels.
     fn read(&mut self, view: usize) -> Result<(), LiftError> {
         let width = self.channels.len();
         self.given.resize(self.operator.rays(view) * width, T::ZERO);
@@ -112,7 +112,7 @@ impl<T: Real, O: Operator<T>, B: Observations<T>> Passes<'_, T, O, B> {
         parallel::for_chunks(&mut self.given, GRAIN * width, |chunk, given| {
             for (row, factor) in given.chunks_exact_mut(width).zip(&factors[chunk * GRAIN..]) {
                 match *factor == T::ZERO {
-                    // What a pixel that does not count holds may be no number.
+                    // A masked pixel may hold NaN.
                     true => row.fill(T::ZERO),
                     false => row.iter_mut().for_each(|x| *x *= *factor),
                 }
@@ -121,7 +121,7 @@ impl<T: Real, O: Operator<T>, B: Observations<T>> Passes<'_, T, O, B> {
         Ok(())
     }
 
-    /// Leaves B - A x of a view in `given`; zeros where pixels do not count.
+    /// Leaves B - A x of a view in `given`; zeros at masked pixels.
     fn difference(&mut self, view: usize, x: &[T]) -> Result<(), LiftError> {
         let width = self.channels.len();
         self.read(view)?;

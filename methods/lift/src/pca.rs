@@ -3,14 +3,14 @@
 use weaver_kernels::dense::symmetric_eigen;
 use weaver_kernels::{Real, parallel};
 
-/// Points whose products are summed before the next ones are looked at: few enough to stay in a cache.
+/// Points in one partial sum of products: few enough to stay in a cache.
 const BLOCK: usize = 256;
 /// Rounds of rotations; ten are enough for hundreds of channels.
 const MOST_SWEEPS: usize = 60;
-/// Deviations below this part of the largest are those of rounding in `f32`.
+/// Part of the largest deviation below which deviations are rounding errors of `f32`.
 const ROUNDING: f64 = 1e-6;
 
-/// The directions in which points differ most.
+/// The directions of largest variance of points.
 ///
 /// Axes are eigenvectors of the covariance, largest variance first, each with its largest component positive.
 ///
@@ -70,7 +70,7 @@ impl Pca {
         Self { mean, axes, variances: order.iter().map(|at| values[*at].max(0.0)).collect() }
     }
 
-    /// Drops the axes along which nothing but rounding tells points apart.
+    /// Drops the axes with variances of rounding size.
     pub(crate) fn drop_rounding(&mut self) {
         let least = ROUNDING * ROUNDING * self.variances.first().copied().unwrap_or(0.0);
         let kept = self.variances.iter().take_while(|variance| **variance > least).count();

@@ -4,9 +4,11 @@ use crate::error::{LiftError, expect_len};
 use crate::passes::for_rows;
 use weaver_kernels::Real;
 
-/// The scores `x_j . t_b` of `features` `[P, channels]` for `prompts` `[B, channels]`: `[P, B]`, cosines where both have length 1.
+/// The scores `x_j . t_b` of `features` `[P, channels]` for `prompts` `[B, channels]`: `[P, B]`, cosines for features
+/// and prompts of length 1.
 ///
-/// Drawn as features of the Gaussians ([`Operator::forward`](crate::Operator::forward)), they are maps that answer the prompts.
+/// Drawn as features of the Gaussians ([`Operator::forward`](crate::Operator::forward)), they are maps that answer the
+/// prompts.
 ///
 /// # Errors
 /// Lengths that do not fit.

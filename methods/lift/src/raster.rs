@@ -7,8 +7,8 @@ use weaver_kernels::Real;
 use weaver_scene::{CameraSlices, Color, Features, GaussianSlices, Model};
 use weaver_splat::{Images, RasterSettings, Target, Workspace, rasterize};
 
-/// The weights with which Gaussians are drawn: [`forward`](Operator::forward) is [`rasterize`] with features,
-/// [`adjoint`](Operator::adjoint) their gradient, [`Workspace::feature_gradients`]. There is no second drawing.
+/// The compositing weights of Gaussians: [`forward`](Operator::forward) is [`rasterize`] with features,
+/// [`adjoint`](Operator::adjoint) their gradient, [`Workspace::feature_gradients`]. There is no second rasterizer.
 ///
 /// Same bits at any number of threads, and of channels at a time.
 #[derive(Debug)]
@@ -17,14 +17,14 @@ pub struct Raster<'a, T> {
     cameras: &'a [Camera],
     settings: RasterSettings,
     workspace: Workspace<T>,
-    /// The view that the workspace holds.
+    /// The last drawn view, held by the workspace.
     drawn: Option<usize>,
-    /// An image that nobody looks at.
+    /// Unused output of the rasterizer.
     alpha: Vec<T>,
 }
 
 impl<'a, T: Real> Raster<'a, T> {
-    /// The weights of `gaussians` in the views of `cameras`; colors and features of the Gaussians are not looked at.
+    /// The weights of `gaussians` in the views of `cameras`; colors and features of the Gaussians are not used.
     pub fn new(gaussians: GaussianSlices<'a, T>, cameras: &'a [Camera], settings: RasterSettings) -> Self {
         Self {
             gaussians: GaussianSlices { color: Color::None, features: None, ..gaussians },
@@ -49,7 +49,7 @@ impl<'a, T: Real> Raster<'a, T> {
         Ok(())
     }
 
-    /// Draws a view, unless it was the last to be drawn: only the weights matter.
+    /// Draws a view for its weights, unless it was the last drawn one.
     fn hold(&mut self, view: usize) -> Result<(), LiftError> {
         if self.drawn == Some(view) { Ok(()) } else { self.draw(view, None) }
     }

@@ -1,4 +1,4 @@
-//! Which pixels count, and how much Gaussians are seen by them.
+//! Valid pixels, and visibility of Gaussians in them.
 
 use crate::error::LiftError;
 use crate::observations::Observations;
@@ -6,10 +6,10 @@ use crate::operator::Operator;
 use crate::statistics::Coverage;
 use weaver_kernels::Real;
 
-/// The rows of A that count, and what is summed over them.
+/// The valid rows of A, with sums over them.
 #[derive(Clone, Debug)]
 pub struct Rows<T> {
-    /// Factors on the features of each view's pixels, `[R_v]`; 0 where a pixel does not count.
+    /// Factors on the features of each view's pixels, `[R_v]`; 0 for masked ones.
     pub(crate) factors: Vec<Vec<T>>,
     /// `D_j = sum_i A_ij`, `[P]`.
     pub(crate) seen: Vec<T>,
@@ -19,14 +19,14 @@ pub struct Rows<T> {
 }
 
 impl<T: Real> Rows<T> {
-    /// Looks at each view once. With `least_alpha`, pixels that Gaussians cover less than that do not count, and the features of
-    /// the others are multiplied by their alpha: they are then what would have been composited over zeros.
+    /// Visits each view once. With `least_alpha`, pixels of less alpha are masked, and the features of the others are
+    /// multiplied by their alpha, as if composited over zeros.
     ///
-    /// `seen_view` is told that a view is done.
+    /// `seen_view` is called after each view.
     ///
     /// # Errors
-    /// [`LiftError::AllMasked`] if no pixel counts, [`LiftError::NothingSeen`] if no Gaussian is seen by those that do, and what
-    /// operator and observations refuse.
+    /// [`LiftError::AllMasked`] without valid pixels, [`LiftError::NothingSeen`] if no Gaussian reaches a valid pixel,
+    /// and errors of operator and observations.
     pub fn new(
         operator: &mut impl Operator<T>,
         observations: &mut impl Observations<T>,

@@ -11,23 +11,23 @@ use weaver_kernels::Real;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Solver {
-    /// `x_j = (A^T B)_j / D_j`: the mean of what a Gaussian is seen as. Minimizes `sum_ij A_ij |x_j - B_i|^2`.
+    /// `x_j = (A^T B)_j / D_j`: the weighted mean over a Gaussian's pixels. Minimizes `sum_ij A_ij |x_j - B_i|^2`.
     RowSum,
-    /// `x_j = sum_i A_ij^2 B_i / sum_i A_ij^2`: pixels that see little else count more.
+    /// `x_j = sum_i A_ij^2 B_i / sum_i A_ij^2`: pixels dominated by the Gaussian weigh more.
     Squared,
     /// Least squares: minimizes `|A X - B|^2`, from zeros.
     Exact {
         /// Descent to the minimum.
         descent: Descent,
-        /// When it is close enough.
+        /// Stopping rule.
         stop: Stop,
     },
-    /// Minimizes `|A X - B|^2 + mu sum_j D_j |x_j - x'_j|^2` by conjugate gradients, x' from [`RowSum`](Self::RowSum): between
-    /// that (mu large) and [`Exact`](Self::Exact) (mu = 0).
+    /// Minimizes `|A X - B|^2 + mu sum_j D_j |x_j - x'_j|^2` by conjugate gradients, x' from [`RowSum`](Self::RowSum):
+    /// between x' (mu large) and [`Exact`](Self::Exact) (mu = 0).
     Damped {
         /// mu, not negative.
         mu: f64,
-        /// When it is close enough.
+        /// Stopping rule.
         stop: Stop,
     },
 }
@@ -35,19 +35,19 @@ pub enum Solver {
 /// Ways down to the least squares.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Descent {
-    /// `X += D^-1 A^T (B - A X)`. The first pass gives [`Solver::RowSum`], and none raises the loss, for `A^T A <= D` where rows
-    /// sum to at most 1.
+    /// `X += D^-1 A^T (B - A X)`. The first pass gives [`Solver::RowSum`], and none raises the loss, for `A^T A <= D`
+    /// if rows sum to at most 1.
     Iteration,
-    /// Conjugate gradients on `A^T A`, preconditioned by D: fewer passes to the minimum, one more of memory.
+    /// Conjugate gradients on `A^T A`, preconditioned by D: fewer passes to the minimum, one more vector in memory.
     ConjugateGradients,
 }
 
-/// When descent ends.
+/// Stopping rule of the descent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
     /// Most passes over the views, at least 1.
     pub passes: usize,
-    /// A channel ends where `|D^-1/2 A^T (B - A X)|` is below this part of what it was first.
+    /// A channel ends once `|D^-1/2 A^T (B - A X)|` is below this part of its first value.
     pub tolerance: f64,
 }
 
@@ -59,7 +59,7 @@ impl Default for Stop {
 }
 
 impl Solver {
-    /// [`Exact`](Self::Exact) by iteration with so many passes.
+    /// [`Exact`](Self::Exact) by iteration with at most `passes` passes.
     pub fn exact(passes: usize) -> Self {
         Self::Exact { descent: Descent::Iteration, stop: Stop { passes, ..Stop::default() } }
     }
@@ -74,7 +74,8 @@ impl Solver {
         }
     }
 
-    /// True if features of photos have to be multiplied by alpha first: what is drawn is composited over zeros.
+    /// True if features of photos have to be multiplied by alpha first: the solver compares them with features drawn
+    /// over zeros.
     pub fn draws(&self) -> bool {
         matches!(self, Self::Exact { .. } | Self::Damped { .. })
     }
@@ -99,12 +100,12 @@ impl Solver {
     }
 }
 
-/// 1 / D, and 0 for what nobody sees.
+/// 1 / D, and 0 for unseen Gaussians.
 fn inverse<T: Real>(d: T) -> T {
     if d == T::ZERO { T::ZERO } else { T::ONE / d }
 }
 
-/// Divides what was gathered by the weights it was gathered with.
+/// Divides weighted sums by their weights.
 fn divide<T: Real>(x: &mut [T], weights: &[T], channels: usize) {
     for_rows(x, channels, |j, row| {
         let weight = inverse(weights[j]);
@@ -125,7 +126,7 @@ impl<T: Real, O: Operator<T>, B: Observations<T>> Passes<'_, T, O, B> {
         Ok(())
     }
 
-    /// Returns the passes it took.
+    /// Descends by iteration; returns the number of passes.
     pub fn iterate(&mut self, x: &mut [T], stop: Stop) -> Result<usize, LiftError> {
         let channels = self.width();
         let weights = &self.rows.seen;
@@ -151,8 +152,8 @@ impl<T: Real, O: Operator<T>, B: Observations<T>> Passes<'_, T, O, B> {
         Ok(stop.passes)
     }
 
-    /// Conjugate gradients on `(A^T A + mu D) X = A^T B + mu D x'` from x', which `x` holds, preconditioned by D. Returns the
-    /// passes it took.
+    /// Conjugate gradients on `(A^T A + mu D) X = A^T B + mu D x'` from x', the initial value of `x`, preconditioned by
+    /// D. Returns the number of passes.
     pub fn conjugate_gradients(&mut self, x: &mut [T], mu: f64, stop: Stop) -> Result<usize, LiftError> {
         let channels = self.width();
         let weights = &self.rows.seen;
@@ -203,9 +204,9 @@ impl<T: Real, O: Operator<T>, B: Observations<T>> Passes<'_, T, O, B> {
     }
 }
 
-/// Channels that have not ended. Each ends by itself, so that results do not depend on which are looked at together.
+/// Active channels. Each ends by itself, so that results do not depend on the size of blocks.
 struct Open {
-    /// Where each ends, once known.
+    /// Squared norm at the end of each channel; empty before the first one is known.
     ends: Vec<f64>,
     open: Vec<bool>,
     tolerance: f64,
@@ -216,7 +217,7 @@ impl Open {
         Self { ends: Vec::new(), open: vec![true; channels], tolerance }
     }
 
-    /// Ends channels by their squared norms; the first ones are what they are compared with.
+    /// Ends channels by their squared norms, relative to the first ones.
     fn close(&mut self, squares: &[f64]) {
         if self.ends.is_empty() {
             self.ends = squares.iter().map(|x| self.tolerance * self.tolerance * x).collect();

@@ -1,5 +1,4 @@
-//! Routers that the mixture's is compared with: a perceptron on pixels, and one number for each Gaussian of the merged
-//! scene.
+//! Alternatives to the mixture's router: a perceptron on pixels, and one number for each Gaussian of the merged scene.
 
 use weaver_autograd::ops;
 use weaver_autograd::{ParamId, Real, Var};
@@ -10,14 +9,14 @@ use weaver_splat::{GaussianVars, Rasterize};
 
 /// The pixel router of MoE-GS's comparison: G = softmax of a perceptron on (u, t, ray, I_1 .. I_K) at each pixel, where
 /// u is the pixel's center in [-1, 1]^2, t the time, the ray a unit vector, and I_k the color of expert k. Relu between
-/// three layers. It sees pictures and not what they were drawn from. The widths are ours.
+/// three layers. Its inputs are the pictures, without their Gaussians. The widths are ours.
 #[derive(Clone, Copy, Debug)]
 pub struct MlpRouter {
     layers: [Linear; 3],
     experts: usize,
 }
 
-/// A gate and what it makes of pictures, P = H W pixels.
+/// A gate and its mixture of pictures, P = H W pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Blended<'t, T: Real = f32> {
     /// The gate `[K, P]`; sums to 1 over the experts.

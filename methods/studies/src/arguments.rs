@@ -1,9 +1,9 @@
-//! Arguments of a study, which are told apart by their places.
+//! Positional arguments of a study.
 
 use crate::Outcome;
 use std::str::FromStr;
 
-/// Arguments that are left to be read.
+/// Arguments that are not read yet.
 #[derive(Debug)]
 pub struct Arguments(std::vec::IntoIter<String>);
 
@@ -24,7 +24,7 @@ impl Arguments {
         self.optional(expected)?.ok_or_else(|| format!("expected {expected}, found nothing").into())
     }
 
-    /// All arguments that are left.
+    /// All remaining arguments.
     pub fn rest<T: FromStr>(mut self, expected: &str) -> Outcome<Vec<T>> {
         std::iter::from_fn(|| self.optional(expected).transpose()).collect()
     }

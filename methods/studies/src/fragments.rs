@@ -80,8 +80,8 @@ fn odometry(fragment: &Fragment, map: MapSettings, track: TrackSettings, table: 
     Ok(())
 }
 
-/// For each scan, the share of its rays within 0.2 m of the map of the others, drawn; of their points, as a range
-/// image; surfels; seconds.
+/// For each scan, the share of its rays within 0.2 m of the drawn map of the others; the same share for their points as
+/// a range image; surfels; seconds.
 fn held(fragment: &Fragment, map: &MapSettings, table: &Table, name: &str) -> Outcome {
     let Fragment { scans, poses } = fragment;
     let camera = camera(&scans[0]);
@@ -119,7 +119,7 @@ fn held(fragment: &Fragment, map: &MapSettings, table: &Table, name: &str) -> Ou
     Ok(())
 }
 
-/// Errors of registration pair by pair, from poses that are off.
+/// Errors of registration pair by pair, from perturbed poses.
 fn pairs(Fragment { scans, poses }: &Fragment) {
     let table = Table::new("Pairs", &["error of each, cm"]);
     let vectors = |s: &Scan| s.points.iter().map(|p| DVec3::from_array(p.map(f64::from))).collect::<Vec<_>>();

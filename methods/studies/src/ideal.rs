@@ -1,7 +1,6 @@
-//! What mixing is worth where every expert is right about something: four experts that are the truth on their own kind
-//! of motion, and as near to it as they can come on the others. Tables of what the router makes of them on a camera
-//! that was held out, beside everything that it is compared with, at three seeds; and what remains of it when Gaussians
-//! are dropped: `ideal [patches|corners]`.
+//! The worth of mixing complementary experts: four experts, each exact on its own kind of motion and a best
+//! approximation on the others. Tables of the router's results on a held-out camera, beside all alternatives, at three
+//! seeds; and of the results after Gaussians are dropped: `ideal [patches|corners]`.
 
 mod family;
 mod frames;
@@ -20,11 +19,11 @@ use world::{EXPERTS, HELD_OUT, Layout, PIXELS, World};
 const SEEDS: u64 = 3;
 const STEPS: u64 = 300;
 const MORE: u64 = 150;
-/// Rates tried for what the router is compared with.
+/// Rates tried for the router's alternatives.
 const PIXEL_RATES: [f64; 2] = [0.01, 0.003];
 const VOLUME_RATES: [f64; 2] = [0.2, 0.05];
 
-/// Adds what the held-out camera says of one way.
+/// Adds the held-out camera's figures of one way.
 fn add(rows: &mut Rows, name: impl Into<String>, held: Held) {
     rows.add(name, &[held.seen, held.unseen, held.right.map_or(f64::NAN, |share| 100.0 * share)]);
 }
@@ -36,7 +35,7 @@ fn cell(seeds: &[f64]) -> String {
     if known.is_empty() { "-".into() } else { format!("**{:.1}** ({each})", mean(&known)) }
 }
 
-/// Rows that need no training.
+/// Rows without training.
 fn bounds(rows: &mut Rows, views: &[View]) {
     let hard = |choice: &dyn Fn(usize, usize) -> usize, frame: usize| {
         let mut gate = vec![0.0; EXPERTS.len() * PIXELS];
@@ -63,7 +62,7 @@ fn config(temperature: f64) -> RouterConfig {
     RouterConfig { temperature, ..RouterConfig::default() }
 }
 
-/// The router and its variants; the first one is returned.
+/// Adds the router and its variants; returns the first one.
 fn routers(rows: &mut Rows, world: &World, views: &[Vec<View>], seed: u64) -> Routed {
     let held_out = &views[HELD_OUT];
     let trained = |temperature: f64, w_alone: bool| {

@@ -130,7 +130,7 @@ impl Ladder {
         Ok(detector)
     }
 
-    /// The same after 200 more.
+    /// The encoder after 200 more steps.
     fn continued(&self, from: &Detector, labels: Labels) -> Result<Detector> {
         let mut detector = from.clone();
         self.trained(64, |trainer| trainer.encoder(&mut detector, &self.stage(200), labels))?;
@@ -188,7 +188,7 @@ impl Ladder {
         Ok(())
     }
 
-    /// Scores that the truth about videos, and about all but the places of events, would give.
+    /// Scores from the labels of videos, and from all planted parameters but the positions of events.
     fn oracles(&mut self) {
         let all: Vec<&PlantedVideo> = self.test.iter().collect();
         let planted = self.planted;
@@ -201,8 +201,8 @@ impl Ladder {
         }
     }
 
-    /// Of the snippets of events, and of the others of their videos, the shares with more than half of the video's
-    /// highest score.
+    /// Shares of snippets with more than half of their video's highest score: among snippets of events, and among the
+    /// other snippets of the same videos.
     fn above_half(&self, detector: &Detector) -> Result<[f64; 2]> {
         let (mut above, mut all) = ([0.0; 2], [0.0; 2]);
         for video in self.test.iter().filter(|video| video.class.is_some()) {
@@ -251,7 +251,7 @@ fn summary(rows: &Rows) {
     };
     rows.print("Planted anomalies", &["AUC", "AUC_A"], cell);
     let abnormal = |name: &str| rows.figure(name, 1);
-    // No score knows more than the matched filter.
+    // The matched filter is the best possible score.
     if let Some(filter) = abnormal("matched filter").map(|seeds| mean(&seeds)) {
         for name in rows.names().filter(|name| !name.contains("half the peak")) {
             let found = abnormal(name).map_or(f64::NAN, |seeds| mean(&seeds));

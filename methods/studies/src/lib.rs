@@ -1,7 +1,7 @@
 //! Studies of the published methods: the programs behind docs/results. The README lists them with their arguments.
 //!
-//! Beside them are the parts that only studies need: [`alternatives`] to the router of moving scenes, and the
-//! [`oracle`] of the best blend.
+//! Beside them are parts for studies only: [`alternatives`] to the router of moving scenes, and the [`oracle`] of the
+//! best blend.
 
 pub mod alternatives;
 mod arguments;
@@ -28,7 +28,7 @@ const STUDIES: [(&str, fn(Arguments) -> Outcome); 5] = [
     ("fragments", fragments::run),
 ];
 
-/// Runs the study that the first word names, with the others as its arguments.
+/// Runs the study named by the first word, with the others as its arguments.
 ///
 /// # Errors
 /// When there is no such study, and as the study's.

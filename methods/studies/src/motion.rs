@@ -1,5 +1,5 @@
-//! The worth of a mixture of trained experts on generated films, with its controls: `motion FOLDER SEED..`. Trainings
-//! that are there are read.
+//! The worth of a mixture of trained experts on generated films, with its controls: `motion FOLDER SEED..`. Existing
+//! trainings are read.
 
 mod routers;
 
@@ -20,7 +20,7 @@ pub fn run(mut arguments: Arguments) -> Outcome {
     arguments.rest("seeds")?.into_iter().try_for_each(|seed: u64| of_seed(&folder.join(seed.to_string()), seed))
 }
 
-/// Trains, unless that was done.
+/// Trains, unless the folder holds the training already.
 fn trained(folder: &Path, settings: RunSettings, init: Option<&Run>) -> Outcome<Run> {
     let made = match folder.join("run.json").exists() {
         true if folder.join("model.safetensors").exists() => return Ok(Run::open(folder)?),
@@ -86,7 +86,7 @@ fn of_seed(folder: &Path, seed: u64) -> Outcome {
 
     for by in [KeepBy::Contribution, KeepBy::Sensitivity, KeepBy::Chance] {
         for keep in [1.0, 0.5, 0.45, 0.25] {
-            // All of them are the same whatever they are judged by.
+            // With all Gaussians kept, the score does not matter.
             if keep == 1.0 && by != KeepBy::Contribution {
                 continue;
             }
@@ -105,7 +105,7 @@ fn of_seed(folder: &Path, seed: u64) -> Outcome {
         let stages = [
             ("plain", plain, false),
             ("distilled", Stage::Distil { index, steps: DISTILLED, lambda: 0.5 }, false),
-            // What a teacher might know at best of what no photo shows: the photos that are held out.
+            // Upper bound on a teacher's additional knowledge: the held-out photos themselves.
             ("plain, on all photos", plain, true),
         ];
         for (name, stage, all) in stages {

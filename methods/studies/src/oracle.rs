@@ -3,9 +3,9 @@
 use weaver_kernels::Real;
 use weaver_kernels::dense::gauss;
 
-/// Experts that a best blend of colors needs: three numbers lie in the hull of four points.
+/// Most experts in a best blend of colors: three numbers lie in the hull of four points.
 const MOST: usize = 4;
-/// A face whose points lie, as a share of their squared distances, this near to a smaller one adds nothing to it.
+/// Flatness of a face, as a share of its points' squared distances, at which it adds nothing to a smaller one.
 const FLAT: f64 = 1e-12;
 
 /// The convex blend with the least squared error at each pixel: shares `[K, P]`, at least 0, that sum to 1 over the
@@ -90,7 +90,8 @@ fn squared(a: [f64; 3]) -> f64 {
     dot(a, a)
 }
 
-/// The squared error and shares of the best point in the plane through a face's experts, where it lies on the face.
+/// The squared error and shares of the best point in the plane through a face's experts; `None` if it is outside of the
+/// face.
 fn on_face(differences: &Differences, face: &[usize], pixel: usize) -> Option<(f64, Vec<f64>)> {
     let corner = differences.at(face[0], pixel);
     let edges: Vec<[f64; 3]> = face[1..]
@@ -113,8 +114,7 @@ fn on_face(differences: &Differences, face: &[usize], pixel: usize) -> Option<(f
     Some((squared(left), shares))
 }
 
-/// The x that minimizes |corner + sum_i x_i edge_i|^2, by the normal equations; `None` where the edges depend on one
-/// another.
+/// The x that minimizes |corner + sum_i x_i edge_i|^2, by the normal equations; `None` for dependent edges.
 fn solved(edges: &[[f64; 3]], corner: [f64; 3]) -> Option<Vec<f64>> {
     let mut matrix: Vec<f64> = edges.iter().flat_map(|edge| edges.iter().map(|other| dot(*edge, *other))).collect();
     let mut x: Vec<f64> = edges.iter().map(|edge| -dot(*edge, corner)).collect();

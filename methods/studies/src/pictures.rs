@@ -2,8 +2,8 @@
 //!
 //! Tables, each over the middle 512 x 512 pixels of the photos and three seeds: `fits` (ours, published and controls),
 //! `starts` (the worth of each part of a start, by the published descent), `files` (decibels and bytes of files),
-//! `variants` (the worth of each part of ours), `colors` (closed colors alone), `planted` (Gaussians that are found
-//! again; needs no photo). Seconds are those of the processor.
+//! `variants` (the worth of each part of ours), `colors` (closed-form colors alone), `planted` (recovery of planted
+//! Gaussians; needs no photo). Seconds are processor time.
 
 use crate::Outcome;
 use crate::arguments::Arguments;
@@ -142,7 +142,7 @@ fn variants(pictures: &[Picture]) -> Outcome {
     Ok(())
 }
 
-/// Decibels of the best baseline JPEG, by weaver-io's encoder, of at most so many bytes.
+/// Decibels of the best baseline JPEG, by weaver-io's encoder, of at most `most` bytes.
 fn jpeg(picture: &Picture, most: usize) -> Outcome<String> {
     let image = Image { width: picture.width(), height: picture.height(), pixels: picture.colors().to_vec() };
     let bitmap = Bitmap { width: image.width, height: image.height, pixels: image.to_bytes() };

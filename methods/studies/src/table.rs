@@ -1,6 +1,6 @@
 //! Tables in Markdown.
 
-/// A table whose rows are printed as they come.
+/// A table with rows printed as they come.
 #[derive(Debug)]
 pub struct Table(());
 
@@ -22,7 +22,7 @@ pub fn note(text: &str) {
     println!("{text}");
 }
 
-/// Rows of figures to which each seed adds, in the order of the first seed. A figure that is not known is NaN.
+/// Rows of figures with a column of seeds each, in the order of the first seed. An unknown figure is NaN.
 #[derive(Debug, Default)]
 pub struct Rows(Vec<(String, Vec<Vec<f64>>)>);
 
@@ -48,7 +48,7 @@ impl Rows {
         Some(seeds.iter().map(|figures| figures[column]).collect())
     }
 
-    /// Prints all rows, a cell made of a figure of all seeds.
+    /// Prints all rows, with `cell` formatting a figure of all seeds.
     pub fn print(&self, title: &str, columns: &[&str], cell: impl Fn(&[f64]) -> String) {
         let table = Table::new(title, columns);
         for (name, seeds) in &self.0 {

@@ -1,6 +1,6 @@
 //! Learns the views of one built-in scene: `cargo run --release -p weaver-two-experts --example overfit [STEPS]`.
 //!
-//! Four photos go in; a fifth, which the network never sees, says how well the scene was understood.
+//! Four photos go in; the loss on a fifth, held out of the input, measures generalization.
 
 use weaver_autograd::{Params, Tape};
 use weaver_nn::{AdamW, Builder, Context, Group, clip_factor, global_norm};

@@ -11,7 +11,8 @@ use weaver_vggt::CameraNetworkConfig;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TwoExpertsConfig {
-    /// Width of the network's images in pixels: a positive multiple of `geometry.patch` and of four times `appearance.patch`.
+    /// Width of the network's images in pixels: a positive multiple of `geometry.patch` and of four times
+    /// `appearance.patch`.
     pub width: usize,
     /// Height of the network's images in pixels: as their width.
     pub height: usize,
@@ -51,7 +52,8 @@ pub struct AppearanceConfig {
     pub mlp_ratio: usize,
     /// Register tokens per view.
     pub registers: usize,
-    /// Neighboring views that attend to one another at the middle level; a divisor of the number of context views: at least 1.
+    /// Neighboring views that attend to one another at the middle level; a divisor of the number of context views: at
+    /// least 1.
     pub group: usize,
     /// Channels in which the levels are added up: a positive multiple of 4.
     pub features: usize,
@@ -59,7 +61,8 @@ pub struct AppearanceConfig {
     pub camera_attention: bool,
     /// True if rays are given in the world; `false`, in the frame of their own camera, is for ablations.
     pub world_rays: bool,
-    /// Degree of the harmonics by which opacity depends on where a Gaussian is seen from: 0, where it does not, or 2 as published.
+    /// Degree of the harmonics by which opacity depends on where a Gaussian is seen from: 0, where it does not, or 2 as
+    /// published.
     #[serde(default)]
     pub opacity_degree: usize,
     /// Scale of a raw 0, in footprints (a pixel's width at its distance): positive.
@@ -72,7 +75,8 @@ impl TwoExpertsConfig {
     /// Names of the presets.
     pub const PRESETS: [&str; 2] = ["tiny", "micro"];
 
-    /// The network of a preset, if there is one of this name: `tiny` (64x48 pixels) learns on a CPU, `micro` is for tests.
+    /// The network of a preset, if there is one of this name: `tiny` (64x48 pixels) learns on a CPU, `micro` is for
+    /// tests.
     ///
     /// ```
     /// let config = weaver_two_experts::TwoExpertsConfig::preset("tiny").unwrap();
@@ -106,7 +110,7 @@ impl TwoExpertsConfig {
     /// Checks that every setting is in its range and that the sizes fit together.
     ///
     /// # Errors
-    /// The first setting that is wrong: its key, what was expected and what was found.
+    /// The first setting out of range: its key, the expected value and the value found.
     pub fn check(&self) -> Result<(), String> {
         let (g, a) = (&self.geometry, &self.appearance);
         let sides = [("width", self.width), ("height", self.height)];

@@ -1,4 +1,4 @@
-//! 2Xplat: a network that says where the cameras are, and one that is told and makes the Gaussians.
+//! 2Xplat: a network that estimates cameras, and one that makes Gaussians from photos with cameras.
 
 use crate::{Opacities, Pyramid, TwoExpertsConfig};
 use weaver_autograd::{Outputs, Params, Real, Var};
@@ -7,11 +7,12 @@ use weaver_pose::CameraVars;
 use weaver_splat::GaussianVars;
 use weaver_vggt::{CameraNetwork, Encoded};
 
-/// 2Xplat (Jeong et al., arXiv 2603.21064): a geometry expert and an appearance expert, between which nothing passes but cameras.
+/// 2Xplat (Jeong et al., arXiv 2603.21064): a geometry expert and an appearance expert, with cameras as their only
+/// link.
 ///
-/// The geometry expert is VGGT's backbone with its camera head, and may see photos of which the appearance expert makes no Gaussians:
-/// those that are drawn. Gradients of pictures flow back into it through the cameras. Parameters `aggregator` and `camera_head`, as VGGT
-/// has them, and `appearance`.
+/// The geometry expert is VGGT's backbone with its camera head. It may also see target photos, from which the
+/// appearance expert makes no Gaussians. Gradients of pictures flow back into it through the cameras. Parameters
+/// `aggregator` and `camera_head`, as in VGGT, and `appearance`.
 #[derive(Clone, Debug)]
 pub struct TwoExperts {
     config: TwoExpertsConfig,
@@ -19,12 +20,13 @@ pub struct TwoExperts {
     appearance: Pyramid,
 }
 
-/// One Gaussian for each pixel of V photos, and the depth on which it lies.
+/// One Gaussian for each pixel of V photos, and its depth.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelGaussians<'t, T: Real = f32> {
-    /// V H W Gaussians, in the frame of the cameras that they were made with; where opacity depends on the view, without regard to it.
+    /// V H W Gaussians, in the frame of the input cameras; a view-dependent opacity stands here as its mean over all
+    /// directions.
     pub gaussians: GaussianVars<'t, T>,
-    /// Their opacities, seen from anywhere.
+    /// Opacities as functions of the view direction.
     pub opacities: Opacities<'t, T>,
     /// Depth along the optical axis `[V, H, W]`.
     pub depth: Var<'t, T>,
@@ -45,7 +47,7 @@ impl<'t, T: Real> PixelGaussians<'t, T> {
         GaussianVars { opacities: self.opacities.seen_from(self.gaussians.means, center), ..self.gaussians }
     }
 
-    /// Those of the pixels for which `kept` `[V H W]` is true; depth is of all.
+    /// The Gaussians of the pixels selected by `kept` `[V H W]`; depth stays complete.
     #[must_use]
     pub fn kept(&self, kept: &[bool]) -> Self {
         Self { gaussians: self.gaussians.kept(kept), opacities: self.opacities.kept(kept), ..*self }
@@ -76,7 +78,7 @@ impl TwoExperts {
         Self { config, geometry, appearance }
     }
 
-    /// The configuration that the model was built with.
+    /// The configuration of the model.
     pub fn config(&self) -> &TwoExpertsConfig {
         &self.config
     }
@@ -86,7 +88,8 @@ impl TwoExperts {
         self.geometry.encode(cx, photos)
     }
 
-    /// The appearance expert: photos `[V, 3, H, W]` that `cameras` took (viewmats `[V, 3, 4]`, intrinsics `[V, 4]`) to Gaussians.
+    /// The appearance expert: photos `[V, 3, H, W]` with their `cameras` (viewmats `[V, 3, 4]`, intrinsics `[V, 4]`) to
+    /// Gaussians.
     pub fn gaussians<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

@@ -12,8 +12,8 @@ use weaver_scene::ActivatedGaussians;
 
 /// 2Xplat with its weights, ready to run without gradients.
 ///
-/// The geometry expert runs with given cameras, too: what it says sets their scale where nothing else does. Photos come in multiples of the appearance expert's group, or one
-/// alone.
+/// The geometry expert runs with given cameras, too: its estimate sets their scale when nothing else fixes it. The
+/// number of photos is one, or a multiple of the appearance expert's group.
 pub type TwoExpertsPredictor = Pretrained<TwoExperts>;
 
 impl Network for TwoExperts {
@@ -61,7 +61,7 @@ impl SceneNetwork for TwoExperts {
     }
 }
 
-/// Photos that the networks take: of sides in multiples of both experts' patches, in whole groups.
+/// Fails unless the sides of the photos are multiples of both experts' patches and their number is one or whole groups.
 fn check(config: &TwoExpertsConfig, photos: Photos<'_>, views: usize) -> Result<(), Error> {
     let (side, group) = (4 * config.appearance.patch, config.appearance.group);
     for patch in [config.geometry.patch, side] {
@@ -76,7 +76,7 @@ fn check(config: &TwoExpertsConfig, photos: Photos<'_>, views: usize) -> Result<
     Ok(())
 }
 
-/// The appearance expert's prediction from photos with these cameras, of the pixels that count.
+/// The appearance expert's prediction from photos with these cameras, for the pixels inside the masks.
 fn gaussians(model: &TwoExpertsPredictor, photos: Photos<'_>, cameras: &[Camera]) -> Prediction {
     let Photos { planes, height, width, .. } = photos;
     let all = model.tape.constant(planes, [photos.views(), 3, height, width]);

@@ -24,7 +24,7 @@ const RAY_MAP: usize = 12;
 /// Sizes of a [`Pyramid`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PyramidConfig {
-    /// Side of the square patches of the finest level, pixels; four times as much divides the sides of images.
+    /// Side of the square patches of the finest level, pixels; the sides of images are multiples of four patches.
     pub patch: usize,
     /// Numbers of a token of the finest level, a multiple of the head and of 4; each further level has twice as many.
     pub width: usize,
@@ -34,15 +34,15 @@ pub struct PyramidConfig {
     pub head: usize,
     /// Hidden numbers of a block's perceptron over the token's.
     pub mlp_ratio: usize,
-    /// Tokens of a view that stand for no patch.
+    /// Register tokens of a view, which stand for no patch.
     pub registers: usize,
     /// Neighboring views that attend to one another at the middle level; divides the number of views.
     pub group: usize,
     /// Channels in which levels are added up: a multiple of 4.
     pub features: usize,
-    /// True if attention across views knows the cameras.
+    /// True if attention across views uses the cameras.
     pub cameras: bool,
-    /// True if rays are given in the world, or, in their camera's own frame, for ablations.
+    /// True if rays are in world coordinates; false, in the frame of their own camera, is for ablations.
     pub world_rays: bool,
     /// Dependence of opacity on the direction.
     pub opacity: OpacityDegree,
@@ -56,7 +56,7 @@ impl PyramidConfig {
         std::array::from_fn(|level| self.width << level)
     }
 
-    /// The multiple of which sides of images are.
+    /// Divisor of the sides of images: the patch of the coarsest level, pixels.
     pub fn side(&self) -> usize {
         self.patch << (LEVELS - 1)
     }
@@ -73,10 +73,11 @@ pub struct Features<'t, T: Real = f32> {
 
 /// 2Xplat's appearance expert (Jeong et al., arXiv 2603.21064; the network is MVP, arXiv 2512.07806).
 ///
-/// Patches of rays and colors are tokens of three levels: within each view; within it and, in turns, in groups of neighboring views;
-/// within it and, in turns, across all views. Between levels 2 x 2 patches become one. Where tokens of several views meet, attention
-/// knows their cameras ([`weaver_nn::projective_attention`]). The levels are added up at the resolution of the patches; one linear
-/// layer makes all numbers of a patch's pixels. Parameter names are those of the published checkpoint.
+/// Patches of rays and colors are tokens of three levels: within each view; within it and, in turns, in groups of
+/// neighboring views; within it and, in turns, across all views. Between levels 2 x 2 patches become one. Where tokens
+/// of several views meet, attention depends on their cameras ([`weaver_nn::projective_attention`]). The levels are
+/// added up at the resolution of the patches; one linear layer makes all numbers of a patch's pixels. Parameters have
+/// the names of the published checkpoint.
 #[derive(Clone, Debug)]
 pub struct Pyramid {
     config: PyramidConfig,
@@ -126,8 +127,8 @@ impl Pyramid {
         &self.config
     }
 
-    /// Runs on photos `[V, 3, H, W]` in [0, 1] that `cameras` took (viewmats `[V, 3, 4]`, intrinsics `[V, 4]`): raw numbers of one
-    /// Gaussian for each pixel. Differentiable in the photos, the cameras and the parameters.
+    /// Runs on photos `[V, 3, H, W]` in [0, 1] with their `cameras` (viewmats `[V, 3, 4]`, intrinsics `[V, 4]`): raw
+    /// numbers of one Gaussian for each pixel. Differentiable in the photos, the cameras and the parameters.
     ///
     /// # Panics
     /// When H or W is no multiple of four patches, or V none of the group.

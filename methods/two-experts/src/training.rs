@@ -40,7 +40,7 @@ impl Recipe for TwoExpertsRecipe {
 
     fn settle(config: &mut Config<Self>) {
         if config.data.endless.is_some() {
-            // A frame of its own is of no use to a scene that does not come back.
+            // An absolute frame is of no use to a scene that does not come back.
             config.stages.iter_mut().for_each(|stage| stage.losses.pose.absolute = 0.0);
         }
     }
@@ -85,7 +85,7 @@ impl Recipe for TwoExpertsRecipe {
         if !stage.runs_geometry() {
             untrained.extend(GEOMETRY);
         } else if pose.l1 + pose.huber + pose.absolute == 0.0 {
-            // Only the first refinement begins with them, and all that has a loss is what the last one says.
+            // These tokens enter the first refinement only, and the losses at hand see the output of the last one.
             untrained.push("camera_head.empty_pose_tokens");
         }
         if stage.tuples == 0 {

@@ -1,8 +1,8 @@
-//! What a training step of UR-DMU at its published size takes: features of 1024 numbers, width 512, 64 normal and 64 abnormal videos of 200
-//! snippets, forward, backward and Adam.
+//! Cost of a training step of UR-DMU at its published size: features of 1024 numbers, width 512, 64 normal and 64
+//! abnormal videos of 200 snippets, forward, backward and Adam.
 //!
-//! `cargo run --release -p weaver-vad --example published_step -- [STEPS]` prints the median of the seconds, the share of the processors' peak that
-//! the matrix products account for, and the most memory held.
+//! `cargo run --release -p weaver-vad --example published_step -- [STEPS]` prints the median of the seconds, the share
+//! of the processors' peak in the matrix products, and the peak memory.
 
 use std::time::Instant;
 use weaver_kernels::peak;
@@ -67,7 +67,7 @@ fn per_snippet(sizes: &UrDmuSizes) -> f64 {
     (embedding + layers * layer + memories + 2 * width * score_hidden) as f64
 }
 
-/// The most memory that this process has held, where the system tells.
+/// Peak memory of this process, if the system reports it.
 fn memory() -> String {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

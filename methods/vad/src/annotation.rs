@@ -1,4 +1,4 @@
-//! Which frames of test videos are anomalous.
+//! Labels of the frames of test videos.
 
 use crate::metrics::{SNIPPET, ScoredVideo};
 use crate::{Error, FileName, Result, classes_of};
@@ -7,27 +7,27 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use weaver_io::Npy;
 
-/// Number of frames that a video of UCF-Crime counts: published evaluators differ.
+/// Number of labeled frames of a video of UCF-Crime: published evaluators differ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Length {
     /// Sixteen for each snippet of the feature file.
     #[default]
     Features,
-    /// All whole snippets.
+    /// All complete snippets of the annotated length.
     Floor,
-    /// All snippets that begin.
+    /// All snippets of the annotated length, an incomplete last one included.
     Ceil,
 }
 
 /// Annotated intervals of one video.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Truth {
-    /// Frames of the video, where the annotation says so.
+    /// Frames of the video; `None` for annotations without lengths.
     frames: Option<usize>,
     anomalies: Vec<Range<usize>>,
 }
 
-/// The truth about test videos.
+/// Ground truth of test videos.
 #[derive(Clone, Debug)]
 pub struct Annotation {
     path: PathBuf,
@@ -42,11 +42,13 @@ enum Kind {
 }
 
 impl Annotation {
-    /// Reads an annotation: lines `path frames class a1 b1 a2 b2` (UCF-Crime: -1 for none, ends inclusive), lines `name start end ...`
-    /// (XD-Violence: ends exclusive), or an `.npy` file with a label for each frame of all test videos in the order of their list.
+    /// Reads an annotation: lines `path frames class a1 b1 a2 b2` (UCF-Crime: -1 for none, ends inclusive), lines
+    /// `name start end ...` (XD-Violence: ends exclusive), or an `.npy` file with a label for each frame of all test
+    /// videos in the order of their list.
     ///
     /// # Errors
-    /// When the file cannot be read, a line is of neither form, a video is there twice, or an interval is empty or begins beyond its video.
+    /// When the file cannot be read, a line has neither form, a video is there twice, or an interval is empty or begins
+    /// beyond its video.
     pub fn read(path: &Path) -> Result<Self> {
         let kind = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) {
             let array = Npy::open(path)?;
@@ -57,7 +59,7 @@ impl Annotation {
         Ok(Self { path: path.to_path_buf(), kind })
     }
 
-    /// The names of the videos with a line of their own, in alphabetical order; none where frames are labeled.
+    /// The names of the videos with a line of their own, in alphabetical order; none for frame labels.
     pub fn videos(&self) -> impl Iterator<Item = &str> {
         let intervals = match &self.kind {
             Kind::Intervals(videos) => Some(videos),
@@ -66,7 +68,7 @@ impl Annotation {
         intervals.into_iter().flat_map(|videos| videos.keys().map(String::as_str))
     }
 
-    /// Frames of a video as the annotation counts them, where it does.
+    /// The annotated number of frames of a video, if the annotation has it.
     pub fn frames(&self, name: &str) -> Option<usize> {
         match &self.kind {
             Kind::Intervals(videos) => videos.get(name)?.frames,
@@ -74,11 +76,11 @@ impl Annotation {
         }
     }
 
-    /// Joins scores, by the names of their videos and in the order of the list, with labels of their frames. What is longer by less
-    /// than two snippets is cut.
+    /// Joins scores, by the names of their videos and in the order of the list, with labels of their frames. A surplus
+    /// of less than two snippets is cut.
     ///
     /// # Errors
-    /// When a video is unknown, or scores and annotation are further apart in length.
+    /// When a video is unknown, or scores and annotation differ more in length.
     pub fn join(&self, scores: Vec<(String, Vec<f32>)>, length: Length) -> Result<Vec<ScoredVideo>> {
         let mut videos = Vec::with_capacity(scores.len());
         let mut start = 0;
@@ -115,7 +117,7 @@ impl Annotation {
     ) -> Result<Vec<bool>> {
         let scored = SNIPPET * snippets;
         let Some(truth) = truths.get(name) else {
-            // XD-Violence, whose lines say nothing of lengths, lists no normal videos.
+            // XD-Violence, with lines without lengths, lists no normal videos.
             let only_abnormal = truths.values().all(|truth| truth.frames.is_none());
             if only_abnormal && classes_of(name).is_some_and(|classes| classes.is_empty()) {
                 return Ok(vec![false; scored]);

@@ -12,16 +12,17 @@ const INK: [f32; 3] = [0.10, 0.28, 0.62];
 /// The curves of a video, drawn over its anomalous parts.
 #[derive(Clone, Debug, Default)]
 pub struct Chart<'a> {
-    /// The curve that counts, a score in [0, 1] for each snippet.
+    /// The final curve, a score in [0, 1] for each snippet.
     pub scores: &'a [f32],
-    /// Others, thin and in colors of their own.
+    /// Further curves, thin and in colors of their own.
     pub others: Vec<&'a [f32]>,
-    /// For each snippet the share of it that is anomalous; empty if that is not known.
+    /// Anomalous share of each snippet; empty if unknown.
     pub anomalous: Vec<f32>,
 }
 
 impl Chart<'_> {
-    /// Draws time from left to right, scores 0 to 1 from bottom to top with lines at 0, 0.5 and 1, and a band behind what is anomalous.
+    /// Draws time from left to right, scores 0 to 1 from bottom to top with lines at 0, 0.5 and 1, and a band behind
+    /// anomalous snippets.
     pub fn draw(&self) -> Image {
         let mut image = Image::filled(WIDTH, HEIGHT, [1.0; 3]);
         let count = self.scores.len().max(1);
@@ -31,7 +32,7 @@ impl Chart<'_> {
         for (t, share) in self.anomalous.iter().enumerate().filter(|(_, share)| **share > 0.0) {
             let (from, to) = (x_of(t as f32), x_of(t as f32 + 1.0));
             for x in from as usize..(to.ceil() as usize).min(WIDTH) {
-                // How much of the pixel lies in the snippet.
+                // Overlap of the pixel and the snippet.
                 let inside = (to.min(x as f32 + 1.0) - from.max(x as f32)).clamp(0.0, 1.0);
                 (top as usize..bottom as usize).for_each(|y| blend(&mut image, x, y, BAND, share * inside));
             }
@@ -74,7 +75,7 @@ fn blend(image: &mut Image, x: usize, y: usize, color: [f32; 3], share: f32) {
     pixel.iter_mut().zip(color).for_each(|(p, c)| *p += (c - *p) * share);
 }
 
-/// A line with soft edges: a pixel's share is how far its center is from the line.
+/// A line with soft edges: a pixel's coverage falls with the distance of its center from the line.
 fn line(image: &mut Image, [a, b]: [[f32; 2]; 2], width: f32, color: [f32; 3]) {
     let reach = width / 2.0 + 1.0;
     let columns = (a[0].min(b[0]) - reach).max(0.0) as usize..((a[0].max(b[0]) + reach) as usize + 1).min(image.width);

@@ -1,4 +1,4 @@
-//! A training under way: what it has learned, and where it is.
+//! Checkpoints of a training: the detector, the optimizer's state and the step.
 
 use crate::detector::Detector;
 use crate::{Error, Result};
@@ -15,12 +15,12 @@ pub struct Snapshot<'a> {
     pub optimizer: &'a AdamW,
     /// The stage.
     pub stage: &'a str,
-    /// Steps of it done.
+    /// Finished steps of the stage.
     pub step: usize,
 }
 
 impl Snapshot<'_> {
-    /// A copy to go on from, with one of the detector.
+    /// A checkpoint, with a copy of the detector.
     pub fn checkpoint(&self) -> Checkpoint {
         let state = self.optimizer.state(self.detector.params());
         let state = state.map(|(name, steps, moments)| (name.to_string(), (steps, moments.clone()))).collect();
@@ -28,24 +28,24 @@ impl Snapshot<'_> {
     }
 }
 
-/// Where a training was.
+/// Position of a training, and the state of its optimizer.
 #[derive(Clone, Debug)]
 pub struct Checkpoint {
     /// The stage.
     pub stage: String,
-    /// Steps of it that were done.
+    /// Finished steps of the stage.
     pub step: usize,
     /// Steps and moments of the optimizer of the stage, by the names of parameters.
     pub state: BTreeMap<String, (u64, Moments<f32>)>,
 }
 
 impl Checkpoint {
-    /// Gives the optimizer its state.
+    /// Restores the optimizer's state.
     pub(crate) fn restore(self, params: &Params<f32>, optimizer: &mut AdamW) -> Result<()> {
         Ok(optimizer.set_state(params, self.state)?)
     }
 
-    /// An error: training never came to where this was.
+    /// An error: training never reached the checkpoint's position.
     pub(crate) fn wrong_stage(&self) -> Error {
         Error::Stage { found: self.stage.clone() }
     }

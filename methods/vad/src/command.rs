@@ -1,4 +1,5 @@
-//! `splatweaver vad`: detectors of anomalies in videos, trained in a folder, judged as published, and used.
+//! `splatweaver vad`: detectors of anomalies in videos, trained in a folder, evaluated by the published metrics, and
+//! applied.
 //!
 //! Network, training and evaluators are the library's; here are the run, the files around it and the report.
 //!
@@ -55,7 +56,7 @@ pub fn run(arguments: &Vad, console: &mut Console, interrupt: &Interrupt) -> Res
 /// The file of weights in a run folder.
 const MODEL: &str = "model.safetensors";
 
-/// The detector of a run folder or a file of weights, the file, and what was kept with it.
+/// The detector of a run folder or a file of weights, the file, and the metadata beside the weights.
 fn open(run: &Path) -> Result<(Detector, PathBuf, String), Failure> {
     let path = if run.is_dir() { run.join(MODEL) } else { run.to_path_buf() };
     let (detector, metadata) = Detector::read(&path)?;

@@ -1,4 +1,4 @@
-//! Attention by distance in time.
+//! Attention with weights that fall with the distance in time.
 
 use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
@@ -11,7 +11,7 @@ fn decay() -> f64 {
 #[derive(Debug)]
 struct DecayAttention;
 
-/// One over the sum of weights that snippet j gives to all `n`: two geometric series.
+/// One over the sum of the weights of snippet j over all `n`: two geometric series.
 fn shares<T: Real>(n: usize) -> Vec<T> {
     let r = decay();
     let series = |terms: usize| (1.0 - r.powi(terms as i32)) / (1.0 - r);
@@ -67,10 +67,12 @@ impl<T: Real> Op<T> for DecayAttention {
     }
 }
 
-/// Attention whose weights fall with the distance in time: `y_i = sum over j of A_ij x_j`, `A_ij = exp(-|i - j| / e) / Z_j`, where `Z_j` is the
-/// sum of row *j*, as the public code of UR-DMU has it (Zhou et al., arXiv 2302.05160).
+/// Attention whose weights fall with the distance in time: `y_i = sum over j of A_ij x_j`,
+/// `A_ij = exp(-|i - j| / e) / Z_j`, where `Z_j` is the sum of row *j*, as in the public code of UR-DMU (Zhou et al.,
+/// arXiv 2302.05160).
 ///
-/// x `[B, T, D]` gives the same shape. Differentiable. Takes time and memory in proportion to T: the weights are two geometric series.
+/// x `[B, T, D]` gives the same shape. Differentiable. Takes time and memory in proportion to T: the weights are two
+/// geometric series.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -1,4 +1,4 @@
-//! A detector of anomalies: an encoder and, where it has been trained so far, experts and their gate.
+//! A detector of anomalies: an encoder and, after the later stages of training, experts and their gate.
 
 use crate::encoded::Encoded;
 use crate::encoder::{Encoder, EncoderKind};
@@ -9,7 +9,7 @@ use std::path::Path;
 use weaver_autograd::{Params, Real, Tape, Var, ops};
 use weaver_nn::{Builder, Context};
 
-/// Where the parameters of experts and gate are; all others are the encoder's.
+/// Scope of the parameters of experts and gate; all others are the encoder's.
 pub(crate) const EXPERT: &str = "expert";
 pub(crate) const GATE: &str = "gate";
 
@@ -30,24 +30,24 @@ pub struct Detector {
 /// The curves of a video, each with a score for every snippet.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Curves {
-    /// The encoder's.
+    /// The encoder's curve.
     pub encoder: Vec<f32>,
-    /// Of the encoder's heads for classes.
+    /// Curves of the encoder's heads for classes.
     pub classes: Vec<Vec<f32>>,
-    /// Of the experts.
+    /// Curves of the experts.
     pub experts: Vec<Vec<f32>>,
-    /// The gate's.
+    /// The gate's curve.
     pub gate: Option<Vec<f32>>,
 }
 
 impl Curves {
-    /// The curve that counts: the gate's if there is one.
+    /// The final curve: the gate's if there is one, else the encoder's.
     pub fn scores(&self) -> &[f32] {
         self.gate.as_deref().unwrap_or(&self.encoder)
     }
 }
 
-/// All that a detector makes of a batch.
+/// Scores of experts and gate on a batch.
 #[derive(Clone, Debug)]
 pub(crate) struct Judged<'t, T: Real> {
     pub encoded: Encoded<'t, T>,
@@ -65,8 +65,9 @@ impl Detector {
         Self { params, kind, encoder, experts: Vec::new(), names: Vec::new(), gate: None, published: false }
     }
 
-    /// The same, whose experts and gate will be as published: with attention in their blocks, and a gate without residual paths. Either lets a
-    /// curve depend on the whole video at every snippet; on planted anomalies it then tells videos apart, not snippets.
+    /// The detector with experts and gate as published: with attention in their blocks, and a gate without residual
+    /// paths. Either lets a curve depend on the whole video at every snippet; on planted anomalies it then separates
+    /// videos, not snippets.
     ///
     /// # Panics
     /// When there are experts already.
@@ -102,7 +103,7 @@ impl Detector {
         self.gate = Some(Gate::new(Builder::new(&mut self.params, seed).scope(GATE), &sizes));
     }
 
-    /// Which encoder it has.
+    /// The encoder's kind and sizes.
     pub fn kind(&self) -> &EncoderKind {
         &self.kind
     }
@@ -133,12 +134,12 @@ impl Detector {
     /// When a number of the features is not finite, or so large that scores are not.
     ///
     /// # Panics
-    /// When the features are of another width than the encoder takes.
+    /// When the features and the encoder differ in width.
     pub fn curves(&self, features: &Features) -> Result<Curves> {
         self.curves_without(features, None)
     }
 
-    /// The same where the gate sees 0 for one of the experts.
+    /// The curves with the input of one expert to the gate set to 0.
     ///
     /// # Errors
     /// As [`curves`](Self::curves).
@@ -188,7 +189,7 @@ impl Detector {
         Judged { encoded, experts, gate }
     }
 
-    /// Scores of all experts, `[B, T, experts]`, of features `[B, T, width]`; none where there are none.
+    /// Scores of all experts, `[B, T, experts]`, from features `[B, T, width]`; `None` without experts.
     pub(crate) fn expert_scores<'t>(
         &self,
         cx: Context<'t, '_>,

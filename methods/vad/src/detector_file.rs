@@ -1,4 +1,4 @@
-//! Detectors in safetensors files. Those of the public UR-DMU are read as they are.
+//! Detectors in safetensors files. Public weights of UR-DMU are read without conversion.
 
 use crate::detector::{Detector, EXPERT, GATE};
 use crate::encoder::{ConvolutionSizes, DeepMilSizes, EncoderKind};
@@ -8,7 +8,7 @@ use std::path::Path;
 use weaver_autograd::ParamValues;
 use weaver_io::safetensors::Tensors;
 
-/// Numbers of an attention head of the published network, which its weights do not tell.
+/// Numbers of an attention head of the published network; its weights do not determine it.
 const PUBLISHED_HEAD: usize = 128;
 /// Prefix of the detector's tensors in files.
 const ENCODER: &str = "vad.encoder";
@@ -18,7 +18,7 @@ const PUBLISHED: &str = "vad.experts.published";
 const METADATA: &str = "vad.told";
 
 impl Detector {
-    /// Writes the detector, atomically; `metadata` is kept with it.
+    /// Writes the detector, atomically, with `metadata`.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -26,7 +26,7 @@ impl Detector {
         Ok(self.tensors(metadata).write(path)?)
     }
 
-    /// The weights as tensors of a file; `metadata` is kept with them.
+    /// The weights as tensors of a file, with `metadata`.
     pub fn tensors(&self, metadata: &str) -> Tensors {
         let mut tensors = Tensors::default();
         for (_, param) in self.params.iter() {
@@ -48,7 +48,7 @@ impl Detector {
         tensors
     }
 
-    /// Reads a detector, or the weights of the public UR-DMU, and what was kept with it.
+    /// Reads a detector with its metadata, or the weights of the public UR-DMU.
     ///
     /// # Errors
     /// When the file cannot be read, lacks a weight or has one of another shape, or a weight is not finite.
@@ -56,7 +56,7 @@ impl Detector {
         Self::of_tensors(&Tensors::read(path)?)
     }
 
-    /// The detector in tensors that were read, and what was kept with it.
+    /// The detector in tensors of a file, with its metadata.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -89,7 +89,7 @@ impl Detector {
     }
 }
 
-/// Which encoder a file holds, and its sizes.
+/// Kind and sizes of the encoder in a file.
 fn kind(tensors: &Tensors, path: &Path) -> Result<EncoderKind> {
     let side = |name: &str, rank: usize, axis: usize| -> Result<usize> {
         let shape = &tensors.get(name)?.shape;
@@ -102,7 +102,7 @@ fn kind(tensors: &Tensors, path: &Path) -> Result<EncoderKind> {
         true => side("class_head.mlp.2.weight", 2, 0)?,
         false => 0,
     };
-    // The public file says nothing.
+    // The public file has no such entry.
     match tensors.metadata.get(ENCODER).map_or("urdmu", String::as_str) {
         "urdmu" => {
             let count = |i: &usize| tensors.tensors.contains_key(&format!("selfatt.layers.{i}.0.norm.weight"));

@@ -1,4 +1,4 @@
-//! What encoders make of videos.
+//! Outputs of encoders.
 
 use weaver_autograd::{Outputs, Real, Var};
 
@@ -9,7 +9,7 @@ pub struct Encoded<'t, T: Real = f32> {
     pub features: Var<'t, T>,
     /// Scores, `[B, T]` in (0, 1).
     pub scores: Var<'t, T>,
-    /// A score for each class, `[B, T, C]` in (0, 1), where the encoder has heads for classes.
+    /// A score for each class, `[B, T, C]` in (0, 1); `None` for encoders without heads for classes.
     pub class_scores: Option<Var<'t, T>>,
 }
 

@@ -1,4 +1,4 @@
-//! Networks that make features and scores of videos.
+//! Networks from videos to features and scores.
 
 use crate::encoded::Encoded;
 use crate::losses::abnormal;
@@ -10,7 +10,7 @@ use weaver_autograd::{Real, Var, ops};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context, Conv1d, Dropout, Linear, WeightInit};
 
-/// Which network, and its sizes.
+/// Kind of network, with its sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EncoderKind {
     /// UR-DMU.
@@ -19,12 +19,12 @@ pub enum EncoderKind {
     Convolutions(ConvolutionSizes),
     /// DeepMIL: each snippet by itself.
     DeepMil(DeepMilSizes),
-    /// RTFM: convolutions of three dilations and attention, judged by the lengths of features.
+    /// RTFM: convolutions of three dilations and attention; the lengths of features select the snippets of the loss.
     Rtfm(ConvolutionSizes),
 }
 
 impl EncoderKind {
-    /// Numbers that it takes for each snippet.
+    /// Input numbers of each snippet.
     pub fn features(&self) -> usize {
         match self {
             Self::UrDmu(sizes) => sizes.features,
@@ -37,9 +37,9 @@ impl EncoderKind {
 /// Sizes of the networks of convolutions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ConvolutionSizes {
-    /// Numbers for each snippet.
+    /// Input numbers of each snippet.
     pub features: usize,
-    /// Numbers for each snippet within the network.
+    /// Numbers of each snippet within the network.
     pub width: usize,
     /// Classes with a score of their own.
     pub classes: usize,
@@ -48,13 +48,13 @@ pub struct ConvolutionSizes {
 /// Sizes of DeepMIL's network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DeepMilSizes {
-    /// Numbers for each snippet.
+    /// Input numbers of each snippet.
     pub features: usize,
     /// Hidden numbers of both layers; 512 and 32 as published.
     pub hidden: [usize; 2],
 }
 
-/// A network that makes features and scores of videos.
+/// A network from videos to features and scores.
 #[derive(Clone, Debug)]
 pub enum Encoder {
     /// UR-DMU.
@@ -88,8 +88,8 @@ impl Encoder {
         }
     }
 
-    /// Passes a training batch x `[2 b, T, features]`, normal half first, through the network: what it makes of it, and its own loss,
-    /// without classes and labels of snippets. Noise and dropout come from the stream.
+    /// Passes a training batch x `[2 b, T, features]`, normal half first, through the network: its output, and its own
+    /// loss, without classes and labels of snippets. Noise and dropout come from the stream.
     pub fn train<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -191,9 +191,9 @@ impl DeepMil {
     }
 }
 
-/// RTFM's multi-scale temporal network (Tian et al., arXiv 2101.10030): convolutions of dilations 1, 2 and 4 and attention over all snippets,
-/// each a quarter of the features, then a convolution whose result is added to them, and layers D-512-128-1 in proportion. Without batch
-/// normalization.
+/// RTFM's multi-scale temporal network (Tian et al., arXiv 2101.10030): convolutions of dilations 1, 2 and 4 and
+/// attention over all snippets, each a quarter of the features, then a convolution whose result is added to them, and
+/// layers D-512-128-1 in proportion. Without batch normalization.
 #[derive(Clone, Copy, Debug)]
 pub struct Rtfm {
     scales: [Conv1d; 3],

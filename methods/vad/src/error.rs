@@ -1,4 +1,4 @@
-//! What can go wrong with lists, features and annotations.
+//! Errors of lists, features, annotations and training.
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 /// Result with [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Why features, lists or annotations cannot be used; the message names the file, what was expected and what was found.
+/// Error of features, lists, annotations or training; the message names the file, the expected and the found content.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A file that could not be read or written.
     #[error(transparent)]
     File(#[from] weaver_io::Error),
-    /// Content that does not fit.
+    /// Invalid content of a file.
     #[error("{}: {place}: expected {expected}, found {found}", path.display())]
     Invalid {
         /// The file.
@@ -36,24 +36,24 @@ pub enum Error {
     /// A checkpoint is of another training.
     #[error("stage: expected one of this training, found {found}")]
     Stage {
-        /// The stage that it was in.
+        /// The stage of the checkpoint.
         found: String,
     },
-    /// The optimizer's state of a checkpoint is that of other parameters.
+    /// The optimizer's state in a checkpoint belongs to other parameters.
     #[error("optimizer: {0}")]
     State(#[from] weaver_nn::StateError),
-    /// Whoever looked on ended the training.
+    /// The observer ended the training.
     #[error("{stage}: stopped after step {step}")]
     Stopped {
         /// The stage of training.
         stage: String,
-        /// Steps of it done.
+        /// Finished steps of the stage.
         step: usize,
     },
 }
 
 impl Error {
-    /// Content of `path` that is not as it should be.
+    /// Invalid content of `path`.
     pub(crate) fn invalid(path: &Path, place: impl Display, expected: impl Display, found: impl Display) -> Self {
         Self::Invalid {
             path: path.to_path_buf(),

@@ -14,7 +14,7 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// Without heads there is no attention.
+    /// Builds the block, without attention if `heads` is `None`.
     pub fn new<T: Real>(mut builder: Builder<'_, T>, width: usize, hidden: usize, heads: Option<usize>) -> Self {
         let init = WeightInit::FanIn;
         let attention = heads.map(|heads| {
@@ -86,13 +86,13 @@ impl ExpertSizes {
         Self { width, hidden: width / 2, heads: Some(2), tower }
     }
 
-    /// The same without attention, by which an expert comes to tell videos apart, not snippets.
+    /// The published sizes without attention, with which an expert learns to separate videos, not snippets.
     pub fn local(width: usize) -> Self {
         Self { heads: None, ..Self::published(width) }
     }
 }
 
-/// A network that judges snippets by their task-aware features (D'Amicantonio et al., arXiv 2508.06318, section 3.3).
+/// A network that scores snippets by their task-aware features (D'Amicantonio et al., arXiv 2508.06318, section 3.3).
 #[derive(Clone, Debug)]
 pub struct Expert {
     block: Block,

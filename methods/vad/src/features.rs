@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use weaver_io::Npy;
 
-/// Numbers of crops that a file may hold: ten for UCF-Crime and ShanghaiTech, five for XD-Violence.
+/// Possible numbers of crops in a file: ten for UCF-Crime and ShanghaiTech, five for XD-Violence.
 const CROPS: [usize; 2] = [10, 5];
 
 /// The features of a video, `[crops, snippets, width]`.
@@ -27,7 +27,7 @@ enum Crop {
 struct FileCrop {
     path: PathBuf,
     array: Npy,
-    /// Where the crop begins, in numbers, and how far its snippets are apart.
+    /// Offset of the crop, and stride between its snippets, in numbers.
     start: usize,
     stride: usize,
 }

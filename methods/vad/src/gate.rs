@@ -1,4 +1,4 @@
-//! The gate that makes one score of those of all experts.
+//! The gate from the scores of all experts to one score.
 
 use crate::expert::{Block, Tower};
 use weaver_autograd::{ParamId, Real, Var, ops};
@@ -13,11 +13,11 @@ pub struct GateSizes {
     pub experts: usize,
     /// Hidden numbers of the block.
     pub hidden: usize,
-    /// Attention heads of the block; `None` for no attention there.
+    /// Attention heads of the block; `None` for a block without attention.
     pub heads: Option<usize>,
     /// Hidden numbers of the layers that end in the score.
     pub tower: Vec<usize>,
-    /// True if both attentions, which then begin at zero, are added to what they attend from.
+    /// True if both attentions have residual paths; they then begin at zero.
     pub residual: bool,
 }
 
@@ -28,14 +28,14 @@ impl GateSizes {
         Self { width, experts, hidden: width, heads: Some(4), tower, residual: false }
     }
 
-    /// The same, residual and without attention in its block: as published, nothing but sharp attention tells one snippet from another, and
-    /// a gate comes to tell videos apart.
+    /// The published sizes, residual and without attention in the block: as published, only sharp attention
+    /// distinguishes snippets, and a gate learns to separate videos.
     pub fn local(width: usize, experts: usize) -> Self {
         Self { heads: None, residual: true, ..Self::published(width, experts) }
     }
 }
 
-/// A matrix `[width, width]` that is applied as x W^T.
+/// A matrix `[width, width]`, applied as x W^T.
 #[derive(Clone, Copy, Debug)]
 struct Projection(ParamId);
 
@@ -44,19 +44,19 @@ impl Projection {
         Self(builder.add(name, [width, width], init))
     }
 
-    /// x `[B, T, width]` gives `[B, T, 1, width]`, as attention with one head takes it.
+    /// x `[B, T, width]` gives `[B, T, 1, width]`, the shape of attention with one head.
     fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         let shape = x.shape();
         x.matmul_with(cx.param(self.0), false, true).reshape([shape[0], shape[1], 1, shape[2]])
     }
 }
 
-/// Attention in both directions between features and expert scores, a block and a score (D'Amicantonio et al., arXiv 2508.06318, section
-/// 3.4). There is no softmax over experts: the gate makes a score of its own.
+/// Attention in both directions between features and expert scores, a block and a score (D'Amicantonio et al., arXiv
+/// 2508.06318, section 3.4). There is no softmax over experts: the gate makes a score of its own.
 #[derive(Clone, Debug)]
 pub struct Gate {
     input: Linear,
-    /// q1, k1, v1, q2, k2, v2.
+    /// Projections q1, k1, v1, q2, k2, v2.
     projections: [Projection; 6],
     block: Block,
     tower: Tower,
@@ -80,14 +80,14 @@ impl Gate {
         }
     }
 
-    /// The layer that takes in expert scores; column i of its weight belongs to expert i.
+    /// The layer on expert scores; column i of its weight belongs to expert i.
     pub fn input(&self) -> Linear {
         self.input
     }
 
-    /// z `[B, T, width]` and expert scores `[B, T, experts]` give scores `[B, T]` in (0, 1):
-    /// with `B = in(E)`, `[softmax(Q1 z (K1 z)^T / sqrt d) V1 B ; softmax(Q2 B (K2 B)^T / sqrt d) V2 z]`, plus `[B ; z]` if it is residual, goes through block and layers.
-    /// Differentiable in both and the parameters.
+    /// z `[B, T, width]` and expert scores `[B, T, experts]` give scores `[B, T]` in (0, 1): with `B = in(E)`,
+    /// `[softmax(Q1 z (K1 z)^T / sqrt d) V1 B ; softmax(Q2 B (K2 B)^T / sqrt d) V2 z]`, plus `[B ; z]` if the gate is
+    /// residual, goes through block and layers. Differentiable in both and the parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, z: Var<'t, T>, experts: Var<'t, T>) -> Var<'t, T> {
         let b = self.input.forward(cx, experts);
         let [q1, k1, v1, q2, k2, v2] = self.projections;

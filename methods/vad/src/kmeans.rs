@@ -2,15 +2,16 @@
 
 use weaver_kernels::random::Stream;
 
-/// Most rounds; it ends earlier when no point changes its cluster.
+/// Bound on the rounds; K-means ends earlier when no point changes its cluster.
 const ROUNDS: usize = 100;
-/// Beginnings, of which the best is taken.
+/// Random initializations; the best result is taken.
 const TRIES: u64 = 8;
 
-/// The centers `[k, width]` of clusters of points `[N, width]`: those with the least sum of squared distances among several beginnings, each
-/// spread out at random (Arthur and Vassilvitskii, 2007) and improved until no point changes its cluster (Lloyd).
+/// The centers `[k, width]` of clusters of points `[N, width]` with the least sum of squared distances among several
+/// initializations, each spread out at random (Arthur and Vassilvitskii, 2007) and improved until no point changes its
+/// cluster (Lloyd).
 ///
-/// There are at most as many as different points.
+/// There are at most as many centers as different points.
 ///
 /// ```
 /// use weaver_vad::{cluster_centers, nearest_center};
@@ -30,7 +31,7 @@ pub fn cluster_centers(points: &[f32], width: usize, k: usize, seed: u64) -> Vec
     best.map(|(_, centers)| centers).unwrap_or_default()
 }
 
-/// The nearest of the centers `[k, width]` to a point, of equally near ones the first.
+/// Index of the nearest of the centers `[k, width]` to a point, the first of equally near ones.
 pub fn nearest_center(centers: &[f32], point: &[f32]) -> usize {
     nearest(centers, point).0
 }
@@ -72,7 +73,7 @@ fn lloyd(points: &[f32], width: usize, mut centers: Vec<f32>) -> Vec<f32> {
         for (c, center) in centers.chunks_exact_mut(width).enumerate() {
             let members: Vec<&[f32]> =
                 points.chunks_exact(width).zip(&of).filter(|(_, of)| **of == c).map(|(p, _)| p).collect();
-            // A cluster that has lost all its points stays where it was.
+            // A cluster without points keeps its center.
             if !members.is_empty() {
                 let mean = |d: usize| members.iter().map(|p| f64::from(p[d])).sum::<f64>() / members.len() as f64;
                 center.iter_mut().enumerate().for_each(|(d, x)| *x = mean(d) as f32);

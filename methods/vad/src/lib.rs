@@ -1,12 +1,12 @@
-//! Weakly supervised video anomaly detection: of a video it is known whether there is an anomaly in it, and when is to
-//! be found.
+//! Weakly supervised video anomaly detection: training videos are labeled as normal or abnormal, and the detector finds
+//! the times of anomalies.
 //!
 //! - Videos are rows of features, one for each snippet of 16 frames: [`Features`], [`read_list`], [`Planted`].
-//! - [`UrDmu`] encodes them; [`Splatting`] makes labels of snippets from peaks of its curve; [`Expert`]s judge classes
-//!   or clusters of anomalies and a [`Gate`] what all of them say (GS-MoE, D'Amicantonio et al., arXiv 2508.06318).
+//! - [`UrDmu`] encodes them; [`Splatting`] makes labels of snippets from peaks of its curve; [`Expert`]s score classes
+//!   or clusters of anomalies, and a [`Gate`] combines their scores (GS-MoE, D'Amicantonio et al., arXiv 2508.06318).
 //!   DeepMIL and RTFM learn from the same bags.
-//! - [`Trainer`] trains a [`Detector`] on a [`TrainingSet`]; [`Annotation`] and [`metrics`] judge it as the published
-//!   evaluators do.
+//! - [`Trainer`] trains a [`Detector`] on a [`TrainingSet`]; [`Annotation`] and [`metrics`] evaluate it as the
+//!   published evaluators do.
 
 mod annotation;
 mod chart;

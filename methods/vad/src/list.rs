@@ -1,4 +1,4 @@
-//! Lists of feature files, and what the names of the files say.
+//! Lists of feature files, and names of videos in them.
 
 use crate::{Error, Features, Result};
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 pub struct Listed {
     /// Its name, without folders, crop and extension.
     pub name: String,
-    /// The classes of its anomalies, none if it is normal; `None` where the name does not say.
+    /// The classes of its anomalies, none if it is normal; `None` if unknown from the name.
     pub classes: Option<Vec<String>>,
     /// Its features.
     pub features: Features,
@@ -20,13 +20,13 @@ pub struct Listed {
 pub struct FileName {
     /// The video.
     pub video: String,
-    /// The crop; files without a number are the first one.
+    /// The crop; 0 for files without a number.
     pub crop: usize,
 }
 
 impl FileName {
-    /// `<Video>_x264__<c>.npy` as UR-DMU has it, `<Video>_x264_i3d.npy` as RTFM, `<name>__<c>.npy` as XD-Violence. Folders and extensions of
-    /// videos are left out as well, so that names in annotations become the same.
+    /// Parses `<Video>_x264__<c>.npy` of UR-DMU, `<Video>_x264_i3d.npy` of RTFM, `<name>__<c>.npy` of XD-Violence.
+    /// Folders and extensions of videos are left out as well, so that names in annotations become the same.
     ///
     /// ```
     /// use weaver_vad::FileName;
@@ -44,8 +44,8 @@ impl FileName {
     }
 }
 
-/// The classes that a video's name tells: the codes after `_label_` (XD-Violence, A is normal), or the letters it begins with (UCF-Crime,
-/// Normal is normal). None is normal.
+/// The classes in a video's name: the codes after `_label_` (XD-Violence, A is normal), or the letters it begins with
+/// (UCF-Crime, Normal is normal). An empty list is normal.
 ///
 /// ```
 /// use weaver_vad::classes_of;
@@ -65,13 +65,14 @@ pub fn classes_of(video: &str) -> Option<Vec<String>> {
     }
 }
 
-/// Reads a list of feature files, one to a line, and opens the features of every video in the order of the list. Crops of a video in
-/// files of their own become one video.
+/// Reads a list of feature files, one to a line, and opens the features of every video in the order of the list. Crops
+/// of a video in files of their own become one video.
 ///
 /// A path is looked for below `folder` as it is, then by its last part.
 ///
 /// # Errors
-/// When the list or a file cannot be read, a file is not there, videos have different numbers of crops or features, or a crop is missing.
+/// When the list or a file cannot be read, a file is missing, videos have different numbers of crops or features, or a
+/// crop is missing.
 pub fn read_list(list: &Path, folder: &Path) -> Result<Vec<Listed>> {
     let text = weaver_io::read_text(list)?;
     let mut files: Vec<(String, Vec<(usize, PathBuf)>)> = Vec::new();
@@ -96,7 +97,7 @@ pub fn read_list(list: &Path, folder: &Path) -> Result<Vec<Listed>> {
     for (name, mut files) in files {
         files.sort();
         let numbers: Vec<usize> = files.iter().map(|(crop, _)| *crop).collect();
-        // Without a crop of its own number the first is that in the middle of the picture.
+        // In lists without crop numbers the first crop is the center crop.
         if numbers != (0..crops).collect::<Vec<_>>() {
             return Err(Error::invalid(list, &name, format!("crops 0 to {}", crops - 1), format!("{numbers:?}")));
         }

@@ -48,8 +48,8 @@ pub fn sparsity<T: Real>(scores: Var<'_, T>) -> Var<'_, T> {
     scores.sum_axis(1).mean()
 }
 
-/// Binary cross entropy of the scores `[b, T]` of abnormal videos against labels of their snippets `[b, T]`, over videos with a label
-/// above 0; 0 if there are none. Differentiable in the scores; labels are constant.
+/// Binary cross entropy of the scores `[b, T]` of abnormal videos against labels of their snippets `[b, T]`, over
+/// videos with a label above 0; 0 if there are none. Differentiable in the scores; labels are constant.
 pub fn snippet_loss<'t, T: Real>(scores: Var<'t, T>, labels: &[T]) -> Var<'t, T> {
     let time = scores.shape()[1];
     let labeled: Vec<u32> = (0..scores.shape()[0])
@@ -66,7 +66,7 @@ pub fn snippet_loss<'t, T: Real>(scores: Var<'t, T>, labels: &[T]) -> Var<'t, T>
 /// Weight of smoothness and sparsity in the splatting loss.
 pub const CURVE_WEIGHT: f64 = 8e-5;
 
-/// Loss that splatting adds to [`bag_loss`]: [`snippet_loss`] with the labels where there are any, and [`smoothness`] and
+/// Splatting's addition to [`bag_loss`]: [`snippet_loss`] with the labels, if given, and [`smoothness`] and
 /// [`sparsity`], both times [`CURVE_WEIGHT`], of the abnormal half of `scores` `[2 b, T]`.
 ///
 /// D'Amicantonio et al., arXiv 2508.06318, equation 6.
@@ -79,8 +79,8 @@ pub fn curve_loss<'t, T: Real>(scores: Var<'t, T>, labels: Option<&[T]>) -> Var<
     }
 }
 
-/// DeepMIL's ranking loss: `max(0, 1 - max s_a + max s_n)`, the i-th normal video against the i-th abnormal one, plus smoothness and
-/// sparsity of the abnormal ones (Sultani et al., arXiv 1801.04264, equations 6 and 7).
+/// DeepMIL's ranking loss: `max(0, 1 - max s_a + max s_n)`, the i-th normal video against the i-th abnormal one, plus
+/// smoothness and sparsity of the abnormal ones (Sultani et al., arXiv 1801.04264, equations 6 and 7).
 ///
 /// scores `[2 b, T]` gives a scalar. Differentiable.
 pub fn deepmil_loss<T: Real>(scores: Var<'_, T>) -> Var<'_, T> {
@@ -90,11 +90,11 @@ pub fn deepmil_loss<T: Real>(scores: Var<'_, T>) -> Var<'_, T> {
     ranking + (smoothness(abnormal(scores)) + sparsity(abnormal(scores))) * CURVE_WEIGHT
 }
 
-/// Snippets of a video that RTFM judges it by.
+/// Snippets of a video in RTFM's losses.
 pub const RTFM_SNIPPETS: usize = 3;
 
-/// RTFM's magnitude loss: mean of `(|100 - |mean f_a|| + |mean f_n|)^2` over pairs of videos, each mean over its three snippets with the
-/// longest features (Tian et al., arXiv 2101.10030, code).
+/// RTFM's magnitude loss: mean of `(|100 - |mean f_a|| + |mean f_n|)^2` over pairs of videos, each mean over its three
+/// snippets with the longest features (Tian et al., arXiv 2101.10030, code).
 ///
 /// features `[2 b, T, D]` gives a scalar. Differentiable.
 pub fn magnitude_loss<T: Real>(features: Var<'_, T>) -> Var<'_, T> {

@@ -5,7 +5,7 @@ use weaver_autograd::ops::top_k_mean;
 use weaver_autograd::{ParamId, Real, Var};
 use weaver_nn::{Builder, Context, Init};
 
-/// Entries that snippets are compared with; parameter `memory_block` `[entries, width]`.
+/// Memory entries, compared with snippets; parameter `memory_block` `[entries, width]`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Memory {
     block: ParamId,
@@ -14,9 +14,9 @@ pub(crate) struct Memory {
 /// Answer of a memory to snippets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Recalled<'t, T: Real> {
-    /// Likeness of the snippets to what is remembered, `[B, T]`, in (0, 1).
+    /// Similarity of the snippets to the memory, `[B, T]`, in (0, 1).
     pub attention: Var<'t, T>,
-    /// Their remembered part, `[B, T, width]`.
+    /// The memory's reconstruction of the snippets, `[B, T, width]`.
     pub augmented: Var<'t, T>,
 }
 
@@ -25,7 +25,8 @@ impl Memory {
         Self { block: builder.add("memory_block", [entries, width], Init::fan_in(width)) }
     }
 
-    /// With s = sigmoid(x M^T / sqrt(width)): the mean of a snippet's largest entries of s, and s M. x is `[B, T, width]`.
+    /// With s = sigmoid(x M^T / sqrt(width)): the mean of a snippet's largest entries of s, and s M. x is
+    /// `[B, T, width]`.
     pub fn recall<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Recalled<'t, T> {
         let entries = cx.param(self.block);
         let (count, width) = (entries.shape()[0], entries.shape()[1]);

@@ -3,12 +3,12 @@
 /// Frames of a snippet: a frame has its snippet's score.
 pub const SNIPPET: usize = 16;
 
-/// The scores of a video and its truth.
+/// The scores of a video and its ground truth.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ScoredVideo {
     /// A score for each snippet of [`SNIPPET`] frames.
     pub scores: Vec<f32>,
-    /// For each frame whether it is anomalous; at most `SNIPPET * scores.len()`.
+    /// Labels of the frames, true if anomalous; at most `SNIPPET * scores.len()`.
     pub labels: Vec<bool>,
 }
 
@@ -22,18 +22,18 @@ impl ScoredVideo {
 /// The area under a precision-recall curve, by both conventions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AveragePrecision {
-    /// The trapezoid from (recall 0, precision 1): what the literature on anomalies calls AP.
+    /// The trapezoid from (recall 0, precision 1): AP in the literature on anomalies.
     pub trapezoid: f64,
-    /// The sum of precision times the growth of recall: what scikit-learn calls `average_precision_score`.
+    /// The sum of precision times the growth of recall: scikit-learn's `average_precision_score`.
     pub step: f64,
 }
 
-/// Metrics over all frames of all test videos. A number that needs frames of a kind that there are none of is `None`.
+/// Metrics over all frames of all test videos. `None` stands for a metric without frames of a required kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameMetrics {
     /// Frames in all.
     pub frames: usize,
-    /// Anomalous ones.
+    /// Anomalous frames.
     pub positives: usize,
     /// Frames of videos with an anomalous one.
     pub abnormal_frames: usize,
@@ -41,7 +41,7 @@ pub struct FrameMetrics {
     pub auc: Option<f64>,
     /// Area under the precision-recall curve.
     pub ap: Option<AveragePrecision>,
-    /// AUC over videos with an anomalous frame: only this proves that anomalies are found within videos.
+    /// AUC over videos with an anomalous frame: only this measures the localization of anomalies within videos.
     pub auc_abnormal: Option<f64>,
     /// AP over videos with an anomalous frame.
     pub ap_abnormal: Option<AveragePrecision>,
@@ -49,7 +49,8 @@ pub struct FrameMetrics {
     pub false_alarms: Option<f64>,
 }
 
-/// AUC, AP, both again over abnormal videos alone, and the false-alarm rate. Frames of all videos are pooled; nothing is smoothed.
+/// AUC, AP, both again over abnormal videos alone, and the false-alarm rate. Frames of all videos are pooled, without
+/// smoothing.
 ///
 /// Sultani et al., arXiv 1801.04264, section 4.1, for AUC and false alarms; Wu et al., arXiv 2007.04687, for AP.
 ///
@@ -93,7 +94,7 @@ fn snippets(video: &ScoredVideo) -> impl Iterator<Item = Part> {
     })
 }
 
-/// Frames by descending score, those of one score together.
+/// Frames by descending score, grouped by equal scores.
 struct Ranking {
     parts: Vec<Part>,
     positives: usize,

@@ -1,4 +1,4 @@
-//! Videos with planted anomalies, whose truth is known.
+//! Videos with planted anomalies and known ground truth.
 
 use crate::Features;
 use weaver_kernels::random::Stream;
@@ -11,7 +11,7 @@ const WIDTH: usize = 32;
 const CLASSES: usize = 4;
 /// Share of a snippet's noise that stays in the next.
 const CORRELATION: f64 = 0.5;
-/// Deviation of what all snippets of a video have in common.
+/// Deviation of the background, which all snippets of a video share.
 const BACKGROUND: f64 = 0.5;
 /// The core of an event, `exp(-(t - p)^2 / 2 sd^2)` high.
 const CORE_SD: f64 = 1.2;
@@ -20,14 +20,15 @@ const DISTRACTOR: f64 = 3.0;
 
 /// Planted events.
 ///
-/// Features are noise in which each class has a direction for the core of an event and one for its flank. An event is a short core, by which
-/// an abnormal video can be told from a normal one, within a flank of the class's length; all of it is anomalous. Half of the normal videos
-/// have the core of class 0 with a tag that excuses it, and all may have distractors.
+/// Features are noise in which each class has a direction for the core of an event and one for its flank. An event is a
+/// short core, which distinguishes abnormal videos from normal ones, within a flank of the class's length; all of it is
+/// anomalous. Half of the normal videos have the core of class 0 with a tag that excuses it, and all may have
+/// distractors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Planted {
     /// Seed of the videos.
     pub seed: u64,
-    /// Half the length of an event, by class, of which it varies by a quarter.
+    /// Half the length of an event, by class; it varies by a quarter.
     pub half_lengths: [f64; CLASSES],
     /// Height of cores.
     pub core: f64,
@@ -38,13 +39,13 @@ pub struct Planted {
 /// A planted video.
 #[derive(Clone, Debug)]
 pub struct PlantedVideo {
-    /// Its name, which says its class.
+    /// Its name, with its class.
     pub name: String,
     /// The class of its anomaly, `None` if it is normal.
     pub class: Option<usize>,
     /// One crop, `[64, 32]`.
     pub features: Features,
-    /// For each snippet whether it is anomalous.
+    /// Label of each snippet, true if anomalous.
     pub labels: Vec<bool>,
 }
 
@@ -64,7 +65,7 @@ impl Planted {
         self.videos("train", 240)
     }
 
-    /// 120 videos to test on, likewise.
+    /// 120 videos to test on, in the same order.
     pub fn test(&self) -> Vec<PlantedVideo> {
         self.videos("test", 120)
     }
@@ -81,7 +82,7 @@ impl Planted {
         let mut all: Vec<[f64; WIDTH]> = Vec::new();
         for k in 0..2 * CLASSES + 2 {
             let mut new: [f64; WIDTH] = std::array::from_fn(|d| stream.normal((k * WIDTH + d) as u64));
-            // Twice, so that rounding leaves nothing of the others.
+            // Twice, for orthogonality in spite of rounding.
             for _ in 0..2 {
                 all.iter().for_each(|other| remove(&mut new, other));
             }
@@ -138,8 +139,9 @@ impl Planted {
         PlantedVideo { name, class: Some(class), features: in_memory(&x), labels }
     }
 
-    /// For each snippet of a video how probable it is that it lies in an event, for one who knows all that was planted but where: what
-    /// no score can beat by more than luck. Events have their class's half length; a video has one event, or an excused core, or nothing.
+    /// The posterior probability of an event at each snippet of a video, given all planted parameters but the
+    /// positions: an upper bound for scores, up to chance. Events have their class's half length; a video has one
+    /// event, or an excused core, or nothing.
     pub fn matched_filter(&self, features: &[f32]) -> Vec<f32> {
         let directions = self.directions();
         let x: Vec<f64> = features.iter().map(|x| f64::from(*x)).collect();
@@ -203,7 +205,7 @@ impl Directions {
     }
 }
 
-/// The common part of all snippets, independent of any direction, and noise that lingers.
+/// The common part of all snippets, independent of any direction, and correlated noise.
 fn noise(stream: Stream, directions: &Directions) -> Vec<f64> {
     let mut common: [f64; WIDTH] = std::array::from_fn(|d| BACKGROUND * stream.normal::<f64>(d as u64));
     directions.all.iter().for_each(|direction| remove(&mut common, direction));
@@ -234,7 +236,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Takes the part along a unit direction away.
+/// Subtracts the projection on a unit direction.
 fn remove(x: &mut [f64], direction: &[f64]) {
     let along = dot(x, direction);
     x.iter_mut().zip(direction).for_each(|(x, d)| *x -= along * d);

@@ -1,7 +1,7 @@
-//! Videos of any length brought to one number of segments.
+//! Resampling of videos of any length to a fixed number of segments.
 
-/// Means of the features of `segments` equal parts of a video: with `r = floor(linspace(0, S, T + 1))`, segment j is the mean of
-/// rows `r_j..r_{j+1}`, or row `r_j` where that is empty.
+/// Means of the features of `segments` equal parts of a video: with `r = floor(linspace(0, S, T + 1))`, segment j is
+/// the mean of rows `r_j..r_{j+1}`, or row `r_j` if this range is empty.
 ///
 /// `features` is `[S, width]`, S > 0; the result `[segments, width]`. Sultani et al., arXiv 1801.04264, section 4.1.
 ///

@@ -1,8 +1,8 @@
-//! The order in which videos are looked at.
+//! The order of videos in training.
 
 use weaver_kernels::random::Stream;
 
-/// Goes through samples, a video and a crop each, in an order that is drawn anew each time around.
+/// Goes through samples, a video and a crop each, in an order drawn anew each epoch.
 #[derive(Clone, Debug)]
 pub(crate) struct Sampler {
     samples: Vec<(usize, usize)>,

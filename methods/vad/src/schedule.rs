@@ -1,4 +1,4 @@
-//! A whole training: which parts, for how long.
+//! A whole training: its parts and their durations.
 
 use crate::Result;
 use crate::checkpoint::Checkpoint;
@@ -10,18 +10,18 @@ use crate::training_set::TrainingSet;
 /// Categories of its experts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Experts {
-    /// There are none: the encoder alone.
+    /// No experts: the encoder alone.
     None,
     /// One for each class.
     Classes,
-    /// One for each of so many clusters; classes are not looked at.
+    /// One for each of this number of clusters, independent of classes.
     Clusters(usize),
 }
 
 /// A training from nothing to the gate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {
-    /// Segments that every video is brought to.
+    /// Segments of every video after resampling.
     pub segments: usize,
     /// Videos of each half of a batch.
     pub batch: usize,
@@ -37,12 +37,12 @@ pub struct Schedule {
     pub labels: Labels,
     /// Categories of its experts.
     pub experts: Experts,
-    /// Of everything random.
+    /// Seed of everything random.
     pub seed: u64,
 }
 
 impl Schedule {
-    /// UR-DMU's published training, and experts and gate by its rate (ours; nothing is published of their length).
+    /// UR-DMU's published training, and experts and gate by its rate (ours; their length is unpublished).
     pub fn published(labels: Labels, experts: Experts, seed: u64) -> Self {
         let encoder = Stage { steps: 3000, rate: 1e-4, l2: 5e-5, decay: 0.0, dropout: 0.5 };
         let later = Stage { steps: 1000, rate: 1e-4, l2: 0.0, decay: 0.01, dropout: 0.0 };
@@ -50,7 +50,7 @@ impl Schedule {
         Self { segments: 200, batch: 64, encoder, splatting, expert: later, gate: later, labels, experts, seed }
     }
 
-    /// For the planted videos.
+    /// The training for the planted videos.
     pub fn planted(labels: Labels, experts: Experts, seed: u64) -> Self {
         let encoder = Stage { steps: 300, rate: 3e-3, l2: 5e-5, decay: 0.0, dropout: 0.1 };
         let expert = Stage { steps: 150, rate: 2e-3, l2: 0.0, decay: 0.01, dropout: 0.0 };
@@ -59,7 +59,7 @@ impl Schedule {
         Self { segments: 64, batch: 12, encoder, splatting, expert, gate, labels, experts, seed }
     }
 
-    /// The same, all stages longer or shorter.
+    /// The schedule with all stages longer or shorter.
     #[must_use]
     pub fn scaled(mut self, factor: f64) -> Self {
         for stage in [&mut self.encoder, &mut self.splatting, &mut self.expert, &mut self.gate] {
@@ -68,7 +68,7 @@ impl Schedule {
         self
     }
 
-    /// Steps of all stages together; with clusters, of which there may be fewer, at most.
+    /// Steps of all stages together; an upper bound with clusters, which may be fewer.
     pub fn steps(&self, set: &TrainingSet) -> usize {
         let labeled = if self.labels == Labels::None { 0 } else { self.splatting.steps };
         let experts = match self.experts {
@@ -82,13 +82,13 @@ impl Schedule {
     /// Trains a detector.
     ///
     /// # Errors
-    /// When features cannot be read, the loss is no longer finite, or whoever looks on ends it.
+    /// When features cannot be read, the loss is no longer finite, or the observer ends it.
     pub fn train(&self, set: &TrainingSet, kind: EncoderKind, observe: &mut dyn Observe) -> Result<Detector> {
         self.go_on(set, Detector::new(kind, self.seed), None, observe)
     }
 
-    /// Goes on from a checkpoint of a training on the same videos by the same schedule; the result has the bits of one that was never
-    /// interrupted.
+    /// Goes on from a checkpoint of a training on the same videos by the same schedule; the result has the bits of an
+    /// uninterrupted training.
     ///
     /// # Errors
     /// As [`train`](Self::train), and when the checkpoint is of another training.

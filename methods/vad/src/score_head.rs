@@ -1,4 +1,4 @@
-//! Heads that judge snippets.
+//! Heads that score snippets.
 
 use weaver_autograd::ops::Activation;
 use weaver_autograd::{Real, Var};

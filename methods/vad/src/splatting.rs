@@ -1,7 +1,7 @@
 //! Temporal Gaussian splatting: labels for the snippets of a video from the peaks of its score curve.
 //!
-//! D'Amicantonio et al., arXiv 2508.06318, section 3.2. The text leaves open how a peak's width comes from the rise and the fall around it
-//! and whether its Gaussian is over time or over score; [`Rule`] has each reading.
+//! D'Amicantonio et al., arXiv 2508.06318, section 3.2. The text leaves two points open: the width of a peak from the
+//! rise and the fall around it, and the axis of its Gaussian, time or score; [`Rule`] has each reading.
 
 /// Rule by which a peak becomes a label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,7 +10,7 @@ pub enum Rule {
     Time,
     /// Over the score: `[|t - P| <= W] exp(-(s_t - s_P)^2 / 2 sigma^2)`, `W` the longer of rise and fall.
     Score,
-    /// Over time that runs from -1 to 1 over the video, where the score is within `sigma` of the peak's.
+    /// Over time from -1 to 1 across the video, within `sigma` of the peak's score.
     Video,
     /// Over time in snippets with the deviation of the scores, the literal reading: a spike, since `sigma <= 0.5`.
     Literal,
@@ -20,7 +20,7 @@ impl Rule {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Time, Self::Score, Self::Video, Self::Literal];
 
-    /// The letter by which it is called: T, S, H or L.
+    /// The rule's letter: T, S, H or L.
     pub fn letter(self) -> &'static str {
         match self {
             Self::Time => "T",
@@ -31,7 +31,7 @@ impl Rule {
     }
 }
 
-/// Which peaks count, and what they become.
+/// Selection of peaks, and the rule for their labels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Splatting {
     /// Rule by which a peak becomes a label.
@@ -48,7 +48,8 @@ impl Splatting {
         Self { rule, prominence: 0.2, least: 0.5 }
     }
 
-    /// Labels in [0, 1] for a curve of scores: the sum of all peaks' Gaussians, at most 1. All 0 where no peak is prominent.
+    /// Labels in [0, 1] for a curve of scores: the sum of all peaks' Gaussians, at most 1. All 0 without a prominent
+    /// peak.
     ///
     /// ```
     /// use weaver_vad::{Rule, Splatting};
@@ -117,14 +118,14 @@ fn deviation(x: &[f64]) -> f64 {
 /// A maximum of a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peak {
-    /// Where it is; the first of a plateau.
+    /// Its snippet; the first of a plateau.
     pub at: usize,
     /// Height above its surroundings.
     pub prominence: f64,
 }
 
-/// Maxima of the five snippets around them, the first of a plateau, that are more than `prominence` above the higher of the lowest
-/// scores on both sides, two snippets each.
+/// Maxima of the five snippets around them, the first of a plateau, that are more than `prominence` above the higher of
+/// the lowest scores on both sides, two snippets each.
 pub fn window_peaks(s: &[f64], prominence: f64) -> Vec<usize> {
     let lowest = |part: &[f64]| part.iter().copied().fold(f64::INFINITY, f64::min);
     let is_peak = |&i: &usize| {
@@ -137,8 +138,8 @@ pub fn window_peaks(s: &[f64], prominence: f64) -> Vec<usize> {
     (0..s.len()).filter(is_peak).collect()
 }
 
-/// Maxima above `least` whose height above the higher of the two lowest points on the way to higher ground, or to the end of the curve,
-/// is more than `prominence`.
+/// Maxima above `least` whose height above the higher of the two lowest points on the way to higher ground, or to the
+/// end of the curve, is more than `prominence`.
 pub fn topographic_peaks(s: &[f64], prominence: f64, least: f64) -> Vec<Peak> {
     let peak = |at: usize| {
         let top = s[at];
@@ -153,7 +154,7 @@ pub fn topographic_peaks(s: &[f64], prominence: f64, least: f64) -> Vec<Peak> {
     (0..s.len()).filter_map(peak).collect()
 }
 
-/// Number of snippets over which the curve rises strictly before a peak, and falls after it.
+/// Number of snippets of the strict rise before a peak, and of the strict fall after it.
 fn rise_and_fall(s: &[f64], at: usize) -> [usize; 2] {
     let rise = (1..=at).rev().take_while(|t| s[t - 1] < s[*t]).count();
     let fall = (at + 1..s.len()).take_while(|t| s[*t] < s[t - 1]).count();

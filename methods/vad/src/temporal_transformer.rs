@@ -7,9 +7,9 @@ use weaver_nn::{Builder, Context, Conv1d, Dropout, LayerNorm, Linear, WeightInit
 /// Sizes of the network of UR-DMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UrDmuSizes {
-    /// Numbers for each snippet.
+    /// Input numbers of each snippet.
     pub features: usize,
-    /// Numbers for each snippet within the network.
+    /// Numbers of each snippet within the network.
     pub width: usize,
     /// Transformer layers.
     pub layers: usize,
@@ -102,7 +102,7 @@ impl Layer {
     }
 }
 
-/// The features of snippets that know of those around them.
+/// The features of snippets in their temporal context.
 #[derive(Clone, Debug)]
 pub(crate) struct TemporalTransformer {
     embedding: Conv1d,

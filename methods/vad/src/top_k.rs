@@ -1,6 +1,7 @@
-//! The number of snippets that a video is judged by.
+//! The number of a video's snippets in the loss of its bag.
 
-/// Number of `snippets` that a bag is judged by: a sixteenth, and one. Zhou et al., arXiv 2302.05160, code.
+/// Number of the highest of `snippets` scores in the mean of a bag: a sixteenth, and one. Zhou et al., arXiv
+/// 2302.05160, code.
 pub fn top_k(snippets: usize) -> usize {
     snippets / 16 + 1
 }

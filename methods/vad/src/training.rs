@@ -14,16 +14,16 @@ use weaver_autograd::{ParamId, Tape, Var, ops};
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Context, Group, add_l2_gradient};
 
-/// Labels of the snippets of abnormal videos, from the curve that is being trained; constant.
+/// Labels of the snippets of abnormal videos, from the trained curve itself; constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Labels {
-    /// Nothing: only the bags' labels count.
+    /// No labels of snippets, only of bags.
     None,
     /// Gaussians at the curve's peaks.
     Splat(Splatting),
     /// The curve itself.
     Scores,
-    /// 1 where the curve is above this, else 0.
+    /// 1 at snippets with a score above this, else 0.
     Above(f64),
 }
 
@@ -58,7 +58,7 @@ pub struct Stage {
     pub l2: f64,
     /// Decoupled weight decay.
     pub decay: f64,
-    /// Share of numbers that dropout takes, where the network has it.
+    /// Share of numbers that dropout removes, for networks with dropout.
     pub dropout: f64,
 }
 
@@ -67,7 +67,7 @@ pub struct Stage {
 pub struct StepReport {
     /// The stage.
     pub stage: String,
-    /// Steps of the stage done.
+    /// Finished steps of the stage.
     pub step: usize,
     /// Steps of the stage in all.
     pub steps: usize,
@@ -75,9 +75,10 @@ pub struct StepReport {
     pub loss: f64,
 }
 
-/// Looks on while a detector is trained, and may end it.
+/// An observer of a detector's training, which may end it.
 pub trait Observe {
-    /// Is told of a step; the snapshot is what has been learned up to it. Training ends with [`Error::Stopped`] where this breaks.
+    /// Receives the report of a step and the state of the training after it. `Break` ends training with
+    /// [`Error::Stopped`].
     ///
     /// # Errors
     /// Errors that end training as well, such as a file that cannot be written.
@@ -95,15 +96,15 @@ impl<F: FnMut(&StepReport)> Observe for F {
 pub struct Trainer<'a> {
     /// The videos.
     pub set: &'a TrainingSet,
-    /// Segments that every video is brought to.
+    /// Segments of every video after resampling.
     pub segments: usize,
     /// Videos of each half of a batch.
     pub batch: usize,
-    /// Of the order of videos, noise and initial weights.
+    /// Seed of the order of videos, noise and initial weights.
     pub seed: u64,
-    /// Is told of every step.
+    /// Observer of every step.
     pub observe: &'a mut dyn Observe,
-    /// Where to go on: stages before it are passed over, since the detector has been through them.
+    /// Checkpoint to go on from: the stages before its own are passed over, since the detector has been through them.
     pub resume: Option<Checkpoint>,
 }
 
@@ -122,7 +123,7 @@ struct Batch<'t> {
 }
 
 impl Trainer<'_> {
-    /// Trains the encoder by its own loss, its heads for classes on the classes and, with labels, its curve on them.
+    /// Trains the encoder by its own loss, its heads by the classes and, with labels, its curve by the labels.
     ///
     /// # Errors
     /// When features cannot be read or the loss is no longer finite.
@@ -145,8 +146,8 @@ impl Trainer<'_> {
         })
     }
 
-    /// Adds an expert for each group of abnormal videos and trains it on these and all normal ones; the encoder stays. The first time
-    /// through a group's videos there are no labels of snippets.
+    /// Adds an expert for each group of abnormal videos and trains it on these and all normal ones; the encoder stays.
+    /// In the first epoch over a group's videos there are no labels of snippets.
     ///
     /// # Errors
     /// As [`encoder`](Self::encoder).
@@ -159,7 +160,7 @@ impl Trainer<'_> {
     ) -> Result<()> {
         let names: Vec<String> = groups.iter().map(|(name, _)| name.clone()).collect();
         match &self.resume {
-            // Of a checkpoint they are there.
+            // A checkpoint's detector has its experts.
             Some(checkpoint) if detector.names != names => return Err(checkpoint.wrong_stage()),
             Some(_) => {}
             None => detector.add_experts(names, self.seed),
@@ -222,8 +223,8 @@ impl Trainer<'_> {
         self.set.classes.iter().enumerate().map(|(c, name)| (name.clone(), of(c))).collect()
     }
 
-    /// At most `k` groups of abnormal videos by K-means of the mean features, of unit length, at their highest scores. Classes are not
-    /// looked at.
+    /// At most `k` groups of abnormal videos by K-means of the mean features, of unit length, at their highest scores,
+    /// independent of classes.
     ///
     /// # Errors
     /// When features cannot be read.
@@ -250,7 +251,8 @@ impl Trainer<'_> {
         Ok(groups.into_iter().enumerate().map(|(i, group)| (format!("cluster {i}"), group)).collect())
     }
 
-    /// Steps of Adam on the parameters whose names are `trained`, each on a batch of all normal and the given abnormal videos.
+    /// Steps of Adam on the parameters selected by `trained`, each on a batch of all normal and the given abnormal
+    /// videos.
     fn run(
         &mut self,
         detector: &mut Detector,

@@ -1,4 +1,4 @@
-//! Videos to train on, of which only the labels as a whole are known.
+//! Training videos, labeled as a whole.
 
 use crate::list::Listed;
 use crate::planted::{Planted, PlantedVideo};
@@ -10,9 +10,9 @@ use weaver_io::Checksum;
 /// A video to train on.
 #[derive(Clone, Debug)]
 pub struct TrainingVideo {
-    /// True if there is an anomaly in it.
+    /// True if it has an anomaly.
     pub abnormal: bool,
-    /// The classes of its anomalies, as far as they are known.
+    /// The known classes of its anomalies.
     pub classes: Vec<usize>,
     /// Its features.
     pub features: Features,
@@ -38,7 +38,7 @@ impl TrainingSet {
         Self { videos: planted.training().into_iter().map(video).collect(), classes: Planted::classes() }
     }
 
-    /// A checksum of labels and features, all of which are read for it.
+    /// A checksum of all labels and features; it reads all files.
     ///
     /// # Errors
     /// When features cannot be read.
@@ -52,10 +52,11 @@ impl TrainingSet {
         Ok(sum)
     }
 
-    /// The videos of a list, whose names tell their classes. Where they do not, the first `abnormal` videos are those with an anomaly.
+    /// The videos of a list, with classes from their names. For names without classes, the first `abnormal` videos have
+    /// an anomaly.
     ///
     /// # Errors
-    /// When it is not known which videos have an anomaly, or all have, or none.
+    /// When the videos with an anomaly are unknown, or are all, or none.
     pub fn listed(list: &Path, videos: Vec<Listed>, abnormal: Option<usize>) -> Result<Self> {
         let mut classes: Vec<String> =
             videos.iter().flat_map(|video| video.classes.iter().flatten()).cloned().collect();
@@ -100,13 +101,13 @@ impl TrainingSet {
         videos.iter().flat_map(|i| (0..self.videos[*i].features.crops()).map(move |crop| (*i, crop))).collect()
     }
 
-    /// A crop of a video, brought to `segments` segments, `[segments, width]`.
+    /// A crop of a video, resampled to `segments` segments, `[segments, width]`.
     pub(crate) fn bag(&self, video: usize, crop: usize, segments: usize) -> Result<Vec<f32>> {
         let features = &self.videos[video].features;
         Ok(resample(&features.crop(crop)?, features.width(), segments))
     }
 
-    /// For each video and class whether it has the class, `[videos, classes]`.
+    /// Class labels of each video, 1 or 0, `[videos, classes]`.
     pub(crate) fn class_labels(&self, videos: impl Iterator<Item = usize>) -> Vec<f32> {
         let has = |video: usize, class| f32::from(u8::from(self.videos[video].classes.contains(&class)));
         videos.flat_map(|video| (0..self.classes.len()).map(move |class| has(video, class))).collect()

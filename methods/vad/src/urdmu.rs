@@ -37,24 +37,24 @@ pub struct UrDmuPass<'t, T: Real = f32> {
     pub anomalous_on_normal: Var<'t, T>,
     /// Attention of the normal memory on normal videos.
     pub normal_on_normal: Var<'t, T>,
-    /// Mean and logarithm of the variance of what the normal memory says of normal videos, `[b, T, width]`.
+    /// Mean and logarithm of the variance of the normal memory's answer to normal videos, `[b, T, width]`.
     latent: (Var<'t, T>, Var<'t, T>),
-    /// A draw of that distribution.
+    /// A sample of the latent distribution.
     drawn: Var<'t, T>,
-    /// The mean of what the anomalous memory says of abnormal videos.
+    /// The mean of the anomalous memory's answer to abnormal videos.
     anomalous_mean: Var<'t, T>,
 }
 
-/// The terms of UR-DMU's loss beside that of the scores, each a scalar without its weight.
+/// The terms of UR-DMU's loss beside the loss of scores, each a scalar without its weight.
 #[derive(Clone, Copy, Debug)]
 pub struct UrDmuTerms<'t, T: Real = f32> {
-    /// The anomalous memory knows an anomaly in abnormal videos.
+    /// Raises the anomalous memory's attention to the most anomalous snippets of abnormal videos.
     pub anomalous_on_abnormal: Var<'t, T>,
-    /// The normal memory does not know it.
+    /// Lowers the normal memory's attention to the least normal snippets of abnormal videos.
     pub normal_on_abnormal: Var<'t, T>,
-    /// The normal memory knows normal videos.
+    /// Raises the normal memory's attention to normal videos.
     pub normal_on_normal: Var<'t, T>,
-    /// The anomalous memory does not know them.
+    /// Lowers the anomalous memory's attention to normal videos.
     pub anomalous_on_normal: Var<'t, T>,
     /// Normal snippets of both kinds of videos are closer to each other than to anomalous ones.
     pub triplet: Var<'t, T>,
@@ -98,8 +98,8 @@ impl UrDmu {
         &self.sizes
     }
 
-    /// Task-aware features and scores of videos that nothing is known of, x `[B, T, features]`: z = [x ; mu(A x) + mu(N x)], where A and N
-    /// are what the memories say of x.
+    /// Task-aware features and scores of unlabeled videos, x `[B, T, features]`: z = [x ; mu(A x) + mu(N x)], where A
+    /// and N are the answers of the memories to x.
     pub fn encode<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Encoded<'t, T> {
         let x = self.snippets.forward(cx, x, None);
         let recall = |memory: &Memory| self.mean.forward(cx, memory.recall(cx, x).augmented);
@@ -116,8 +116,8 @@ impl UrDmu {
         }
     }
 
-    /// Passes a training batch, x `[2 b, T, features]` with its normal half first, through the network. `noise` `[b, T, width]` is standard
-    /// normal and constant.
+    /// Passes a training batch, x `[2 b, T, features]` with its normal half first, through the network. `noise`
+    /// `[b, T, width]` is standard normal and constant.
     pub fn pass<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -151,7 +151,7 @@ impl UrDmu {
 }
 
 impl<'t, T: Real> UrDmuPass<'t, T> {
-    /// The terms of the loss beside that of the scores.
+    /// The terms of the loss beside the loss of scores.
     pub fn terms(&self) -> UrDmuTerms<'t, T> {
         let (tape, x) = (self.snippets.tape(), self.snippets);
         let (half, k) = (x.shape()[0] / 2, top_k(x.shape()[1]));
@@ -161,7 +161,7 @@ impl<'t, T: Real> UrDmuPass<'t, T> {
         let unit = |x, by| mean_at_top_k(x, by, k).normalize_rows(0.0);
         let [anchor, positive, negative] =
             [unit(n, self.normal_on_normal), unit(a, self.normal_on_abnormal), unit(a, self.anomalous_on_abnormal)];
-        // PyTorch adds as much to each difference.
+        // PyTorch's pairwise distance adds this epsilon to each difference.
         let apart = |p: Var<'t, T>, q: Var<'t, T>| length(p - q + 1e-6);
         let (mean, variance) = self.latent;
         let divergence = (variance - mean.square() - variance.exp() + 1.0).sum_axis(1) * -0.5;

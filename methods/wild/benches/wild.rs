@@ -1,4 +1,5 @@
-//! Colors of all pixels of four photos of 64 x 48 under two looks, forward and backward, and the embedding of two photos.
+//! Colors of all pixels of four photos of 64 x 48 under two looks, forward and backward, and the embedding of two
+//! photos.
 // The macros of criterion define functions without documentation.
 #![allow(missing_docs)]
 

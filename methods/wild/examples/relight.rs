@@ -1,4 +1,5 @@
-//! Learns contrast and middle of drawn looks: pictures of one texture in different light, told apart by a one-hot embedding.
+//! Learns contrast and middle of drawn looks: pictures of one texture in different light, distinguished by a one-hot
+//! embedding.
 
 use weaver_autograd::{Params, Tape, ops};
 use weaver_nn::{AdamW, Builder, Context, Group};

@@ -36,7 +36,8 @@ pub struct WildConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WildDenseConfig {
-    /// The four rounds of the aggregator that feed the heads, counted from 0, each below `backbone.rounds`; repeats are allowed.
+    /// The four rounds of the aggregator that feed the heads, counted from 0, each below `backbone.rounds`; repeats are
+    /// allowed.
     pub layers: [usize; 4],
     /// Channels of the four levels: positive multiples of 4.
     pub out_channels: [usize; 4],
@@ -57,8 +58,8 @@ pub enum WildParametrization {
     /// Relative to what a pixel covers at its depth: offsets along the ray and scales in footprints.
     #[default]
     Footprint,
-    /// As published: a decoder of its own says how much farther than its depth a Gaussian lies, 0 to 1, and scales are (1e-5 + (30 - 1e-5)
-    /// sigmoid(raw)) depth 0.1 (1/fx + 1/fy).
+    /// As published: a decoder of its own says how much farther than its depth a Gaussian lies, 0 to 1, and scales are
+    /// (1e-5 + (30 - 1e-5) sigmoid(raw)) depth 0.1 (1/fx + 1/fy).
     Published,
 }
 
@@ -71,15 +72,15 @@ pub struct WildGaussianConfig {
     /// Decoding of a pixel's numbers to a Gaussian.
     #[serde(default)]
     pub parametrization: WildParametrization,
-    /// Largest offset of a Gaussian from its pixel's depth along the ray, in footprints (a pixel's width at its depth): not negative. Not
-    /// of the published parametrization.
+    /// Largest offset of a Gaussian from its pixel's depth along the ray, in footprints (a pixel's width at its depth):
+    /// not negative. Not of the published parametrization.
     pub offset_reach: f64,
     /// Scale of a raw 0, in footprints: positive. Not of the published parametrization.
     pub scale: f64,
     /// Factor on the initial weights of the last layer: not negative.
     pub gain: f64,
-    /// True if the feature head sees each photo standardized, and colors begin with it under the contrast and the middle of a look;
-    /// `false` as published, where tokens carry the texture.
+    /// True if the feature head sees each photo standardized, and colors begin with it under the contrast and the
+    /// middle of a look; `false` as published, where tokens carry the texture.
     pub recolor: bool,
     /// Hidden channels of the path by which the feature head sees the standardized photo: at least 1.
     pub image_skip_hidden: usize,
@@ -108,7 +109,8 @@ impl WildConfig {
     /// Names of the presets.
     pub const PRESETS: [&str; 2] = ["tiny", "micro"];
 
-    /// The network of a preset, if there is one of this name: `tiny` (64x48 pixels) learns on a CPU, `micro` is for tests.
+    /// The network of a preset, if there is one of this name: `tiny` (64x48 pixels) learns on a CPU, `micro` is for
+    /// tests.
     ///
     /// ```
     /// let config = weaver_wild::WildConfig::preset("tiny").unwrap();
@@ -146,7 +148,7 @@ impl WildConfig {
     /// Checks that every setting is in its range and that the sizes fit together.
     ///
     /// # Errors
-    /// The first setting that is wrong: its key, what was expected and what was found.
+    /// The first setting out of range: its key, the expected value and the value found.
     pub fn check(&self) -> Result<(), String> {
         let (d, g, l) = (&self.dense, &self.gaussians, &self.looks);
         let sides = [("patch", self.patch), ("width", self.width), ("height", self.height)];

@@ -1,4 +1,4 @@
-//! WildSplatter: one geometry from photos in different light, and colors as any photo shows them.
+//! WildSplatter: one geometry from photos in different light, and colors under the light of any photo.
 
 mod decoder;
 mod encoder;
@@ -17,7 +17,8 @@ use weaver_pose::CameraVars;
 use weaver_splat::GaussianVars;
 use weaver_vggt::{Encoded, FeatureHead, Vggt};
 
-/// Numbers of a pixel's Gaussian: scales 3, quaternion 4 (xyzw), opacity, and offset along the ray but where that has its own decoder.
+/// Numbers of a pixel's Gaussian: scales 3, quaternion 4 (xyzw), opacity, and offset along the ray, unless that has its
+/// own decoder.
 const NUMBERS: usize = 9;
 const QUATERNION: usize = 3;
 const OPACITY: usize = 7;
@@ -25,12 +26,14 @@ const OFFSET: usize = 8;
 /// Smallest and largest published scale, in tenths of the sum of a pixel's width and height at its depth.
 const SCALES: [f64; 2] = [1e-5, 30.0];
 
-/// WildSplatter (Fujimura et al., arXiv 2604.21182): Gaussians of context photos, and their colors under the look of any photo.
+/// WildSplatter (Fujimura et al., arXiv 2604.21182): Gaussians of context photos, and their colors under the look of
+/// any photo.
 ///
-/// A scene takes four calls: [`encode`](Self::encode) and [`surface`](Self::surface) of the context, [`embed`](Self::embed) of the photos
-/// whose look is asked for, [`colors`](Self::colors). Nothing of a look is in the surface: that is the same under all of them, to the bit,
-/// and gradients of geometry by embeddings do not exist. Parameters `aggregator`, `camera_head`, `depth_head` and `gaussian_param_head` as
-/// [`SplatWeaver`](weaver_model::SplatWeaver) has them, `gaussian_param_head.geometry`, `appearance` and `looks`.
+/// A scene takes four calls: [`encode`](Self::encode) and [`surface`](Self::surface) of the context,
+/// [`embed`](Self::embed) of the photos with the wanted looks, [`colors`](Self::colors). The surface is independent of
+/// looks: it is the same under all of them, to the bit, and gradients of geometry by embeddings do not exist.
+/// Parameters `aggregator`, `camera_head`, `depth_head` and `gaussian_param_head` as in
+/// [`SplatWeaver`](weaver_model::SplatWeaver), `gaussian_param_head.geometry`, `appearance` and `looks`.
 #[derive(Clone, Debug)]
 pub struct Wild {
     config: WildConfig,
@@ -42,7 +45,7 @@ pub struct Wild {
     decoder: LookDecoder,
 }
 
-/// One Gaussian for each pixel of V photos, but for its color.
+/// One Gaussian for each pixel of V photos, without colors.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface<'t, T: Real = f32> {
     /// Centers `[V H W, 3]` in the frame of the cameras.
@@ -53,7 +56,7 @@ pub struct Surface<'t, T: Real = f32> {
     pub scales: Var<'t, T>,
     /// Opacities `[V H W]`.
     pub opacities: Var<'t, T>,
-    /// Depth `[V, H, W]` along the optical axis on which they lie.
+    /// Depth `[V, H, W]` of the pixels along the optical axis.
     pub depth: Var<'t, T>,
     /// Feature maps `[V, C, H, W]`.
     features: Var<'t, T>,
@@ -64,13 +67,13 @@ pub struct Surface<'t, T: Real = f32> {
 }
 
 impl<'t, T: Real> Surface<'t, T> {
-    /// The Gaussians with these colors `[V H W, K, 3]`.
+    /// The surface's Gaussians with these colors `[V H W, K, 3]`.
     pub fn with_colors(&self, colors: Var<'t, T>) -> GaussianVars<'t, T> {
         let Self { means, quats, scales, opacities, .. } = *self;
         GaussianVars { means, quats, scales, opacities, colors }
     }
 
-    /// The same elsewhere and of another size: s means + b, s scales.
+    /// The surface under a similarity: s means + b, s scales.
     #[must_use]
     pub fn placed(&self, scale: f64, shift: DVec3) -> Self {
         let n = self.means.shape()[0];
@@ -116,12 +119,12 @@ impl Wild {
         Self { config, vggt, features, geometry, offset, encoder, decoder }
     }
 
-    /// The configuration that the model was built with.
+    /// The configuration of the model.
     pub fn config(&self) -> &WildConfig {
         &self.config
     }
 
-    /// Runs backbone and camera head on photos `[B, V, 3, H, W]` in [0, 1], which gives tokens and cameras.
+    /// Runs backbone and camera head on photos `[B, V, 3, H, W]` in [0, 1]; returns tokens and cameras.
     pub fn encode<'t, T: Real>(&self, cx: Context<'t, '_, T>, photos: Var<'t, T>) -> Encoded<'t, T> {
         self.vggt.encode(cx, photos)
     }
@@ -138,8 +141,8 @@ impl Wild {
         self.vggt.depth(cx, encoded, b, [0, views], size).depth
     }
 
-    /// The Gaussians of scene `b`, whose photos `[V, 3, H, W]` show the place where `inside` `[V, H, W]`, on `depth` `[V, H, W]` from
-    /// `cameras` (viewmats `[V, 3, 4]`, intrinsics `[V, 4]`).
+    /// The Gaussians of scene `b` from its photos `[V, 3, H, W]`, valid `inside` `[V, H, W]`, at `depth` `[V, H, W]`
+    /// from `cameras` (viewmats `[V, 3, 4]`, intrinsics `[V, 4]`).
     ///
     /// Colors are turned with the cameras' values; everything else is differentiable in depth, tokens and cameras.
     pub fn surface<'t, T: Real>(
@@ -223,7 +226,7 @@ impl Wild {
         turned.reshape([count * views, k, pixels, 3]).permute(&[0, 2, 1, 3]).reshape([count, n, k, 3])
     }
 
-    /// The look that every photo has of whose embedding nothing is known: zeros `[1, E]`.
+    /// The look for an unknown embedding: zeros `[1, E]`.
     pub fn no_look<'t, T: Real>(&self, cx: Context<'t, '_, T>) -> Var<'t, T> {
         cx.tape.constant_with([1, self.config.looks.embedding], |_| ())
     }

@@ -13,8 +13,9 @@ use weaver_scene::ActivatedGaussians;
 
 /// WildSplatter with its weights, ready to run without gradients.
 ///
-/// [`Predictor::predict`](weaver_inference::Predictor::predict) shows the place in the light of the first photo, [`Lights::predict_looks`](weaver_inference::Lights::predict_looks) in that of any. Photos of a look
-/// may have other sizes than those of the place, in multiples of the patch.
+/// [`Predictor::predict`](weaver_inference::Predictor::predict) shows the place in the light of the first photo,
+/// [`Lights::predict_looks`](weaver_inference::Lights::predict_looks) in the light of any photo. Photos of a look may
+/// differ in size from photos of the place, in multiples of the patch.
 pub type WildPredictor = Pretrained<Wild>;
 
 impl Network for Wild {
@@ -30,7 +31,8 @@ impl Network for Wild {
     }
 }
 
-/// A prediction in several lights: the prediction, colors under each look, and the cameras of photos beyond the context.
+/// A prediction in several lights: the prediction, colors under each look, and the cameras of photos beyond the
+/// context.
 struct Lit {
     prediction: Prediction,
     colors: Vec<Vec<f32>>,
@@ -92,7 +94,7 @@ fn embedding<'t>(network: &Wild, cx: Context<'t, '_, f32>, look: &Look<'_>) -> V
     match look {
         Look::Unknown => network.no_look(cx),
         Look::Of(photo) => of(photo),
-        // The ends are those of the photos, to the bit.
+        // The ends equal the looks of the photos, to the bit.
         Look::Between(from, _, 0.0) => of(from),
         Look::Between(_, to, 1.0) => of(to),
         Look::Between(from, to, part) => of(from) * f64::from(1.0 - part) + of(to) * f64::from(*part),

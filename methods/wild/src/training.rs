@@ -34,7 +34,7 @@ impl Recipe for WildRecipe {
 
     fn settle(config: &mut Config<Self>) {
         if config.data.endless.is_some() {
-            // A frame of its own is of no use to a scene that does not come back.
+            // An absolute frame is of no use to a scene that does not come back.
             config.stages.iter_mut().for_each(|stage| stage.losses.pose.absolute = 0.0);
         }
     }
@@ -60,7 +60,7 @@ impl Recipe for WildRecipe {
         let mut untrained = Vec::new();
         let pose = &stage.losses.pose;
         if pose.l1 + pose.huber + pose.absolute == 0.0 {
-            // Without these, what is left begins with the last refinement, or with none at all.
+            // Without these losses, gradients reach the last refinement only, or no part of the camera head.
             untrained.push(if pose.sum() > 0.0 { "camera_head.empty_pose_tokens" } else { "camera_head." });
         }
         if stage.losses.depth == 0.0 {

@@ -29,7 +29,7 @@ impl Meter {
         Self { runs }
     }
 
-    /// Milliseconds of `job`, after a few times that are not counted.
+    /// Milliseconds of `job`, after a few untimed runs.
     pub fn ms(&self, mut job: impl FnMut()) -> f64 {
         job();
         job();
@@ -46,7 +46,7 @@ impl Meter {
         }))
     }
 
-    /// Milliseconds of what `of` computes on a tape, from inputs of these shapes, without gradients.
+    /// Milliseconds of the forward pass of `of` on a tape, from inputs of these shapes, without gradients.
     pub fn forward<const N: usize>(&self, shapes: [&[usize]; N], of: impl for<'t> Fn([Var<'t>; N]) -> Var<'t>) -> f64 {
         let inputs = Inputs::new(shapes);
         let mut tape = Tape::new();
@@ -56,7 +56,7 @@ impl Meter {
         })
     }
 
-    /// Milliseconds of the forward and backward pass: what `of` computes, and the gradients with respect to all inputs.
+    /// Milliseconds of the forward pass of `of` and the backward pass with respect to all inputs.
     pub fn forward_backward<const N: usize>(
         &self,
         shapes: [&[usize]; N],

@@ -1,6 +1,6 @@
-//! The work that is timed. Sizes, and what is counted as an operation, are such that other engines are easily measured
-//! beside: a multiplication and an addition are two, the backward pass of a layer twice its forward pass, that of
-//! attention two and a half times, because it computes the weights again.
+//! The timed work. Sizes and operation counts follow other engines, for easy comparison: a multiplication and an
+//! addition are two operations, the backward pass of a layer twice its forward pass, of attention two and a half times,
+//! because it computes the weights again.
 
 use super::meter::{Meter, Work, normal};
 use super::vit;

@@ -1,4 +1,4 @@
-//! Files of a scene that other programs wrote.
+//! Files of a scene by other programs.
 
 use super::table::Coded;
 use std::path::PathBuf;
@@ -7,27 +7,27 @@ use weaver_command::Failure;
 use weaver_io::{SceneFormat, read_scene};
 use weaver_scene::Gaussians;
 
-/// Formats whose scenes may be of several files, so that the size of one says nothing.
+/// Formats with scenes of several files, for which the size of one file is not the scene's.
 const SEVERAL: [&str; 2] = ["sog-folder", "gltf"];
 
-/// A file as another program wrote it.
+/// A file by another program.
 pub struct Peer {
     pub name: String,
     pub gaussians: Gaussians,
     bytes: u64,
-    /// Seconds to read it.
+    /// Seconds of reading.
     seconds: f64,
 }
 
 impl Peer {
-    /// Where its bytes are from.
+    /// Its bytes, with their source.
     pub fn result(&self) -> Coded {
         let seconds = [None, Some(self.seconds)];
         Coded { method: self.name.clone(), setting: String::new(), bytes: self.bytes, seconds }
     }
 }
 
-/// Reads the files, all of the only scene.
+/// Reads the files, all of one scene.
 pub fn read(peers: &[PathBuf], scenes: &[PathBuf]) -> Result<Vec<Peer>, Failure> {
     if !peers.is_empty() && scenes.len() != 1 {
         return Err(Failure::Usage(format!("--peer: expected one SCENE, found {}", scenes.len())));

@@ -1,4 +1,4 @@
-//! The comparison as a job in steps: a step of training, or a method that ends and is judged.
+//! The comparison as a job in steps: a step of training, or the end of a method with its evaluation.
 
 use super::peers::{self, Peer};
 use super::settings::Settings;
@@ -19,7 +19,7 @@ use weaver_splat::{RasterSettings, Renderer};
 
 /// The folders of these runs.
 pub const KIND: Kind = Kind { command: "bench compress", settings: "run.json", results: &[] };
-/// Names in a checkpoint: rows that are done, seconds of the method under way, and a file that is not written yet.
+/// Names in a checkpoint: finished rows, seconds of the method under way, and a file that is not written yet.
 const ROWS: &str = "rows";
 const SECONDS: &str = "seconds";
 const FINISHED: &str = "finished";
@@ -34,7 +34,7 @@ struct Scene {
     drawing: Drawing,
 }
 
-/// Everything that was read.
+/// All inputs of a comparison.
 pub struct Inputs {
     settings: Settings,
     points: Vec<(&'static str, Point)>,
@@ -47,7 +47,7 @@ fn pictures(cameras: &[Camera], (background, settings): Drawing) -> Pictures<'_>
 }
 
 impl Inputs {
-    /// Reads scenes and views. Those of a run that goes on must be what it began with.
+    /// Reads scenes and views. A resumed run fails if they have changed since its beginning.
     pub fn read(mut settings: Settings) -> Result<Self, Failure> {
         let points = points(&settings.methods)?;
         let peers = peers::read(&settings.peer, &settings.scenes)?;
@@ -81,7 +81,7 @@ impl Inputs {
         scenes.collect()
     }
 
-    /// The files of a run: what each method makes of each scene.
+    /// The names of a run's files: one for each method and scene.
     ///
     /// # Errors
     /// When two would have one name.
@@ -117,7 +117,7 @@ impl Scene {
     }
 }
 
-/// The file of a method's bytes: in its own format where other programs know it.
+/// The name of a method's file: in its own format if other programs can read it.
 fn name(scene: &Path, method: &str, setting: &str) -> String {
     let own = |c: char| c.is_ascii_alphanumeric() || c == '.';
     let setting = setting.split(|c| !own(c)).filter(|part| !part.is_empty());
@@ -127,7 +127,7 @@ fn name(scene: &Path, method: &str, setting: &str) -> String {
     format!("{}.{}.{extension}", scene.file_stem().unwrap_or_default().to_string_lossy(), words.join("-"))
 }
 
-/// The methods asked for, or all, with their constants.
+/// The named methods, or all, with their constants.
 fn points(asked: &[String]) -> Result<Vec<(&'static str, Point)>, Failure> {
     let families = METHODS.iter().flat_map(|family| (family.points)().into_iter().map(|point| (family.name, point)));
     let mut all: Vec<(&str, Point)> = formats().into_iter().chain(families).collect();
@@ -144,18 +144,18 @@ fn points(asked: &[String]) -> Result<Vec<(&'static str, Point)>, Failure> {
     Ok(all)
 }
 
-/// Judges of a scene.
+/// Views and surface for judging a scene.
 struct Bench {
     judge: Judge,
     surface: Option<Surface>,
 }
 
-/// A comparison under way: some rows are done, and a method may be training.
+/// A comparison under way, with finished rows and at most one method in training.
 pub struct Comparison<'a> {
     inputs: &'a Inputs,
     tasks: &'a [Task<'a>],
     rows: Vec<Row>,
-    /// Of the scene of the next row.
+    /// Judges of the scene of the next row.
     bench: Option<Bench>,
     /// The method under way, and its seconds so far.
     current: Option<(Box<dyn Training + 'a>, f64)>,
@@ -169,12 +169,12 @@ impl<'a> Comparison<'a> {
         Self { inputs, tasks, rows: Vec::new(), bench: None, current: None, finished: None }
     }
 
-    /// The rows that are done.
+    /// The finished rows.
     pub fn rows(&self) -> &[Row] {
         &self.rows
     }
 
-    /// Writes the file of a method that has ended.
+    /// Writes the file of a finished method.
     pub fn write(&mut self, folder: &Folder) -> Result<(), Failure> {
         if let (Some(bytes), Some(row)) = (&self.finished, self.rows.last()) {
             let name = name(Path::new(&row.scene), &row.coded.method, &row.coded.setting);
@@ -184,13 +184,13 @@ impl<'a> Comparison<'a> {
         Ok(())
     }
 
-    /// The scene of a row, and its place among the rows of the scene.
+    /// The scene of a row, and its index among the rows of the scene.
     fn place(&self, row: usize) -> [usize; 2] {
         let each = self.inputs.rows_of_scene();
         [row / each, row % each]
     }
 
-    /// Steps of a row: those of training, and one for the rest.
+    /// Steps of a row: its training, and one for the rest.
     fn steps_of(&self, row: usize) -> usize {
         let point = self.inputs.points.get(self.place(row)[1]);
         1 + point.map_or(0, |(_, point)| point.method.steps(self.inputs.settings.steps))
@@ -202,7 +202,7 @@ impl<'a> Comparison<'a> {
         self.inputs.points[place].1.method.begin(&self.tasks[scene])
     }
 
-    /// Goes on with the next row; the loss.
+    /// Advances the next row; returns the loss.
     fn go_on(&mut self) -> Result<f64, CompressionError> {
         let [_, place] = self.place(self.rows.len());
         let Some((name, point)) = self.inputs.points.get(place) else {
@@ -231,7 +231,7 @@ impl<'a> Comparison<'a> {
         Ok(0.0)
     }
 
-    /// Adds the row of a method or a file whose Gaussians these are.
+    /// Adds the row of a method or a file, given its decoded Gaussians.
     fn judge(&mut self, coded: Coded, decoded: &Gaussians) -> Result<(), CompressionError> {
         let [number, place] = self.place(self.rows.len());
         let Scene { path, gaussians, views, drawing } = &self.inputs.scenes[number];
@@ -244,7 +244,7 @@ impl<'a> Comparison<'a> {
         self.rows.push(Row {
             scene: path.display().to_string(),
             gaussians: decoded.len(),
-            // Of the scene as it was, whatever is left of it.
+            // Bits per Gaussian of the original scene, before pruning.
             bits: 8.0 * coded.bytes as f64 / gaussians.len().max(1) as f64,
             psnr: bench.judge.psnr(decoded)?,
             photos: photos.transpose()?,
@@ -263,8 +263,7 @@ impl Bench {
     }
 }
 
-/// Mean of the decibels of a scene's pictures beside photos of its cameras; with NaN where a photo is masked
-/// altogether.
+/// Mean PSNR of a scene's pictures against photos from its cameras; NaN if a photo is masked altogether.
 fn psnr_of_photos(
     gaussians: &Gaussians,
     photos: &[Photo],

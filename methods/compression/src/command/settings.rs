@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Settings of a comparison, as its folder keeps them.
+/// Settings of a comparison, as stored in its folder.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
@@ -15,6 +15,6 @@ pub struct Settings {
     pub steps: usize,
     pub seed: u64,
     pub chamfer: bool,
-    /// Checksums of the scenes with their views, as a run began with them.
+    /// Checksums of the scenes with their views, from the beginning of the run.
     pub read: Vec<String>,
 }

@@ -3,14 +3,14 @@
 use serde::{Deserialize, Serialize};
 use weaver_run::Page;
 
-/// The bytes of a scene, and where they are from.
+/// The size of a compressed scene, and its source.
 #[derive(Deserialize, Serialize)]
 pub struct Coded {
-    /// Name of the method, or of the file that another program wrote.
+    /// Name of the method, or of the file by another program.
     pub method: String,
     pub setting: String,
     pub bytes: u64,
-    /// Seconds to encode, training included, and to decode; encoding of a file is not known.
+    /// Seconds of encoding, training included, and of decoding; encoding of a file is unknown.
     pub seconds: [Option<f64>; 2],
 }
 
@@ -21,9 +21,9 @@ pub struct Row {
     pub coded: Coded,
     pub gaussians: usize,
     pub bits: f64,
-    /// Beside pictures of the scene, dB.
+    /// PSNR against pictures of the scene, dB.
     pub psnr: f64,
-    /// Beside photos that are held out, dB.
+    /// PSNR against held-out photos, dB.
     pub photos: Option<f64>,
     /// Chamfer distance to the scene's surface, thousandths of the cameras' distance.
     pub chamfer: Option<f64>,
@@ -50,7 +50,7 @@ fn cells(row: &Row) -> [String; 9] {
     ]
 }
 
-/// Header and rows, without columns that are empty.
+/// Header and rows, without empty columns.
 fn filled(group: &[Row]) -> Vec<Vec<String>> {
     let all: Vec<[String; 9]> = std::iter::once(COLUMNS.map(String::from)).chain(group.iter().map(cells)).collect();
     let used: Vec<usize> = (0..9).filter(|&k| all[1..].iter().any(|row| !row[k].is_empty())).collect();
@@ -76,7 +76,7 @@ pub fn table(rows: &[Row]) -> String {
     text
 }
 
-/// Quality beyond which pictures are equal, and curves end.
+/// PSNR of pictures that count as equal, at which curves end, dB.
 const BEST: f64 = 70.0;
 
 /// Tables, and curves of quality over bits and over Gaussians, and of geometry over bits.

@@ -1,4 +1,4 @@
-//! A comparison in a folder: stopped, gone on with.
+//! A comparison in a folder: interrupted and resumed.
 
 use super::run::{Comparison, Inputs, KIND};
 use super::settings::Settings;
@@ -32,7 +32,8 @@ fn settings(scene: &Path) -> Settings {
     Settings { scenes: vec![scene.into()], methods, cameras: Some(cameras), steps: 12, ..Settings::default() }
 }
 
-/// Runs to the end or to a step, from the beginning or from where the folder was left; what is in it then, but for logs.
+/// Runs to the end or to a step, from the beginning or from the folder's checkpoint; returns the folder's content
+/// without logs.
 fn run(folder: &Path, settings: &Settings, last: usize) -> (bool, BTreeMap<String, Vec<u8>>) {
     let inputs = Inputs::read(settings.clone()).unwrap();
     let tasks = inputs.tasks();
@@ -66,7 +67,7 @@ fn stopped_comparisons_go_on_to_the_same_bytes() {
     let (complete, whole) = run(&path("whole"), &settings, usize::MAX);
     let expected = ["c3dgs-4096-codes.bin", "mesongs-keeps-0.67.bin", "speedysplat-3-hard.bin", "spz4.v4.spz"];
     assert!(complete && expected.iter().all(|name| whole.contains_key(&format!("scene.{name}"))), "{:?}", whole.keys());
-    // In the middle of a method, at its end, and where it prunes.
+    // Stops in the middle of a method, at its end, and at prunings.
     for last in [3, 7, 8, 26, 31, 39, 55, 70] {
         let (complete, some) = run(&path("part"), &settings, last);
         assert!(!complete && some.len() < whole.len(), "step {last}");

@@ -1,4 +1,4 @@
-//! The views that methods learn from, and those that judge.
+//! The training views of methods, and the judging ones.
 
 use super::settings::Settings;
 use weaver_command::Failure;
@@ -8,14 +8,14 @@ use weaver_geometry::Camera;
 use weaver_io::Checksum;
 use weaver_scene::{Gaussians, Photo};
 
-/// Pictures of an orbit that judge, those that methods learn from beside each, and their side.
+/// Judging pictures of an orbit, training pictures beside each, and their side.
 const ORBIT: (usize, usize, usize) = (6, 3, 256);
-/// One camera of so many judges.
+/// Stride of the judging cameras.
 const JUDGES: usize = 8;
 /// Longest side of pictures from cameras of a file, and of photos.
 const LONG_SIDE: usize = 384;
 
-/// Views of a scene: those that methods learn from, and those that judge.
+/// Views of a scene: for training, and for judging.
 #[derive(Default)]
 pub struct Views {
     pub training: Vec<Camera>,
@@ -25,7 +25,7 @@ pub struct Views {
 }
 
 impl Views {
-    /// Adds what they are to a checksum.
+    /// Adds cameras and photos to a checksum.
     pub fn add_to(&self, sum: &mut Checksum) {
         for camera in self.training.iter().chain(&self.judging) {
             let (pose, k) = (&camera.pose, &camera.intrinsics);
@@ -71,7 +71,7 @@ pub fn views(settings: &Settings, gaussians: &Gaussians) -> Result<Views, Failur
         place.push(*camera);
     }
     if views.training.is_empty() {
-        // A single camera has to do both.
+        // A single camera serves both purposes.
         views.training.clone_from(&views.judging);
     }
     Ok(views)

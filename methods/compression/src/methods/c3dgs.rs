@@ -22,7 +22,7 @@ const SHAPE: usize = 6;
 /// sensitivity; 8 bits of sizes and opacities; trained with colors as their codes and opacities rounded.
 #[derive(Clone, Copy, Debug)]
 pub struct C3dgs {
-    /// Codes of each codebook at most, 4096 in the paper.
+    /// Most codes of each codebook, 4096 in the paper.
     pub codes: usize,
 }
 
@@ -72,10 +72,10 @@ impl Rounding for Coded {
     }
 }
 
-/// Largest magnitude of a logit that is rounded.
+/// Largest magnitude of a logit before rounding.
 const LOGIT: f32 = 8.0;
 
-/// Least value, step and symbols of numbers.
+/// Least value, step and symbols of numbers in 8 bits.
 fn in_8_bits(values: Vec<f32>) -> (f32, f32, Vec<u32>) {
     let low = values.iter().copied().fold(f32::INFINITY, f32::min);
     let high = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);

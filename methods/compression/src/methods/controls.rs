@@ -20,7 +20,7 @@ impl Zstd {
     }
 }
 
-/// Times that a packed PLY may be longer when unpacked.
+/// Most times by which unpacking may lengthen a packed PLY.
 const LONGER: u64 = 64;
 
 impl Method for Zstd {
@@ -42,7 +42,7 @@ impl Method for Zstd {
 /// A PLY of half of the Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub struct Half {
-    /// True for the more important half, false for one that is drawn at random.
+    /// True for the more important half, false for a random one.
     pub important: bool,
 }
 

@@ -5,7 +5,7 @@ use crate::{CompressionError, Method, Task, Training};
 use weaver_io::{SceneFormat, read_gaussians_from, write_gaussians_to};
 use weaver_scene::Gaussians;
 
-/// A format of scene files, with the constants that it is written with everywhere.
+/// A format of scene files, with the constants of all its writers.
 #[derive(Clone, Copy, Debug)]
 pub struct Format {
     /// The format, of a single file.

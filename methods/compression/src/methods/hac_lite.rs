@@ -29,7 +29,7 @@ use training::HacTraining;
 use weaver_scene::Gaussians;
 
 /// Anchors with features, scalings and offsets, from which networks make the Gaussians; all rounded with steps, and
-/// coded by normal distributions, that a network predicts of a binary hash grid; trained with noise for rounding, and
+/// coded by normal distributions that a network predicts from a binary hash grid; trained with noise for rounding, and
 /// with its bits in the loss.
 #[derive(Clone, Copy, Debug)]
 pub struct HacLite {

@@ -1,4 +1,4 @@
-//! LightGaussian (Fan et al., 2023): pruned, distilled to fewer harmonics, and these by a codebook.
+//! LightGaussian (Fan et al., 2023): pruned, distilled to fewer harmonics, and a codebook of these.
 
 use super::pruning::{kept, significance};
 use crate::codes::{Codes, rest_of};
@@ -10,19 +10,19 @@ use weaver_scene::Gaussians;
 
 /// Bits of a coordinate.
 const DEPTH: u32 = 16;
-/// Degree that harmonics are distilled to.
+/// Degree of the distilled harmonics.
 const DEGREE: usize = 2;
-/// Codes of harmonics, and the share of rows that have one: the least significant Gaussians.
+/// Codes of harmonics, and the share of coded rows: the least significant Gaussians.
 const CODES: usize = 8192;
 const CODED: f64 = 0.6;
-/// Largest magnitude of a logit that is written.
+/// Largest magnitude of a written logit.
 const LOGIT: f32 = 16.0;
 
 /// Gaussians pruned by weight and volume, then trained; harmonics of degree 3 left out and the others trained to make
 /// up for it; a codebook for the harmonics of 60 % of the Gaussians. Everything else but positions is 16-bit floats.
 #[derive(Clone, Copy, Debug)]
 pub struct LightGaussian {
-    /// Share of the Gaussians that stay, 0.34 in the paper.
+    /// Share of the kept Gaussians, 0.34 in the paper.
     pub keep: f64,
 }
 

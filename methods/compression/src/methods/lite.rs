@@ -7,10 +7,10 @@ use weaver_codec::lite;
 use weaver_compress::{Judge, compress};
 use weaver_scene::Gaussians;
 
-/// Qualities that it is compared at, dB.
+/// Compared qualities, dB.
 const QUALITIES: [f64; 5] = [50.0, 46.0, 43.0, 40.0, 37.0];
 
-/// Steps measured for a quality of the task's pictures.
+/// The codec of .wsz files, with steps measured for a quality of the task's pictures.
 #[derive(Clone, Copy, Debug)]
 pub struct Lite {
     /// The quality, dB.

@@ -14,14 +14,14 @@ use weaver_scene::Gaussians;
 
 /// Levels of the octree.
 const DEPTH: u32 = 12;
-/// Blocks of coefficients that have a range of their own, and the least coefficients of one.
+/// Blocks of coefficients with their own ranges, and the least size of a block.
 const BLOCKS: usize = 66;
 const LEAST: usize = 128;
 /// The largest symbol of a coefficient, of 8 bits.
 const LARGEST: f64 = 255.0;
 /// Codes of harmonics.
 const CODES: usize = 2048;
-/// Numbers of a Gaussian that are transformed: opacity, scales, Euler angles, the first harmonics.
+/// Transformed numbers of a Gaussian: opacity, scales, Euler angles, the first harmonics.
 const CHANNELS: usize = 10;
 /// Steps of training, of 5000.
 const STEPS: f64 = 3000.0 / 5000.0;
@@ -31,7 +31,7 @@ const STEPS: f64 = 3000.0 / 5000.0;
 /// place.
 #[derive(Clone, Copy, Debug)]
 pub struct MesonGs {
-    /// Share of the Gaussians that stay, 0.34 in the paper.
+    /// Share of the kept Gaussians, 0.34 in the paper.
     pub keep: f64,
 }
 
@@ -62,7 +62,7 @@ impl Method for MesonGs {
     }
 }
 
-/// Codes of the further harmonics, if there are any.
+/// Codes of the further harmonics; `None` without any.
 fn codes_of(gaussians: &Gaussians, task: &Task<'_>) -> Result<Option<Codes>, CompressionError> {
     let width = 3 * (gaussians.coefficients() - 1);
     if width == 0 {
@@ -80,7 +80,7 @@ struct Coefficients {
     symbols: Vec<u32>,
 }
 
-/// Coefficients of a block, of so many in all.
+/// Coefficients of a block, given their total number.
 fn block(count: usize) -> usize {
     count.div_ceil(BLOCKS).max(LEAST)
 }
@@ -130,10 +130,10 @@ impl Coefficients {
     }
 }
 
-/// Largest magnitude of a logit that is transformed.
+/// Largest magnitude of a transformed logit.
 const LOGIT: f32 = 16.0;
 
-/// The numbers of a Gaussian that are transformed.
+/// The transformed numbers of a Gaussian.
 fn channels(gaussians: &Gaussians, i: usize) -> [f64; CHANNELS] {
     let [w, x, y, z] = gaussians.quats[i].map(f64::from);
     let quat = DQuat::from_xyzw(x, y, z, w);
@@ -144,7 +144,7 @@ fn channels(gaussians: &Gaussians, i: usize) -> [f64; CHANNELS] {
     [f64::from(gaussians.opacity_logits[i].clamp(-LOGIT, LOGIT)), s, t, u, a, b, c, red, green, blue]
 }
 
-/// Sets the numbers that [`channels`] reads.
+/// Sets a Gaussian's numbers in the order of [`channels`].
 fn set_channels(gaussians: &mut Gaussians, i: usize, values: &[f64]) {
     gaussians.opacity_logits[i] = values[0] as f32;
     gaussians.log_scales[i] = [1, 2, 3].map(|k| values[k] as f32);
@@ -182,7 +182,7 @@ impl Rounding for Transformed {
             rounded.means[i] = grid.mean(code);
             let quat = gaussians.quats[i];
             set_channels(&mut rounded, i, values);
-            // Of the length and the sign that are optimized.
+            // Keeps the length and the sign of the optimized quaternion.
             let dot: f32 = rounded.quats[i].iter().zip(quat).map(|(a, b)| a * b).sum();
             let length = quat.iter().map(|x| x * x).sum::<f32>().sqrt();
             rounded.quats[i] = rounded.quats[i].map(|x| if dot < 0.0 { -x * length } else { x * length });

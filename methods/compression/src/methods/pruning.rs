@@ -4,13 +4,13 @@ use crate::views::contributions;
 use crate::{CompressionError, Task};
 use weaver_scene::Gaussians;
 
-/// Rank of the volume that others are divided by, from the largest on.
+/// Rank of the reference volume, as a share from the largest on.
 const LARGE: f64 = 0.1;
 /// Power of volumes.
 const POWER: f32 = 0.1;
 
-/// Significance of LightGaussian, which MesonGS shares: the sum of blending weights over all pixels of all pictures, times the volume over that
-/// of the 90 % quantile, at most 1, to the power of 0.1; `[N]`.
+/// Significance of LightGaussian, which MesonGS shares: the sum of blending weights over all pixels of all pictures,
+/// times the ratio of the volume to the 90 % quantile of volumes, at most 1, to the power of 0.1; `[N]`.
 pub(super) fn significance(gaussians: &Gaussians, task: &Task<'_>) -> Result<Vec<f32>, CompressionError> {
     let volumes: Vec<f32> = gaussians.log_scales.iter().map(|s| s.iter().sum::<f32>().exp()).collect();
     let mut sorted = volumes.clone();

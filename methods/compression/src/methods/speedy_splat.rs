@@ -8,9 +8,9 @@ use crate::views::squared_gradients;
 use crate::{CompressionError, Method, Schedule, Task, Training};
 use weaver_scene::Gaussians;
 
-/// Share of the Gaussians that soft pruning takes away, at the beginning.
+/// Share of the Gaussians removed by soft pruning, at the beginning.
 const SOFT: f64 = 0.8;
-/// Share that each round of hard pruning takes away.
+/// Share removed by each round of hard pruning.
 const HARD: f64 = 0.3;
 /// Steps between two rounds, of 5000.
 const INTERVAL: f64 = 3000.0 / 5000.0;
@@ -18,8 +18,8 @@ const INTERVAL: f64 = 3000.0 / 5000.0;
 /// Rounds of pruning with training between them, stored as PLY: the method saves Gaussians, not bits of a Gaussian.
 ///
 /// The score of a Gaussian is the sum over all pixels of the squared derivative of the pixel with respect to the
-/// Gaussian's value there. In the paper soft pruning falls into the time when Gaussians still split; a scene that is
-/// complete loses more by it.
+/// Gaussian's value there. In the paper soft pruning falls into the phase of splitting Gaussians; a complete scene
+/// loses more by it.
 #[derive(Clone, Copy, Debug)]
 pub struct SpeedySplat {
     /// True with soft pruning at the beginning.
@@ -59,7 +59,7 @@ impl Method for SpeedySplat {
     }
 }
 
-/// Steps between two rounds, where a paper's 5000 are `of`.
+/// Steps between two rounds, for `of` in place of a paper's 5000.
 fn interval(of: usize) -> usize {
     (INTERVAL * of as f64) as usize
 }

@@ -1,4 +1,4 @@
-//! Methods: real bytes, and a scene of these alone.
+//! Methods: real bytes, and a scene from these alone.
 
 use crate::scenes::{cameras, pictures, scene};
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! Ops of training: gradients by differences, values by slow twins.
+//! Ops of training: gradients by differences, values by slow references.
 
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -31,8 +31,7 @@ fn positions(seed: u64, count: usize) -> Vec<[f64; 3]> {
     (0..count as u64).map(|i| [at(3 * i), at(3 * i + 1), at(3 * i + 2)]).collect()
 }
 
-/// The features of a position at a level, corner by corner as the definition has them: the product over axes
-/// of 1 - |distance|.
+/// The features of a position at a level, corner by corner by definition: the product over axes of 1 - |distance|.
 fn by_definition(level: &HashLevel, position: [f64; 3], table: &[f64], width: usize) -> Vec<f64> {
     let mut sums = vec![0.0; width];
     let places = position.map(|x| x.clamp(0.0, 1.0) * f64::from(level.resolution));

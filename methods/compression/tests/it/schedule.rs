@@ -1,4 +1,4 @@
-//! Schedules: order, priority, going on.
+//! Schedules: order, priority, resuming.
 
 use proptest::prelude::*;
 use weaver_compression::Schedule;

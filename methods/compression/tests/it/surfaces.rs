@@ -1,4 +1,4 @@
-//! Surfaces: the distance of a scene from itself, and from one that is moved.
+//! Surfaces: the distance of a scene from itself, and from a moved one.
 
 use crate::scenes::pictures;
 use weaver_compress::CompressError;
@@ -40,7 +40,7 @@ fn balls_are_as_far_apart_as_their_radii_differ() {
     assert!(hardly < 0.1 * found, "{hardly} beside {found}");
 }
 
-/// A surface without any points is as far off as can be, a twentieth of the cameras' distance.
+/// A surface without points has the largest distance, a twentieth of the cameras'.
 ///
 /// Promise of `nothing_is_no_good_mesh`.
 #[test]

@@ -33,7 +33,7 @@ pub fn run(arguments: &DynamicEval, console: &mut Console) -> Result<(), Failure
     console.print(&format!("report: {}/report.html", arguments.run.display()))
 }
 
-/// Judges a run and writes its report.
+/// Evaluates a run and writes its report.
 pub fn judge(run: &Run, console: &mut Console) -> Result<Evaluation, Failure> {
     let mut progress = Progress::new("eval", 0, run.film().shots.len(), console);
     let evaluation = run.evaluate(|done, all| progress.at(done, all, String::new, console))?;

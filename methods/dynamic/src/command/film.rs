@@ -1,4 +1,4 @@
-//! Films to look at.
+//! Films for the viewer.
 
 use crate::run::{MODEL, Run};
 use std::path::Path;
@@ -8,12 +8,12 @@ use weaver_io::{Bitmap, Drawing, Image};
 use weaver_view::{Look, Shot, ViewError, photo_file};
 use weaver_view_run::{Moving, ScenePage};
 
-/// The moment of the film that a page shows, or begins with.
+/// Initial moment of a page.
 const MOMENT: f64 = 0.5;
-/// Cameras that a page has at most: those of a hand-held film are as many as its photos.
+/// Most cameras of a page: a hand-held film has one for each photo.
 const SHOTS: usize = 100;
 
-/// An expert of the run in a folder, at any time: that of this name, or the one that was trained last.
+/// An expert of the run in a folder, at any time: the named one, or the one trained last.
 ///
 /// # Errors
 /// When the run cannot be read, or has no such expert.
@@ -36,7 +36,7 @@ pub fn film(
     Ok(ScenePage { look, moving, report, ..scene_page(&run, expert, folder)? })
 }
 
-/// An expert of a run as it is now, with the photos taken nearest to the moment; held-out ones come first.
+/// The present state of a run's expert, with the photos taken nearest to the moment; held-out ones come first.
 pub(super) fn scene_page(run: &Run, expert: usize, folder: &Path) -> Result<ScenePage, Failure> {
     let film = run.film();
     let shot = |shot: &film::Shot| -> Result<Shot, Failure> {

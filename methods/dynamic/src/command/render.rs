@@ -57,7 +57,7 @@ pub struct Times {
 }
 
 impl Times {
-    /// All of them.
+    /// All times, in order.
     pub fn all(self) -> impl Iterator<Item = f64> {
         let step = (self.to - self.from) / (self.count.max(2) - 1) as f64;
         (0..self.count).map(move |i| self.from + step * i as f64)
@@ -113,7 +113,7 @@ pub fn run(arguments: &DynamicRender, console: &mut Console) -> Result<(), Failu
     console.print(&format!("{count} pictures in {}", places.join(" and ")))
 }
 
-/// The cameras that are followed.
+/// The cameras of the path.
 fn path(arguments: &DynamicRender, run: &Run) -> Result<Vec<Camera>, Failure> {
     if let Some(file) = &arguments.cameras {
         return Ok(camera_files::read(file, Size::default())?.into_iter().map(|frame| frame.camera).collect());

@@ -1,4 +1,4 @@
-//! `splatweaver dynamic train`, and what every run of it does.
+//! `splatweaver dynamic train`, and the common parts of all trainings.
 
 use super::eval;
 use super::film::scene_page;
@@ -117,7 +117,7 @@ pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrup
     begin((&out, live), settings, None, console, interrupt)
 }
 
-/// A run that comes out of another.
+/// Trains a run derived from another.
 pub fn derive(
     run: &Run,
     from: &Path,

@@ -6,7 +6,7 @@ use weaver_autograd::{ParamId, Real, Var};
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_nn::{Builder, Context, Init};
 
-/// Deviation of the codes of moments, over that of Gaussians' codes, to begin with: N(0, 0.01 / 16).
+/// Initial deviation of the codes of moments, over the deviation of Gaussians' codes: N(0, 0.01 / 16).
 const MOMENTS: f64 = 0.01 / 16.0;
 /// Weight of the mean opacity.
 const OPAQUE: f64 = 1e-4;
@@ -22,7 +22,7 @@ pub struct CodeConfig {
     pub code: usize,
     /// Moments of the table, and numbers of each: 150 and 256 as published.
     pub table: [usize; 2],
-    /// Moments that the coarse and the fine net see, at least 2 each; the table is resampled to so many.
+    /// Moments in the inputs of the coarse and the fine net, at least 2 each; the table is resampled to these numbers.
     pub moments: [usize; 2],
     /// Hidden width: 128 as published.
     pub width: usize,
@@ -30,8 +30,8 @@ pub struct CodeConfig {
     pub neighbors: usize,
 }
 
-/// Offsets by a coarse and a fine net of [code of the moment ; code of the Gaussian]: no position enters, so that neighbors can move against
-/// each other.
+/// Offsets by a coarse and a fine net of [code of the moment ; code of the Gaussian]: no position enters, so that
+/// neighbors can move against each other.
 #[derive(Clone, Debug)]
 pub struct Code {
     config: CodeConfig,
@@ -39,12 +39,12 @@ pub struct Code {
     z: ParamId,
     table: ParamId,
     nets: [OffsetHeads; 2],
-    /// Indices `[N, neighbors]`, of where the Gaussians began.
+    /// Indices of neighbors `[N, neighbors]`, by initial positions.
     neighbors: Vec<u32>,
 }
 
 impl Code {
-    /// Builds the raw Gaussians, `z` `[N, code]`, `table`, `coarse` and `fine`; nothing moves.
+    /// Builds the raw Gaussians, `z` `[N, code]`, `table`, `coarse` and `fine`, without motion at first.
     ///
     /// # Panics
     /// Unless there are more Gaussians than neighbors and at least two moments each.
@@ -61,8 +61,8 @@ impl Code {
         Self { config, raw, z, table, nets, neighbors: nearest(start.positions, neighbors) }
     }
 
-    /// The mean, over Gaussians and their neighbors, of sqrt(exp(-2000 d^2) |z_i - z_j|^2 + 1e-20), where d is the distance of their raw
-    /// means, which is held constant.
+    /// The mean, over Gaussians and their neighbors, of sqrt(exp(-2000 d^2) |z_i - z_j|^2 + 1e-20), where d is the
+    /// distance of their raw means, which is held constant.
     pub fn smoothness<'t, T: Real>(&self, cx: Context<'t, '_, T>) -> Var<'t, T> {
         let (z, k) = (cx.param(self.z), self.config.neighbors);
         let [n, width] = [0, 1].map(|axis| z.shape()[axis]);
@@ -77,10 +77,11 @@ impl Code {
         (apart * cx.tape.constant(&weights, [n * k]) + TINY).sqrt().mean()
     }
 
-    /// The code of a moment `[1, width]`: the table resampled to `moments` rows, then sampled between two of these; both are linear.
+    /// The code of a moment `[1, width]`: the table resampled to `moments` rows, then sampled between two of these;
+    /// both are linear.
     fn moment<'t, T: Real>(&self, cx: Context<'t, '_, T>, time: f64, moments: usize) -> Var<'t, T> {
         let rows = self.config.table[0];
-        // Between which two of `count` things a place is, and how far.
+        // Index of the interval among `count` samples, and the place within it.
         let between = |x: f64, count: usize| {
             let first = (x.max(0.0) as usize).min(count - 2);
             [(first, 1.0 - (x - first as f64)), (first + 1, x - first as f64)]

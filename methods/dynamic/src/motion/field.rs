@@ -1,4 +1,5 @@
-//! 4DGaussians (Wu et al., CVPR 2024, arXiv 2310.08528): offsets by a field over space and time that is a product of planes.
+//! 4DGaussians (Wu et al., CVPR 2024, arXiv 2310.08528): offsets by a field over space and time that is a product of
+//! planes.
 
 use super::heads::OffsetHeads;
 use super::{Motion, Moved, RawGaussians, Start};
@@ -20,7 +21,8 @@ const STILL: f64 = 1e-4;
 pub struct FieldConfig {
     /// Lower and upper corner of the box that the planes cover.
     pub bounds: [[f64; 3]; 2],
-    /// Cells along x, y, z and time at the first level, at least 3 each (second differences need as many): 64, 64, 64, 150 as published.
+    /// Cells along x, y, z and time at the first level, at least 3 each (second differences need as many): 64, 64, 64,
+    /// 150 as published.
     pub resolution: [usize; 4],
     /// Levels; each further one has twice as many cells in space: 2 as published.
     pub levels: usize,
@@ -30,10 +32,11 @@ pub struct FieldConfig {
     pub width: usize,
 }
 
-/// Offsets by the features of a Gaussian's place and time: at each level the product of samples of six planes, the levels side by side.
+/// Offsets by the features of a Gaussian's place and time: at each level the product of samples of six planes, the
+/// levels side by side.
 ///
-/// A place outside the box has the features of the border. Time runs over the whole grid, as [-1, 1]; the released code feeds time from 0 to 1 to
-/// that, and uses half of its planes.
+/// A place outside the box has the features of the border. Time runs over the whole grid, as [-1, 1]; the released code
+/// passes time from 0 to 1 instead, and uses half of its planes.
 #[derive(Clone, Debug)]
 pub struct Field {
     config: FieldConfig,
@@ -44,8 +47,8 @@ pub struct Field {
 }
 
 impl Field {
-    /// Builds the raw Gaussians, `plane{l}.{xy, ..}` `[C, rows, columns]` and the heads; nothing moves. Planes of space begin in [0.1, 0.5],
-    /// those with time at 1.
+    /// Builds the raw Gaussians, `plane{l}.{xy, ..}` `[C, rows, columns]` and the heads, without motion at first.
+    /// Planes of space begin in [0.1, 0.5], planes with time at 1.
     ///
     /// # Panics
     /// If the resolution is below 3, or the box is empty.
@@ -81,7 +84,7 @@ impl Field {
         self.of_planes(cx, of_time, rough)
     }
 
-    /// The sum over planes with time of the mean |1 - x|: how much moves.
+    /// The sum over planes with time of the mean |1 - x|: the amount of motion.
     pub fn stir<'t, T: Real>(&self, cx: Context<'t, '_, T>) -> Var<'t, T> {
         self.of_planes(cx, true, |plane| (plane * -1.0 + 1.0).abs().mean())
     }
@@ -124,7 +127,8 @@ impl<T: Real> Motion<T> for Field {
         Moved::activated(self.heads.added(cx, ops::concat(&levels, 1), raw))
     }
 
-    /// 2e-4 times the roughness of planes of space, 1e-3 times that of planes with time, 1e-4 times how much moves.
+    /// 2e-4 times the roughness of planes of space, 1e-3 times the roughness of planes with time, 1e-4 times the amount
+    /// of motion.
     fn regularizer<'t>(&self, cx: Context<'t, '_, T>) -> Option<Var<'t, T>> {
         let [space, time] = [false, true].map(|of_time| self.roughness(cx, of_time));
         Some(space * ROUGH_SPACE + time * ROUGH_TIME + self.stir(cx) * STILL)

@@ -11,7 +11,8 @@ pub(crate) struct OffsetHeads {
 }
 
 impl OffsetHeads {
-    /// Builds `trunk` and `mean`, `scale`, `quat` and `opacity`, each `.0` and `.1`. The last layers begin at zero: nothing moves.
+    /// Builds `trunk` and `mean`, `scale`, `quat` and `opacity`, each `.0` and `.1`. The last layers begin at zero,
+    /// without motion.
     pub fn new<T: Real>(b: &mut Builder<'_, T>, inputs: usize, width: usize) -> Self {
         let trunk = Linear::new(b.scope("trunk"), inputs, width, WeightInit::FanIn);
         let heads = [("mean", 3), ("scale", 3), ("quat", 4), ("opacity", 1)].map(|(name, outputs)| {
@@ -24,7 +25,7 @@ impl OffsetHeads {
         Self { trunk, heads }
     }
 
-    /// `raw` plus the offsets that features `[N, inputs]` say.
+    /// `raw` plus the offsets from features `[N, inputs]`.
     pub fn added<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

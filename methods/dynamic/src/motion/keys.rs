@@ -1,21 +1,23 @@
-//! Ex4DGS (Lee et al., NeurIPS 2024, arXiv 2410.15629): keys in time, between which positions and rotations are interpolated.
+//! Ex4DGS (Lee et al., NeurIPS 2024, arXiv 2410.15629): keys in time, between which positions and rotations are
+//! interpolated.
 
 use super::{Motion, Moved, RawGaussians, Start, logit};
 use weaver_autograd::{ParamId, Real, Var, apply_pointwise, pointwise};
 use weaver_nn::{Builder, Context, Init};
 
-/// Log of the width of an opacity's flanks, in keys, to begin with.
+/// Initial log of the width of an opacity's flanks, in keys.
 const WIDTH: f64 = 1.0;
-/// The largest cosine between neighboring rotations that the angle is taken of.
+/// Upper bound on the cosine between neighboring rotations, for a finite derivative of the angle.
 const NEAREST: f64 = 1.0 - 1e-4;
 /// Width of a flank at half its height, in deviations: 2 sqrt(2 ln 2).
 const HALF: f64 = 2.36;
-/// Weights of the regularizer of static Gaussians and of moving ones, and what is added to a length before its logarithm.
+/// Weights of the regularizer of static Gaussians and of moving ones, and the addend of a length before its logarithm.
 const STILL: f64 = 1e-4;
 const NEAR: f64 = 1e-3;
 
 pointwise!(
-    /// The share of the first of two unit quaternions with the dot product `dot`, 0 or more, at `part` of the way to the second.
+    /// The share of the first of two unit quaternions with the dot product `dot`, 0 or more, at `part` of the way to
+    /// the second.
     SlerpShare { part: f64 }, 1, |dot| {
         let dot = dot.min(NEAREST);
         // acos without its pole: twice the arctangent of the half angle's.
@@ -34,7 +36,7 @@ pointwise!(
     }
 );
 
-/// When keys are.
+/// Timing of keys.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KeysConfig {
     /// Frames of the clip, at least 1.
@@ -48,21 +50,22 @@ pub struct KeysConfig {
 }
 
 impl KeysConfig {
-    /// The key before a frame, and how far after it the frame is, in keys.
+    /// The key before a frame, and the distance of the frame from it, in keys.
     fn place(&self, frame: f64) -> (usize, f64) {
         let x = (frame + self.pad) / self.interval as f64;
         (x as usize, x - x.floor())
     }
 
-    /// Keys of a Gaussian: one before the first, and two after the one that the clip ends behind.
+    /// Keys of a Gaussian: one before the first, and two after the last one within the clip.
     fn count(&self) -> usize {
         self.place(self.frames as f64).0 + 4
     }
 }
 
-/// Keys every I frames: with x = (frame + pad) / I, n = floor x and d = x - n, the mean is the cubic Hermite spline through the keys n and
-/// n + 1 with slopes (p_{n+1} - p_{n-1}) / 2, the quaternion goes the shorter way around, by angles, and the opacity is full between two times and
-/// falls off as exp(-(m / (e^v + margin / (2.36 I)))^2) outside, m keys away from the nearer.
+/// Keys every I frames: with x = (frame + pad) / I, n = floor x and d = x - n, the mean is the cubic Hermite spline
+/// through the keys n and n + 1 with slopes (p_{n+1} - p_{n-1}) / 2, the quaternion goes the shorter way around, by
+/// angles, and the opacity is full between two times and falls off as exp(-(m / (e^v + margin / (2.36 I)))^2) outside,
+/// m keys away from the nearer.
 #[derive(Clone, Copy, Debug)]
 pub struct Keys {
     config: KeysConfig,
@@ -75,8 +78,8 @@ pub struct Keys {
 }
 
 impl Keys {
-    /// Builds `position` `[N, J, 3]`, `quat` `[N, J, 4]`, `scale` `[N, 3]`, `opacity` `[N, 1]`, `center` `[N, 2]` and `width` `[N, 2]`;
-    /// nothing moves, and all is seen all the time.
+    /// Builds `position` `[N, J, 3]`, `quat` `[N, J, 4]`, `scale` `[N, 3]`, `opacity` `[N, 1]`, `center` `[N, 2]` and
+    /// `width` `[N, 2]`, at first without motion and visible all the time.
     ///
     /// # Panics
     /// Unless there are three coordinates for each size, and an interval of at least one frame.
@@ -102,7 +105,7 @@ impl Keys {
         Self { config, position, quat, scale, opacity, center, width }
     }
 
-    /// The Gaussians at a frame, which need not be a whole one.
+    /// The Gaussians at a frame, whole or fractional.
     pub fn at_frame<'t, T: Real>(&self, cx: Context<'t, '_, T>, frame: f64) -> Moved<'t, T> {
         let KeysConfig { interval, margin, .. } = self.config;
         let (key, d) = self.config.place(frame);
@@ -153,7 +156,7 @@ impl<T: Real> Motion<T> for Keys {
         self.at_frame(cx, time * self.config.frames as f64)
     }
 
-    /// 1e-4 mean |p_0 - p_n|: how far the last key is from the first.
+    /// 1e-4 mean |p_0 - p_n|: the distance of the last key from the first.
     fn regularizer<'t>(&self, cx: Context<'t, '_, T>) -> Option<Var<'t, T>> {
         let positions = cx.param(self.position);
         let (n, keys) = (positions.shape()[0], positions.shape()[1]);
@@ -162,7 +165,7 @@ impl<T: Real> Motion<T> for Keys {
     }
 }
 
-/// Gaussians that stand still or drift: mu + displacement t. Ex4DGS has them beside those with keys.
+/// Gaussians that stand still or drift: mu + displacement t. Ex4DGS combines them with keyed ones.
 #[derive(Clone, Copy, Debug)]
 pub struct Drift {
     raw: RawGaussians,
@@ -170,7 +173,7 @@ pub struct Drift {
 }
 
 impl Drift {
-    /// Builds the raw Gaussians and `displacement` `[N, 3]`; nothing moves.
+    /// Builds the raw Gaussians and `displacement` `[N, 3]`, without motion at first.
     pub fn new<T: Real>(mut b: Builder<'_, T>, start: &Start<'_>) -> Self {
         let raw = RawGaussians::new(&mut b, start);
         Self { raw, displacement: b.add("displacement", [start.count(), 3], Init::Constant(0.0)) }

@@ -1,10 +1,10 @@
-//! Spacetime Gaussians (Li et al., CVPR 2024, arXiv 2312.16812): each lives for a while and moves on a cubic path.
+//! Spacetime Gaussians (Li et al., CVPR 2024, arXiv 2312.16812): Gaussians with lifetimes on cubic paths.
 
 use super::{Motion, Moved, RawGaussians, Start};
 use weaver_autograd::{ParamId, Real, Var, pointwise};
 use weaver_nn::{Builder, Context, Init};
 
-/// Log of the time for which a Gaussian lives, to begin with.
+/// Initial log of a Gaussian's lifetime.
 const WIDTH: f64 = -1.0;
 
 pointwise!(
@@ -15,8 +15,8 @@ pointwise!(
     }
 );
 
-/// Cubic paths: with D = t - c, the mean mu + b1 D + b2 D^2 + b3 D^3, the quaternion q + omega D at unit length, the opacity times
-/// exp(-(D / e^s)^2). No gradient reaches c through path and rotation, as published.
+/// Cubic paths: with D = t - c, the mean mu + b1 D + b2 D^2 + b3 D^3, the quaternion q + omega D at unit length, the
+/// opacity times exp(-(D / e^s)^2). No gradient reaches c through path and rotation, as published.
 #[derive(Clone, Copy, Debug)]
 pub struct Poly {
     raw: RawGaussians,
@@ -27,8 +27,8 @@ pub struct Poly {
 }
 
 impl Poly {
-    /// Builds the raw Gaussians, `motion` `[N, 3, 3]` (b1, b2, b3), `spin` `[N, 4]`, `center` `[N]` and `width` `[N]`; nothing moves, and each
-    /// lives around the time that `centers` `[N]` says.
+    /// Builds the raw Gaussians, `motion` `[N, 3, 3]` (b1, b2, b3), `spin` `[N, 4]`, `center` `[N]` and `width` `[N]`,
+    /// without motion at first, with lifetimes around the times `centers` `[N]`.
     ///
     /// # Panics
     /// Unless there is a time for each Gaussian.

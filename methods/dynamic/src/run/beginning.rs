@@ -1,4 +1,4 @@
-//! Where the Gaussians of experts begin.
+//! Initial Gaussians of experts.
 
 use crate::run::RunError;
 use weaver_data::film::{Film, FilmPoint};
@@ -7,7 +7,7 @@ use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_kernels::order::median_high;
 use weaver_kernels::random::Stream;
 
-/// Gaussians to begin with, and when each was seen.
+/// Initial Gaussians, with the time of each observation.
 #[derive(Clone, Debug, Default)]
 pub struct Beginning {
     /// Centers `[N, 3]`.
@@ -24,11 +24,11 @@ pub struct Beginning {
 const NEIGHBORS: usize = 3;
 /// Sizes are at least this share of the film's extent.
 const SMALLEST: f64 = 1e-3;
-/// Without points, Gaussians begin this near and this far, in distances to what the cameras look at.
+/// Range of initial depths without points, in distances to the cameras' common focus.
 const BETWEEN: [f64; 2] = [0.5, 1.5];
 
 impl Beginning {
-    /// So many of a film's points; where there are too few, further ones under random pixels at random depths.
+    /// `count` of a film's points; if there are too few, further ones under random pixels at random depths.
     ///
     /// # Errors
     /// When a photo cannot be read any more.
@@ -47,7 +47,7 @@ impl Beginning {
         Self { positions, sizes, colors, times: points.iter().map(|point| point.time).collect() }
     }
 
-    /// N Gaussians without meaning, for values that are about to be read.
+    /// N placeholder Gaussians, for values that are about to be read.
     pub fn blank(count: usize) -> Self {
         let positions = (0..3 * count).map(|i| i as f64).collect();
         Self { positions, sizes: vec![1.0; count], colors: vec![0.5; 3 * count], times: vec![0.5; count] }
@@ -68,7 +68,7 @@ fn sizes(positions: &[f64], least: f64) -> Vec<f64> {
     rows.chunks_exact(k + 1).enumerate().map(mean).collect()
 }
 
-/// Points under random pixels of photos that are trained on, around the distance at which the cameras' axes meet.
+/// Points under random pixels of training photos, around the distance of the cameras' common focus.
 fn somewhere(film: &Film, count: usize, stream: Stream) -> Result<Vec<FilmPoint>, RunError> {
     let shots = film.training();
     if shots.is_empty() {
@@ -76,7 +76,7 @@ fn somewhere(film: &Film, count: usize, stream: Stream) -> Result<Vec<FilmPoint>
     }
     let focus = focus(film).unwrap_or_else(|| 4.0 * film.extent());
     let [height, width] = film.size;
-    // By photo, each of which is looked at once: it may have to be read.
+    // By photo, so that each is read once.
     let mut drawn: Vec<(usize, usize)> =
         (0..count).map(|i| (shots[stream.fork(i as u64).below(0, shots.len())], i)).collect();
     drawn.sort_unstable();
@@ -99,8 +99,7 @@ fn somewhere(film: &Film, count: usize, stream: Stream) -> Result<Vec<FilmPoint>
     Ok(points.into_iter().map(|(_, point)| point).collect())
 }
 
-/// The median distance of the cameras from the point that is nearest to all optical axes; `None` where these are
-/// parallel.
+/// The median distance of the cameras from the point nearest to all optical axes; `None` for parallel axes.
 fn focus(film: &Film) -> Option<f64> {
     let shots = film.training();
     let axes = shots.iter().map(|&i| {

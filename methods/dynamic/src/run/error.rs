@@ -1,9 +1,9 @@
-//! What can go wrong with a run.
+//! Errors of runs.
 
 use std::path::PathBuf;
 use weaver_io::Advice;
 
-/// Why a run cannot begin, go on, or be shown.
+/// Error of beginning, resuming or showing a run.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {
@@ -31,17 +31,17 @@ pub enum RunError {
     /// The folder holds a run already, the run is complete, or a file of it could not be read or written.
     #[error(transparent)]
     Run(#[from] weaver_run::Error),
-    /// There is no trained router, so that nothing can be mixed.
+    /// There is no trained router, and therefore no mixture.
     #[error("{}: expected a complete run, found one in stage {stage}, step {step}; go on with --resume", folder.display())]
     Incomplete {
         /// The folder.
         folder: PathBuf,
-        /// The stage it is in, from 1.
+        /// The present stage, from 1.
         stage: usize,
-        /// The step of it.
+        /// The present step of the stage.
         step: usize,
     },
-    /// The film is not the one that the run began with.
+    /// The film has changed since the run began.
     #[error("{film}: photos, cameras and times: expected those that the run in {} began with, found others", folder.display())]
     FilmChanged {
         /// The folder.
@@ -49,14 +49,14 @@ pub enum RunError {
         /// The film.
         film: String,
     },
-    /// A loss is no number.
+    /// A loss is NaN or infinite.
     #[error("{}: the loss is {loss} in stage {stage}, step {step}", folder.display())]
     Diverged {
         /// The folder.
         folder: PathBuf,
         /// The stage, from 1.
         stage: usize,
-        /// The step of it.
+        /// The step of the stage.
         step: usize,
         /// The loss found.
         loss: f32,

@@ -1,4 +1,4 @@
-//! How well experts, mixture and what it is compared with meet photos.
+//! Errors of experts, mixture and reference blends on photos.
 
 use crate::hard_oracle;
 use crate::run::mixture::Pictures;
@@ -8,11 +8,11 @@ use weaver_data::film::Shot;
 use weaver_losses::metrics;
 use weaver_procedural::MOTIONS;
 
-/// At most so many photos that were trained on are judged, evenly spread.
+/// Most training photos in an evaluation, evenly spread.
 const TRAINED: usize = 32;
 /// Squared errors closer than this are equal.
 const EQUAL: f64 = 1e-4;
-/// Experts differ at a pixel where a channel of theirs does by more than this.
+/// Difference of a channel above which experts differ at a pixel.
 const DIFFERENT: f32 = 2.0 / 255.0;
 
 /// Mean PSNR in dB and SSIM.
@@ -20,7 +20,7 @@ const DIFFERENT: f32 = 2.0 / 255.0;
 pub struct Quality {
     /// dB.
     pub psnr: f64,
-    /// Structural similarity; of photos too small for it, none.
+    /// Structural similarity; `None` for photos too small for it.
     pub ssim: Option<f64>,
 }
 
@@ -35,12 +35,11 @@ pub struct Scores {
     pub uniform: Quality,
     /// The mixture.
     pub mixture: Quality,
-    /// At each pixel the expert that is nearest to the photo.
+    /// The expert nearest to the photo at each pixel.
     pub oracle: Quality,
     /// Mean gate of each expert.
     pub shares: Vec<f64>,
-    /// Of the pixels at which experts differ, the share at which the expert that the gate believes most is as good as
-    /// the best.
+    /// Share of the pixels with differing experts at which the gate's first choice is as good as the best expert.
     pub right: f64,
 }
 
@@ -64,22 +63,22 @@ pub struct Evaluation {
     pub experts: Vec<String>,
     /// Gaussians of each.
     pub gaussians: Vec<usize>,
-    /// Photos by cameras that were not trained on, at times that were.
+    /// Photos by held-out cameras, at training times.
     pub held_out_cameras: Option<Scores>,
-    /// Photos by cameras that were trained on, at times that were not.
+    /// Photos by training cameras, at held-out times.
     pub held_out_times: Option<Scores>,
-    /// Neither.
+    /// Photos by held-out cameras at held-out times.
     pub held_out_both: Option<Scores>,
-    /// Photos that were trained on.
+    /// Training photos.
     pub trained: Option<Scores>,
-    /// By what is seen, over all photos held out, where that is known.
+    /// By kind of motion, over all held-out photos with known motion.
     pub motions: Vec<MotionScores>,
     /// Seconds of each stage.
     pub seconds: Vec<f64>,
 }
 
 impl Run {
-    /// Judges the run on its film; `observe` is told how many photos of how many are done.
+    /// Evaluates the run on its film; `observe` receives the numbers of finished and of all photos.
     ///
     /// # Errors
     /// When the rasterizer refuses.
@@ -103,7 +102,7 @@ impl Run {
                 let pictures = self.mixture.pictures(&self.params, &shot.camera, shot.time)?;
                 let photo = shot.image(self.film.size)?.pixels;
                 sums.add(&pictures, &photo, self.film.size);
-                // What was trained on says nothing.
+                // Training photos do not measure generalization.
                 if let Some(motion) = shot.motion.as_ref().filter(|_| group < 3) {
                     for (kind, sums) in motions.iter_mut().enumerate() {
                         sums.add(&pictures, &photo, |pixel| usize::from(motion[pixel]) == kind);
@@ -134,7 +133,7 @@ impl Run {
 #[derive(Clone, Debug)]
 struct Sums {
     scores: Scores,
-    /// Pixels at which experts differ, and those of them where the gate is right.
+    /// Number of pixels at which experts differ, and the number of these with a right gate.
     different: [usize; 2],
 }
 
@@ -191,7 +190,7 @@ impl Sums {
 
 impl Quality {
     const ZERO: Self = Self { psnr: 0.0, ssim: Some(0.0) };
-    /// Fewer pixels on a side have no structural similarity.
+    /// Least sides of photos for a structural similarity, pixels.
     const WINDOW: usize = 11;
 
     fn add(&mut self, picture: &[f32], photo: &[f32], [height, width]: [usize; 2]) {

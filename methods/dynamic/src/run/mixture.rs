@@ -1,4 +1,4 @@
-//! Experts and router, put together.
+//! Experts and router together.
 
 use crate::run::beginning::Beginning;
 use crate::run::{ExpertKind, Preset, RunError, RunSettings};
@@ -14,20 +14,20 @@ use weaver_pose::CameraVars;
 use weaver_scene::CameraRows;
 use weaver_splat::{GaussianVars, RasterSettings, Workspace, WorkspacePool};
 
-/// Opacity of all Gaussians to begin with.
+/// Initial opacity of all Gaussians.
 const OPACITY: f64 = 0.1;
 /// The box of a field around the points, as a share of their spread on each side.
 const ROOM: f64 = 0.1;
-/// Part of the points on each side of each axis that a field's box leaves out: strays.
+/// Part of the points on each side of each axis outside of a field's box: strays.
 const STRAYS: f64 = 0.01;
 
-/// Experts and router, whose numbers are in [`Params`].
+/// Experts and router, with parameters in [`Params`].
 #[derive(Debug)]
 pub struct Mixture {
     experts: Vec<Expert<f32>>,
     counts: Vec<usize>,
     router: PixelRouter,
-    /// The box that fields cover.
+    /// The box of fields.
     bounds: [[f64; 3]; 2],
     background: [f32; 3],
     workspaces: WorkspacePool<f32>,
@@ -78,7 +78,7 @@ impl Mixture {
         &self.counts
     }
 
-    /// Lower and upper corner of the box that fields cover.
+    /// Lower and upper corner of the box of fields.
     pub(crate) fn bounds(&self) -> [[f64; 3]; 2] {
         self.bounds
     }
@@ -88,7 +88,7 @@ impl Mixture {
         &self.router
     }
 
-    /// The parameters with a row for each Gaussian of the list, by expert, and those of the router.
+    /// The parameters with a row for each Gaussian of the list: each expert's, and the router's.
     pub(crate) fn rows(&self) -> (Vec<Vec<ParamId>>, [ParamId; 2]) {
         (self.experts.iter().map(Expert::rows).collect(), [self.router.base(), self.router.time()])
     }
@@ -158,13 +158,13 @@ impl Mixture {
         Ok(pictures)
     }
 
-    /// Fails if the rasterizer refused something since this was last asked.
+    /// Fails if the rasterizer refused something since the last check.
     pub(crate) fn check(&self) -> Result<(), RunError> {
         self.workspaces.failure().map_or(Ok(()), |error| Err(error.into()))
     }
 }
 
-/// The box of a field around Gaussians, but for strays.
+/// The box of a field around Gaussians, without strays.
 pub(crate) fn bounds(beginnings: &[Beginning]) -> [[f64; 3]; 2] {
     let sides = [0, 1, 2].map(|axis| {
         let mut all: Vec<f64> =

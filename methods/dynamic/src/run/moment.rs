@@ -1,4 +1,4 @@
-//! A run at one moment of its film, to look at.
+//! A run at one moment of its film, for the viewer.
 
 use crate::run::mixture::Mixture;
 use crate::run::{Run, Stage};
@@ -31,7 +31,7 @@ impl Mixture {
 }
 
 impl Run {
-    /// Makes the scene of a checkpoint of this run at a time, 0 to 1: the expert that is trained, or else was trained
+    /// Makes the scene of a checkpoint of this run at a time, 0 to 1: the expert in training, or else the one trained
     /// last.
     pub fn scenes(&self) -> impl Fn(&Tensors, f64) -> weaver_io::Result<Gaussians> + Sync + use<> {
         let (mixture, params, stages) = (self.mixture.clone(), self.params.clone(), self.settings.stages.clone());
@@ -43,18 +43,18 @@ impl Run {
         }
     }
 
-    /// The expert that is trained, or else was trained last.
+    /// The expert in training, or else the one trained last.
     pub fn expert_at_hand(&self) -> usize {
         expert_of(&self.settings.stages, self.place().stage)
     }
 
-    /// An expert as it is now, as a function of time, 0 to 1.
+    /// The present state of an expert, as a function of time, 0 to 1.
     pub fn moments(&self, expert: usize) -> impl Fn(f64) -> Gaussians + Send + Sync + use<> {
         let (mixture, params) = (self.mixture.clone(), self.params.clone());
         move |time| mixture.moment(&params, expert, time)
     }
 
-    /// Of each viewpoint the photo that was taken nearest to a time, 0 to 1.
+    /// The photo of each viewpoint taken nearest to a time, 0 to 1.
     pub fn shots_near(&self, time: f64) -> Vec<&film::Shot> {
         let mut nearest: BTreeMap<usize, &film::Shot> = BTreeMap::new();
         for shot in &self.film.shots {
@@ -67,7 +67,7 @@ impl Run {
     }
 }
 
-/// The expert of a stage, or of the last one before that has one; the first expert where none has.
+/// The expert of a stage, or of the last earlier stage with one; the first expert if there is none.
 fn expert_of(stages: &[Stage], stage: usize) -> usize {
     let expert = |stage: &Stage| match stage {
         Stage::Expert { index, .. } | Stage::Distil { index, .. } => Some(*index),

@@ -1,4 +1,4 @@
-//! What the stages minimize.
+//! Losses of the stages.
 
 use crate::run::mixture::Mixture;
 use crate::run::{ExpertKind, RunError, RunSettings, Stage};
@@ -10,8 +10,8 @@ use weaver_nn::Context;
 use weaver_splat::Rasterize;
 
 /// The loss of a stage on one photo. Experts by photos: mean |a - b| for a field, with a share of structural similarity
-/// for the others, and what each regularizes. The router: both, of the mixture of what is `seen` of the photo.
-/// Distillation: [`distillation`], and what the expert regularizes.
+/// for the others, and the expert's regularizer. The router: both, of the mixture of the photo's `seen` renders.
+/// Distillation: [`distillation`], and the expert's regularizer.
 pub(crate) fn objective<'t>(
     tape: &'t Tape<f32>,
     (mixture, params, teacher): (&Mixture, &Params<f32>, Option<&Params<f32>>),
@@ -42,7 +42,7 @@ pub(crate) fn objective<'t>(
             regularized(cx, mixture, index, by_photo)
         }
         Stage::Distil { index, lambda, .. } => {
-            // Of other numbers, and so on another tape: this one knows the student's.
+            // The teacher has other parameters, and so another tape: this one holds the student's.
             let told = mixture.pictures(teacher.unwrap_or(params), &shot.camera, shot.time)?;
             let gate = tape.constant(&told.gate[index * pixels..][..pixels], [pixels]);
             let mixed = tape.constant(&told.mixture, [pixels, 3]);

@@ -1,4 +1,4 @@
-//! What moves the parameters of a stage.
+//! Optimizers of the stages.
 
 use crate::run::{ExpertKind, Preset};
 use weaver_autograd::{ParamId, Params, Tape};
@@ -6,21 +6,21 @@ use weaver_io::safetensors::Tensors;
 use weaver_nn::{AdamW, Group, RAdam};
 use weaver_run::state::{put_optimizer, take_optimizer};
 
-/// Positions slow down to this part over a stage.
+/// Factor on the rate of positions at the end of a stage.
 const SLOWER: f64 = 0.01;
-/// Networks and planes do to this. A field that went on at its first rate would lose what it has won.
+/// Factor on the rate of networks and planes at the end of a stage. At its first rate, a field would lose its gains.
 const NETWORK_SLOWER: f64 = 0.1;
-/// Weights of the router slow down to this over so many steps, and on.
+/// Factor on the rate of the router's weights after this number of steps, in exponential decay, and from then on.
 const ROUTER_SLOWER: (f64, f64) = (0.01, 10_000.0);
-/// Networks and planes of the small experts learn this much faster than those of the published ones, which take ten
-/// times the steps; so do paths.
+/// Factor on the rates of networks, planes and paths of the small experts over the published ones, which take ten times
+/// the steps.
 const TINY: f64 = 10.0;
-/// The codes of Gaussians and the network on them do so by this much more, by what they make of the photos in as many
+/// Further factor on the rates of the codes of Gaussians and their network, chosen by the errors on photos after equal
 /// steps.
 const TINY_CODE: f64 = 4.0;
-/// Means of the small experts whose Gaussians are moved by a network do so by this.
+/// Factor on the rate of means in small experts that move Gaussians by a network.
 const TINY_MEANS: f64 = 4.0;
-/// Coefficients of a path over those of its middle.
+/// Factor on the rate of a path's coefficients over the rate of its middle.
 const PATH: f64 = 4.0;
 
 /// The optimizer of a stage with its rates: Adam for experts, rectified Adam for the router.
@@ -34,12 +34,12 @@ pub(crate) enum Optimizer {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rate {
     first: f64,
-    /// The part of it that is left at the end of the stage.
+    /// Factor on the rate at the end of the stage.
     left: f64,
 }
 
 impl Optimizer {
-    /// For the parameters of one expert, whose names begin with `label`. Rates are those of the publications; `extent`
+    /// An optimizer of the parameters of one expert, whose names begin with `label`. Rates are published ones; `extent`
     /// is the film's.
     pub fn of_expert(params: &Params<f32>, label: &str, kind: ExpertKind, preset: Preset, extent: f64) -> Self {
         let prefix = format!("{label}.");
@@ -53,13 +53,13 @@ impl Optimizer {
         Self::Expert(AdamW::new(groups, 0.9, 0.999, 1e-15), rates)
     }
 
-    /// For the router's parameters; `rows` are its weights and those of time.
+    /// An optimizer of the router's parameters; `rows` are its weights and the weights of time.
     pub fn of_router(params: &Params<f32>, rows: [ParamId; 2]) -> Self {
         let own = params.iter().filter(|(_, param)| param.name().starts_with("router.")).map(|(id, _)| id);
         Self::Router(RAdam::new(own.collect(), 0.9, 0.999, 1e-8), rows)
     }
 
-    /// The parameters that it moves.
+    /// The optimized parameters.
     pub fn params(&self) -> Vec<ParamId> {
         match self {
             Self::Expert(adam, _) => adam.groups.iter().flat_map(|group| group.params.clone()).collect(),
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
     use weaver_nn::Context;
 
-    /// Step of a parameter under a gradient that is the same in all steps: its rate.
+    /// Step of a parameter under a constant gradient: its rate.
     fn moved(kind: ExpertKind, name: &str, step: usize) -> f64 {
         const STEPS: usize = 1000;
         let mut params = Params::new();

@@ -9,15 +9,15 @@ use weaver_autograd::ParamId;
 use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
 
-/// By what Gaussians are kept.
+/// Criterion for keeping Gaussians.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum KeepBy {
-    /// The share of the pictures that they make, times the gate ([`Score::Contribution`]).
+    /// Their share of the pictures, times the gate ([`Score::Contribution`]).
     #[default]
     Contribution,
     /// The gate's dependence on them, as published ([`Score::Sensitivity`]).
     Sensitivity,
-    /// Chance: what the others are compared with.
+    /// Chance, as a control.
     Chance,
 }
 
@@ -49,8 +49,8 @@ impl FromStr for KeepBy {
 }
 
 impl Run {
-    /// All numbers but those of the Gaussians that are worth least over the photos trained on: `keep` of them stay, at
-    /// least one of each expert. `observe` is told how many photos of how many are looked at.
+    /// All parameters without the Gaussians of the lowest scores over the training photos: the share `keep` stays, at
+    /// least one of each expert. `observe` receives the numbers of finished and of all photos.
     ///
     /// # Errors
     /// When the share is not above 0 and at most 1, or the rasterizer refuses.
@@ -82,7 +82,7 @@ impl Run {
         Ok(self.with_rows(&kept(&worth, keep, self.mixture.counts())))
     }
 
-    /// All numbers, of each expert those of some Gaussians only.
+    /// All parameters, with only some rows of each expert.
     fn with_rows(&self, kept: &[Vec<u32>]) -> Tensors {
         let mut tensors = self.tensors();
         let (experts, router) = self.mixture.rows();
@@ -107,7 +107,7 @@ impl Run {
     }
 }
 
-/// The rows of each expert that stay, best of the whole list first; the best of an expert that would have none.
+/// The kept rows of each expert, best of the whole list first; the best of an expert that would have none.
 fn kept(worth: &[f64], keep: f64, counts: &[usize]) -> Vec<Vec<u32>> {
     let all = best(worth, keep);
     let mut first = 0;

@@ -1,4 +1,4 @@
-//! The page that a run leaves for its reader.
+//! The report of a run.
 
 use crate::run::show::COLOR_NAMES;
 use crate::run::{Evaluation, Run, RunError, Scores};
@@ -81,7 +81,7 @@ fn tables(page: &mut Page, evaluation: &Evaluation) {
 }
 
 impl Evaluation {
-    /// The kinds of photos that there are, with their names.
+    /// The present kinds of photos, with their names.
     pub fn groups(&self) -> Vec<(&'static str, &Scores)> {
         let all = [
             ("held-out cameras", &self.held_out_cameras),

@@ -1,4 +1,4 @@
-//! What is asked of a run.
+//! Settings of runs.
 
 use crate::run::RunError;
 use serde::{Deserialize, Serialize};
@@ -12,23 +12,23 @@ use weaver_procedural::FilmOptions;
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunSettings {
-    /// The film that is trained on.
+    /// The training film.
     pub film: FilmSource,
-    /// The experts, at least two. One that is named twice begins with other Gaussians and other numbers the second
+    /// The experts, at least two. An expert named twice begins with other Gaussians and other parameters the second
     /// time.
     pub experts: Vec<ExpertKind>,
     /// Sizes of the experts.
     pub preset: Preset,
-    /// Gaussians of each expert to begin with.
+    /// Initial Gaussians of each expert.
     pub gaussians: usize,
-    /// Trains on the photos that are held out, too. Their figures then judge nothing.
+    /// Trains on the held-out photos, too. Their figures are then meaningless.
     #[serde(default)]
     pub all: bool,
     /// The stages, in order.
     pub stages: Vec<Stage>,
     /// Divisor of the gate's logits, in training and in use.
     pub temperature: f64,
-    /// Values of the router's drawn numbers where an expert has nothing.
+    /// Values of the router's drawn numbers on an expert's empty pixels.
     pub background_weight: f64,
     /// Seed of numbers and order.
     pub seed: u64,
@@ -39,7 +39,7 @@ pub struct RunSettings {
     pub derived_from: Option<DerivedFrom>,
 }
 
-/// Where a film comes from.
+/// Source of a film.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum FilmSource {
@@ -92,7 +92,7 @@ pub enum Preset {
 pub enum Stage {
     /// An expert by photos alone.
     Expert {
-        /// Which one, from 0.
+        /// Index of the expert, from 0.
         index: usize,
         /// Steps.
         steps: usize,
@@ -102,9 +102,9 @@ pub enum Stage {
         /// Steps.
         steps: usize,
     },
-    /// An expert by photos where the gate believes it, by the mixture elsewhere.
+    /// An expert by photos at pixels of its own, as weighted by the gate, and by the mixture elsewhere.
     Distil {
-        /// Which one, from 0.
+        /// Index of the expert, from 0.
         index: usize,
         /// Steps.
         steps: usize,
@@ -123,10 +123,10 @@ pub struct DerivedFrom {
 }
 
 impl RunSettings {
-    /// Fails unless everything is in its range.
+    /// Fails unless all settings are in their ranges.
     ///
     /// # Errors
-    /// The setting that is not, with its range.
+    /// The setting out of range, with its range.
     pub fn check(&self) -> Result<(), RunError> {
         let count = self.experts.len();
         if count < 2 {
@@ -159,7 +159,7 @@ impl RunSettings {
         Ok(())
     }
 
-    /// Names of the experts: that of the kind, with a number from the second of a kind on.
+    /// Names of the experts: their kinds, with a number from the second of a kind on.
     pub fn labels(&self) -> Vec<String> {
         let earlier = |i: usize| self.experts[..i].iter().filter(|kind| **kind == self.experts[i]).count();
         let label = |(i, kind): (usize, &ExpertKind)| match earlier(i) {
@@ -169,10 +169,10 @@ impl RunSettings {
         self.experts.iter().enumerate().map(label).collect()
     }
 
-    /// The expert of this name.
+    /// The index of the expert with this name.
     ///
     /// # Errors
-    /// When there is none, with the names that there are.
+    /// When there is none, with the existing names.
     pub fn expert(&self, name: &str) -> Result<usize, RunError> {
         let labels = self.labels();
         let found = labels.iter().position(|label| label == name);
@@ -180,7 +180,7 @@ impl RunSettings {
     }
 }
 
-/// Fewer Gaussians have too few neighbors.
+/// Least number of Gaussians, for enough neighbors.
 const LEAST_GAUSSIANS: usize = 32;
 
 impl FilmSource {
@@ -211,7 +211,7 @@ impl FilmSource {
 }
 
 impl ExpertKind {
-    /// All of them, in the order of the publication's code.
+    /// All kinds, in the order of the publication's code.
     pub const ALL: [Self; 4] = [Self::Field, Self::Code, Self::Keys, Self::Poly];
 
     /// Its name on the command line.
@@ -241,7 +241,7 @@ impl FromStr for ExpertKind {
 }
 
 impl Stage {
-    /// Steps of it.
+    /// Number of its steps.
     pub fn steps(&self) -> usize {
         match *self {
             Self::Expert { steps, .. } | Self::Router { steps } | Self::Distil { steps, .. } => steps,

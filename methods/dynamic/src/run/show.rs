@@ -9,7 +9,7 @@ use weaver_io::{Image, false_color};
 pub const COLORS: [[f32; 3]; 4] = [[0.90, 0.36, 0.18], [0.20, 0.55, 0.86], [0.98, 0.78, 0.22], [0.30, 0.68, 0.36]];
 /// Names of the colors.
 pub const COLOR_NAMES: [&str; 4] = ["orange", "blue", "yellow", "green"];
-/// An error of this much is as bright as can be.
+/// Error of the brightest color.
 const BRIGHTEST: f32 = 0.25;
 
 impl Pictures {
@@ -34,7 +34,7 @@ impl Pictures {
         Image { width, height, pixels }
     }
 
-    /// Where the mixture and a photo differ.
+    /// Map of the differences between the mixture and a photo.
     pub fn error(&self, photo: &Image) -> Image {
         let difference =
             |(a, b): (&[f32], &[f32])| a.iter().zip(b).map(|(a, b)| (a.clamp(0.0, 1.0) - b).abs()).sum::<f32>() / 3.0;
@@ -48,7 +48,7 @@ fn picture(values: &[f32], [height, width]: [usize; 2]) -> Image {
     Image { width, height, pixels: values.iter().map(|x| x.clamp(0.0, 1.0)).collect() }
 }
 
-/// A strip of pictures over time, with what they show.
+/// A strip of pictures over time, with its name.
 #[derive(Clone, Debug)]
 pub struct Strip {
     /// Name of the picture.
@@ -58,8 +58,8 @@ pub struct Strip {
 }
 
 impl Run {
-    /// Strips over time from one viewpoint: photos, the mixture, its errors, the gate, each expert. The viewpoint is
-    /// one that was held out, where there is one, and the times are `count` of those that there are photos of.
+    /// Strips over time from one viewpoint: photos, the mixture, its errors, the gate, each expert. The viewpoint is a
+    /// held-out one, if there is any, and the times are `count` of its photos'.
     ///
     /// # Errors
     /// When the rasterizer refuses, or a photo cannot be read any more.
@@ -84,7 +84,7 @@ impl Run {
         Ok(names.enumerate().map(strip).collect())
     }
 
-    /// Photos of one viewpoint, or of a hand-held camera those held out, evenly spread over time.
+    /// Photos of one viewpoint, or the held-out ones of a hand-held camera, evenly spread over time.
     fn shown(&self, count: usize) -> Vec<&Shot> {
         let all = &self.film.shots;
         let best = all.iter().find(|shot| shot.held_out.camera).or(all.first()).map(|shot| shot.viewpoint);

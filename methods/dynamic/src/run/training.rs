@@ -1,4 +1,4 @@
-//! A run, under way.
+//! A run under way.
 
 use crate::run::beginning::Beginning;
 use crate::run::mixture::{Mixture, bounds};
@@ -22,29 +22,29 @@ use weaver_splat::Workspace;
 #[derive(Debug)]
 pub struct Run {
     pub(crate) folder: PathBuf,
-    /// The folder while it is the run's alone; a complete one that is looked at may be others', too.
+    /// The claimed folder of a run under way; a complete run that is only read leaves it unclaimed.
     claimed: Option<Folder>,
     pub(crate) settings: RunSettings,
     pub(crate) film: Film,
     pub(crate) params: Params<f32>,
     pub(crate) mixture: Arc<Mixture>,
-    /// The teacher of a distilled expert: the numbers that the run began with.
+    /// The teacher of a distilled expert: the initial parameters of the run.
     teacher: Option<Params<f32>>,
     place: Place,
     /// State of the current stage.
     under_way: Option<UnderWay>,
-    /// The state of the current stage's optimizer that a checkpoint holds.
+    /// The state of the current stage's optimizer, from a checkpoint.
     pending: Option<Tensors>,
     /// Seconds of each stage so far.
     pub(crate) seconds: Vec<f64>,
 }
 
-/// Where a run is.
+/// Position of a run in its stages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Place {
-    /// Stages done.
+    /// Finished stages.
     pub stage: usize,
-    /// Steps done of the one at hand.
+    /// Finished steps of the current stage.
     pub step: usize,
 }
 
@@ -61,11 +61,11 @@ const INIT: &str = "init.safetensors";
 /// The file of experts and router.
 pub const MODEL: &str = "model.safetensors";
 const KIND: Kind = Kind { command: "dynamic", settings: "run.json", results: &[INIT, MODEL] };
-/// The entry of a checkpoint's metadata that tells the film.
+/// The entry of a checkpoint's metadata with the film's checksum.
 const FILM: &str = "film";
 
 impl Run {
-    /// Begins a run in a new folder. `init` are the numbers that it begins with instead of its own.
+    /// Begins a run in a new folder. `init` are initial parameters in place of random ones.
     ///
     /// # Errors
     /// When the film cannot be read, a setting is out of range, the folder holds a run, files of others are in the way,
@@ -88,7 +88,7 @@ impl Run {
         Ok(Self { claimed: Some(claimed), ..run })
     }
 
-    /// Goes on with a run from its last checkpoint, or from the start if there is none.
+    /// Resumes a run from its last checkpoint, or from the start if there is none.
     ///
     /// # Errors
     /// When there is no run, it is complete or under way elsewhere, its files cannot be read, or the film is another
@@ -109,8 +109,7 @@ impl Run {
         Ok(Self { claimed: Some(claimed), ..run })
     }
 
-    /// Checks that a checkpoint is of the film at hand. One of an earlier version does not say of which it is, and
-    /// passes.
+    /// Checks that a checkpoint is of the present film. Checkpoints of an earlier version have no checksum, and pass.
     fn check_film(&self, checkpoint: &Tensors) -> Result<(), RunError> {
         match checkpoint.metadata.get(FILM) {
             Some(began) if *began != self.film.checksum()?.to_string() => Err(RunError::FilmChanged {
@@ -125,7 +124,7 @@ impl Run {
         }
     }
 
-    /// Does something with the folder, which is the run's alone meanwhile.
+    /// Runs `write` on the folder, claimed meanwhile.
     pub(crate) fn writing<R>(&self, write: impl FnOnce(&Folder) -> Result<R, RunError>) -> Result<R, RunError> {
         match &self.claimed {
             Some(folder) => write(folder),
@@ -133,7 +132,7 @@ impl Run {
         }
     }
 
-    /// A complete run, to be looked at.
+    /// Opens a complete run for reading.
     ///
     /// # Errors
     /// When there is no run, it is not complete, or its files cannot be read.
@@ -169,13 +168,13 @@ impl Run {
     fn of(folder: &Path, settings: RunSettings, mut film: Film, init: Option<&Tensors>) -> Result<Self, RunError> {
         let stream = Stream::new(settings.seed, 0, "dynamic.beginning");
         let begin = |(i, label): (usize, &String)| match init {
-            // Its numbers are read.
+            // The parameters of the model's file replace these.
             Some(tensors) => Ok(Beginning::blank(tensors.get(&format!("{label}.color"))?.shape[0])),
             None => Beginning::of(&film, settings.gaussians, stream.fork(i as u64)),
         };
         let beginnings: Vec<Beginning> =
             settings.labels().iter().enumerate().map(begin).collect::<Result<_, RunError>>()?;
-        // A field keeps the box that it was trained with.
+        // A field keeps the box of its training.
         let bounds = match init {
             Some(tensors) => {
                 let sides = tensors.values::<f64>("bounds", &[2, 3])?;
@@ -215,12 +214,12 @@ impl Run {
         &self.settings
     }
 
-    /// The film that is trained on.
+    /// The training film.
     pub fn film(&self) -> &Film {
         &self.film
     }
 
-    /// Indices of the photos that are trained on.
+    /// Indices of the training photos.
     pub fn training(&self) -> Vec<usize> {
         if self.settings.all { (0..self.film.shots.len()).collect() } else { self.film.training() }
     }
@@ -230,17 +229,17 @@ impl Run {
         &self.mixture
     }
 
-    /// Their numbers.
+    /// The parameters of experts and router.
     pub fn params(&self) -> &Params<f32> {
         &self.params
     }
 
-    /// Where the run is.
+    /// Position of the run in its stages.
     pub fn place(&self) -> Place {
         self.place
     }
 
-    /// Steps done, and of all stages together.
+    /// Finished steps, and steps of all stages together.
     pub fn steps(&self) -> [usize; 2] {
         let of = |stages: &[Stage]| stages.iter().map(Stage::steps).sum::<usize>();
         let stages = &self.settings.stages;
@@ -252,12 +251,12 @@ impl Run {
         self.claimed.iter_mut().for_each(Folder::follow);
     }
 
-    /// Runs to the last step, or until `stop` is set, and leaves a checkpoint, or the model; says whether it came to
-    /// the end. `observe` is called after every step.
+    /// Runs to the last step, or until `stop` is set, and leaves a checkpoint, or the model; returns true at the end of
+    /// the last stage. `observe` is called after every step.
     ///
     /// # Errors
-    /// When the rasterizer refuses, a loss is no number, or a file cannot be written; the last checkpoint then stays as
-    /// it was.
+    /// When the rasterizer refuses, a loss is NaN or infinite, or a file cannot be written; the last checkpoint then
+    /// stays as it was.
     pub fn advance(&mut self, stop: &AtomicBool, mut observe: impl FnMut(&StepReport)) -> Result<bool, RunError> {
         let Some(folder) = self.claimed.take() else {
             return Err(weaver_run::Error::complete(&self.folder).into());
@@ -277,7 +276,7 @@ impl Run {
         complete
     }
 
-    /// Goes into the stage at hand.
+    /// Enters the current stage.
     fn enter(&mut self, stage: Stage) -> Result<UnderWay, RunError> {
         let mut optimizer = match stage {
             Stage::Expert { index, .. } | Stage::Distil { index, .. } => {
@@ -327,7 +326,7 @@ impl Run {
         Ok(loss)
     }
 
-    /// All numbers, for a file or for another run to begin with.
+    /// All parameters, for a file or as the beginning of another run.
     pub fn tensors(&self) -> Tensors {
         let mut tensors = Tensors::default();
         put_params(&mut tensors, "", &self.params);
@@ -348,7 +347,7 @@ impl Job for Run {
         let stages = &self.settings.stages;
         while self.place.step == stages[self.place.stage].steps() {
             self.place = Place { stage: self.place.stage + 1, step: 0 };
-            // Of the stage that is over.
+            // The optimizer's state belongs to the finished stage.
             self.pending = None;
         }
         let stage = stages[self.place.stage];

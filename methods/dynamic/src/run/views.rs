@@ -1,11 +1,11 @@
-//! What frozen experts show of a film's photos, kept while the router is trained.
+//! Cached renders of a film's photos by frozen experts, for the training of the router.
 
 use crate::Seen;
 use crate::run::RunError;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Bytes that are kept; what does not fit is drawn whenever it is asked for, with the same bits.
+/// Most bytes of the cache; further renders are drawn again each time, with the same bits.
 const MOST: usize = 1 << 30;
 
 /// Views of photos by the frozen experts, by the photos' number in the film.
@@ -16,7 +16,7 @@ pub(crate) struct Views {
 }
 
 impl Views {
-    /// The view of a photo, drawn by `see` unless it was kept.
+    /// The render of a photo, from the cache or drawn by `see`.
     pub fn of(
         &mut self,
         shot: usize,

@@ -1,17 +1,18 @@
-//! Experts that are right on half of the picture, of the clip, of the cameras: what the router needs to know it.
+//! Experts that are right on half of the picture, of the clip, of the cameras, with the carried numbers that the router
+//! needs.
 
 use crate::routed::{Routed, Trained, shots};
 use crate::wall::{self, Moment, PIXELS, Right};
 use weaver_dynamic::hard_oracle;
 
-/// Moments that are trained on, and others.
+/// Training moments, and others.
 struct Shots {
     training: Vec<Moment>,
     held_out: Vec<Moment>,
 }
 
 impl Routed {
-    /// The share of pixels at which the gate's first is the best expert.
+    /// The share of pixels at which the gate's first choice is the best expert.
     fn right(&self, right: Right, shots: &[Moment]) -> f64 {
         let of = |at: &Moment| {
             let [images, gate, photo] = self.shown(right, *at);
@@ -42,7 +43,7 @@ fn half_of_the_clip_needs_time() {
         let routed = Routed::trained(wall::early, &shots.training, 240, which);
         routed.right(wall::early, &shots.held_out)
     });
-    // Where nothing depends on time, each pixel is right at half of the moments.
+    // Independent of time, each pixel is right at half of the moments.
     assert!(all > 0.9 && (alone - 0.5).abs() < 1e-9, "{all} {alone}");
 }
 

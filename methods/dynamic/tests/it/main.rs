@@ -1,4 +1,4 @@
-//! Models of motion: gradients, slow twins, and what each can and cannot do.
+//! Models of motion: gradients, slow references, abilities and limits of each.
 
 mod halves;
 mod products;
@@ -138,7 +138,7 @@ fn gradients_of_all_parameters() {
         loss.backward();
         for id in ids {
             let label = params.get(id).name().to_string();
-            // What is held constant where it would have a gradient: times through paths, distances of neighbors.
+            // These gradients are zero by definition: times through paths, distances of neighbors.
             if label == "poly.center" || label == "code.mean" {
                 continue;
             }
@@ -180,7 +180,7 @@ fn nothing_moves_at_first() {
     }
 }
 
-/// At a key is the key and the path has no corner there.
+/// At a key the path has the key's value, and no corner.
 ///
 /// Promise of `gradients_of_all_parameters`.
 #[test]
@@ -208,7 +208,7 @@ fn paths_meet_keys_without_corners() {
     }
 }
 
-/// Quaternions go the shorter way around and meet at keys, whatever the sign in which they are stored.
+/// Quaternions go the shorter way around and meet at keys, with either sign in storage.
 #[test]
 fn rotations_take_the_shorter_way() {
     let mut params = Params::<f64>::new();
@@ -258,7 +258,7 @@ fn against<M: Motion<f32>>(build: impl FnOnce(Builder<'_, f32>, &Start<'_>) -> M
     let model = build(Builder::new(&mut params, 0).scope("m"), &start);
     let group = Group { params: params.ids().collect(), lr_scale: 1.0, weight_decay: 0.0 };
     let mut optimizer = AdamW::new(vec![group], 0.9, 0.99, 1e-12);
-    // Raw positions stay: what is asked is what moves them.
+    // Raw positions are frozen: the test is about motion.
     let mean = params.iter().find(|(_, p)| p.name() == "m.mean").unwrap().0;
     params.set_frozen(mean, true);
     let (mut tape, mut last) = (Tape::new(), 0.0);
@@ -278,7 +278,7 @@ fn against<M: Motion<f32>>(build: impl FnOnce(Builder<'_, f32>, &Start<'_>) -> M
     last.sqrt()
 }
 
-/// A field of positions cannot tell neighbors apart, codes can.
+/// A field of positions cannot distinguish neighbors, codes can.
 ///
 /// Promise of `gradients_of_all_parameters`.
 #[test]

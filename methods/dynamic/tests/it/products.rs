@@ -67,7 +67,7 @@ fn the_gradient_by_weights_is_a_sparse_product() {
     assert!(found.iter().step_by(2).filter(|g| g.abs() > 1e-7).count() > COUNT, "most of them are seen");
 }
 
-/// Renders that were kept are gated as new ones: pictures, and gradients by all that the router has.
+/// Cached renders are gated as new ones: pictures, and gradients by all parameters of the router.
 ///
 /// Promise of `products_are_drawings`.
 #[test]
@@ -117,7 +117,7 @@ fn with_hidden(tape: &Tape<f32>) -> GaussianVars<'_, f32> {
     GaussianVars { means, opacities, ..all }
 }
 
-/// Gaussians out of sight, and those too faint to be drawn: worth nothing, and without them no bit changes.
+/// Gaussians out of sight, and too faint ones: their scores are zero, and without them no bit changes.
 #[test]
 fn what_is_worth_nothing_can_go() {
     let workspaces = WorkspacePool::new();

@@ -1,4 +1,4 @@
-//! Paths that are found again from pictures of them.
+//! Recovery of paths from pictures of them.
 
 use crate::wall::{self, Moment, PIXELS};
 use weaver_autograd::gradcheck::Input;
@@ -29,7 +29,7 @@ fn image<'t>(
     op.apply(&gaussians, &shot.camera, shot.background).image.reshape([PIXELS, 3])
 }
 
-/// PSNR of what is learned from pictures of a model whose numbers `moving` say were stirred, at moments that were looked at.
+/// PSNR of a model trained on pictures of a copy with the `moving` parameters perturbed, at training moments.
 fn recovered<M: Motion<f32> + 'static>(build: impl Fn(Builder<'_, f32>, &Start<'_>) -> M, moving: &[&str]) -> f64 {
     let positions = start_positions();
     let start = Start { positions: &positions, sizes: &[0.12; COUNT], opacity: 0.7 };

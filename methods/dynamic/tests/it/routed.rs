@@ -1,4 +1,4 @@
-//! A router that is trained on the wall.
+//! A router trained on the wall.
 
 use crate::wall::{self, Moment, PIXELS, Right, SIZE};
 use weaver_autograd::{Params, Tape};
@@ -6,11 +6,11 @@ use weaver_dynamic::{PixelRouter, RouterConfig, photometric};
 use weaver_nn::{Builder, Context, RAdam};
 use weaver_splat::WorkspacePool;
 
-/// Numbers of a Gaussian that are trained beside Phi.
+/// Trained numbers of a Gaussian beside Phi.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Trained {
     All,
-    /// Neither those of directions nor those of time.
+    /// Neither the numbers of directions nor of time.
     Weights,
 }
 

@@ -1,4 +1,4 @@
-//! The router: equal logits, gradients, experts that are right in places, and what Gaussians are worth.
+//! The router: equal logits, gradients, experts that are right in places, and scores of Gaussians.
 
 use weaver_autograd::gradcheck::Input;
 use weaver_autograd::{Params, Real, Tape};
@@ -18,7 +18,7 @@ struct World {
 }
 
 impl World {
-    /// `color` says an expert's color at x, y of the wall.
+    /// `color` is an expert's color at x, y of the wall.
     fn new(color: impl Fn(usize, f64, f64) -> [f64; 3]) -> Self {
         let (mut means, mut colors, mut owners) = (Vec::new(), Vec::new(), Vec::new());
         for (row, column) in (0..7).flat_map(|row| (0..9).map(move |column| (row, column))) {
@@ -76,7 +76,7 @@ fn halves() -> World {
 #[test]
 fn equal_experts_share_equally() {
     let world = World::new(|_, x, y| [0.5 + 0.4 * x, 0.5 + 0.4 * y, 0.5]);
-    // The same place for both, and what is carried is what is behind.
+    // Both experts have the same geometry, and carry the background's values.
     let world = World { means: world.means.chunks(3).flat_map(|m| [m[0], m[1], 2.0]).collect(), ..world };
     let config = RouterConfig { background_weight: 0.9, ..RouterConfig::default() };
     let mut params = Params::<f64>::new();
@@ -128,7 +128,7 @@ fn gradients_equal_differences() {
     }
 }
 
-/// Trains a router for some steps on one picture; the share of pixels where the gate's first is right.
+/// Trains a router for some steps on one picture; returns the share of pixels with a right first choice of the gate.
 fn right(world: &World, truth: impl Fn(usize) -> [f64; 3], first: impl Fn(usize) -> bool) -> f64 {
     let mut params = Params::<f32>::new();
     let router = PixelRouter::new(Builder::new(&mut params, 3), &world.owners, RouterConfig::default());
@@ -152,7 +152,7 @@ fn right(world: &World, truth: impl Fn(usize) -> [f64; 3], first: impl Fn(usize)
     found
 }
 
-/// Experts that are right on half of the picture are believed there.
+/// On its half of the picture, the router trusts the right expert.
 ///
 /// Promise of `equal_experts_share_equally`.
 #[test]
@@ -178,7 +178,7 @@ fn what_is_out_of_sight_is_worth_nothing() {
         assert!(found.iter().filter(|score| **score > 0.0).count() > world.owners.len() / 2, "{score:?}");
         assert!(!best(&found, 0.9).contains(&(hidden as u32)));
     }
-    // All of what is worth something: the mixture's whole light.
+    // The sum of all scores: the mixture's whole light.
     let (tape, workspaces) = (Tape::new(), WorkspacePool::new());
     let (gaussians, shot) = world.drawn(&tape, &workspaces, 0.4);
     let gated = router.gated(Context::new(&tape, &params), &gaussians, &shot);
@@ -200,7 +200,7 @@ fn a_share_of_nothing_is_refused() {
     best(&[1.0], 0.0);
 }
 
-/// Where the gate is one and all weight is on photos, distillation is training.
+/// With a gate of one and all weight on photos, distillation is training.
 #[test]
 fn distillation_with_a_gate_of_one_is_training() {
     let tape = Tape::<f64>::new();

@@ -31,7 +31,7 @@ fn trained(folder: &Path, settings: RunSettings) -> Run {
     run
 }
 
-/// All numbers of a run, as bits.
+/// All parameters of a run, as bits.
 fn bits(run: &Run) -> Vec<u32> {
     run.params().iter().flat_map(|(_, param)| param.value().iter().map(|x| x.to_bits()).collect::<Vec<_>>()).collect()
 }
@@ -88,7 +88,7 @@ fn a_checkpoint_is_a_scene_at_any_time() {
     assert!(near == [0, 1, 2] && run.shots_near(0.5).iter().all(|shot| (shot.time - 0.5).abs() < 0.1));
 }
 
-/// Every stage lowers its loss, and a stage changes the numbers of its own expert only.
+/// Every stage lowers its loss, and a stage changes the parameters of its own expert only.
 ///
 /// Promise (results): a mixture of moving Gaussians: each stage trains the parts that it names, at decaying rates,
 /// stops anywhere and goes on to the same bits at any number of threads; pruning keeps the most valuable Gaussians.
@@ -106,7 +106,7 @@ fn each_stage_trains_what_it_names() {
         let [first, last] = [mean(&own[..12]), mean(&own[48..])];
         assert!(own.len() == 60 && last < most * first, "{name}: {first} {last}");
     }
-    // A student leaves its teacher behind: what is learned is drawn in the next step.
+    // A student moves away from its teacher: the next step draws its learned parameters.
     let green = RunSettings { stages: vec![Stage::Router { steps: 30 }], ..run.settings().clone() };
     let green = trained(&folder.path().join("green"), green);
     let stages = vec![Stage::Distil { index: 0, steps: 60, lambda: 0.5 }];
@@ -115,7 +115,7 @@ fn each_stage_trains_what_it_names() {
     let mut losses = Vec::new();
     student.advance(&AtomicBool::new(false), |step| losses.push(step.loss)).unwrap();
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
-    // Drawn with the teacher's numbers, it would not fall.
+    // With the teacher's parameters in the drawing, it would not fall.
     assert!(mean(&losses[48..]) < 0.9 * mean(&losses[..12]), "{losses:?}");
 
     let before = Run::open(&path).unwrap();
@@ -135,7 +135,7 @@ fn figures_fit_together_and_a_report_shows_them() {
     let run = trained(&path, settings(&[ExpertKind::Keys, ExpertKind::Keys], 30));
     let found = evaluation(&run);
     assert_eq!(found.experts, ["keys", "keys-2"]);
-    // Three cameras, the middle one held out; eight frames, of which the third and the seventh are.
+    // Three cameras, the middle one held out; eight frames, the third and the seventh held out.
     let shots = |scores: &Option<Scores>| scores.as_ref().unwrap().shots;
     let all = [&found.held_out_cameras, &found.held_out_times, &found.held_out_both, &found.trained];
     assert_eq!(all.map(shots), [6, 4, 2, 12]);
@@ -185,7 +185,7 @@ fn pruning_keeps_what_is_worth_most() {
     }
 }
 
-/// On all photos: what is held out is trained on, and the run says so.
+/// On all photos: held-out ones are trained on, and the run says so.
 ///
 /// Promise of `photos_that_are_not_kept_are_read_when_needed`.
 #[test]
@@ -197,7 +197,7 @@ fn nothing_is_held_out_where_all_is_asked_for() {
         [("some", some), ("all", all)].map(|(name, settings)| trained(&folder.path().join(name), settings));
     assert_eq!([some.training(), all.training()], [some.film().training(), (0..some.film().shots.len()).collect()]);
     assert!(some.film().remarks.is_empty() && all.film().remarks[0].contains("judge nothing"));
-    // Other photos are drawn, and so other numbers are learned.
+    // Other photos are drawn, and other parameters learned.
     assert!(bits(&some) != bits(&all));
 }
 
@@ -251,7 +251,7 @@ fn a_run_of_another_film_is_not_gone_on_with() {
     drop(run);
     let file = path.join("run.json");
     let text = std::fs::read_to_string(&file).unwrap();
-    // As many photos by the same cameras, of another scene.
+    // The same number of photos by the same cameras, of another scene.
     std::fs::write(&file, text.replace("\"seed\": 3", "\"seed\": 4")).unwrap();
     let error = Run::resume(&path).unwrap_err();
     assert!(matches!(error, RunError::FilmChanged { .. }), "{error}");

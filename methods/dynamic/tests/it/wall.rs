@@ -1,4 +1,5 @@
-//! A wall that two experts draw in the same place, each in its true colors where it is right and with channels in another order elsewhere.
+//! A wall drawn by two experts in the same place, each in its true colors where it is right and with permuted channels
+//! elsewhere.
 
 use weaver_autograd::{Real, Tape};
 use weaver_dynamic::Shot;
@@ -11,7 +12,7 @@ pub const PIXELS: usize = SIZE[0] * SIZE[1];
 pub const COUNT: usize = 63;
 const DEPTH: f64 = 2.0;
 
-/// Where a camera is on the arc, in degrees from the middle, and when.
+/// Position of a camera on the arc, in degrees from the middle, and time.
 #[derive(Clone, Copy)]
 pub struct Moment {
     pub angle: f64,

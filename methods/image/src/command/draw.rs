@@ -6,7 +6,7 @@ use crate::{CUT, Fitted, ImageError, Window, decode_region};
 use weaver_command::{Console, Failure, memory};
 use weaver_io::{Image, file_length, read_part};
 
-/// Bytes of memory for a pixel that is drawn.
+/// Bytes of memory for a drawn pixel.
 const BYTES: u64 = 32;
 /// Largest factor of a side.
 const LARGEST: f64 = 1024.0;

@@ -57,7 +57,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
     }
 }
 
-/// True if a path for results is that of a folder: it is there as one, or has no extension of files.
+/// True if a path for results is a folder's: an existing folder, or a path without the extension of a file.
 fn is_folder(out: &Path) -> bool {
     out.is_dir() || (!out.exists() && out.extension().is_none())
 }
@@ -109,7 +109,7 @@ fn one(
     })?;
     if let Some(at) = &early {
         let name = out.display();
-        // What is there may be a fit that came to its end.
+        // The existing file may be a completed fit.
         if out.symlink_metadata().is_ok() {
             return Err(Failure::message(format!("{name}: stopped at {at}; the file that is there stays as it is")));
         }
@@ -118,13 +118,13 @@ fn one(
         ));
     }
     atomic_write(out, |to| to.write_all(&judged.bytes))?;
-    // Of a fit that was stopped the number says nothing about the picture.
+    // The count of a stopped fit is no property of the picture.
     let asked = if let (Goal::Gaussians(asked), None) = (goal, &early) { asked } else { 0 };
     note_shortfall(path, asked, judged.row.gaussians, judged.row.reset, console);
     console.print(&judged.row.line(out))
 }
 
-/// Fits the pictures of a run to the last, or until Ctrl-C.
+/// Fits all pictures of a run, or until Ctrl-C.
 fn go_on(
     mut run: Run<PicturesJob>,
     listener: Option<Listener>,

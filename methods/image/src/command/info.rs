@@ -8,7 +8,7 @@ use weaver_command::Failure;
 /// Describes a .wgi file in a line.
 ///
 /// # Errors
-/// When it cannot be read or is none.
+/// When it cannot be read or is no .wgi file.
 pub fn info(path: &Path) -> Result<String, Failure> {
     let bytes = weaver_io::read_bytes(path)?;
     let Coded { width, height, fitted } = decode(&bytes).map_err(|error| failure(path, &error))?;

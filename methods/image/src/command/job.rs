@@ -1,4 +1,4 @@
-//! Several pictures as a job in steps: each fitted after the other, from where it was left.
+//! Several pictures as a job in steps: one fit after the other, each resumable.
 
 use crate::command::read::{failure, read};
 use crate::command::results::{Judged, Method, Row};
@@ -15,7 +15,7 @@ use weaver_run::{Folder, Job, Kind, Scalar, StepReport};
 pub const KIND: Kind = Kind { command: "image fit", settings: "run.json", results: &[] };
 /// Name of the fitted pictures in a checkpoint's metadata.
 const ROWS: &str = "rows";
-/// The file of a picture that was finished and is not written yet.
+/// The encoded file of a finished picture that is not written yet.
 const FINISHED: &str = "finished";
 
 /// Settings of a run.
@@ -50,7 +50,7 @@ impl Settings {
         self.pictures.iter().map(|(path, _)| name(path)).collect()
     }
 
-    /// The picture that a checkpoint is about: the one under way, else the one that was finished last.
+    /// The picture of a checkpoint: the one under way, else the one finished last.
     pub fn drawn(&self, state: &Tensors, folder: &Path) -> weaver_io::Result<Image> {
         let rows = rows(state).map_err(|found| refused(state, &found))?;
         if let Some((picture, _)) = self.pictures.get(rows.len()).filter(|_| is_under_way(state)) {
@@ -66,7 +66,7 @@ impl Settings {
     }
 }
 
-/// The pictures that were finished before a checkpoint; else what is wrong.
+/// Figures of the pictures finished before a checkpoint, or the fault of its metadata.
 fn rows(state: &Tensors) -> Result<Vec<Row>, String> {
     let rows = state.metadata.get(ROWS).ok_or("no rows")?;
     serde_json::from_str(rows).map_err(|error| error.to_string())
@@ -82,16 +82,16 @@ fn checksum(path: &Path) -> Result<String, Failure> {
     Ok(sum.to_string())
 }
 
-/// The pictures of a run, of which some are finished and one may be under way.
+/// The pictures of a run, some of them finished, at most one under way.
 pub struct PicturesJob {
     settings: Settings,
     rows: Vec<Row>,
-    /// Of `rows`, how many were finished before this session.
+    /// Number of `rows` from before this session.
     before: usize,
-    /// Gaussians that were asked for, of those finished now.
+    /// Wanted numbers of Gaussians of the pictures finished in this session.
     asked: Vec<usize>,
     current: Option<(Picture, Fit)>,
-    /// Where the picture under way was left.
+    /// State of the interrupted fit.
     left: Option<FitState>,
     finished: Option<Vec<u8>>,
 }
@@ -113,12 +113,12 @@ impl PicturesJob {
         &self.rows
     }
 
-    /// The pictures that were finished in this session, and the Gaussians that were asked for.
+    /// The pictures finished in this session, with their wanted numbers of Gaussians.
     pub fn take_news(&mut self) -> Vec<(Row, usize)> {
         self.rows[self.before..].iter().cloned().zip(std::mem::take(&mut self.asked)).collect()
     }
 
-    /// Writes the file of a picture that was finished.
+    /// Writes the file of a finished picture.
     pub fn write(&mut self, folder: &Folder) -> Result<(), Failure> {
         if let (Some(bytes), Some(row)) = (&self.finished, self.rows.last()) {
             let path = folder.out().file(name(&row.picture))?;
@@ -128,7 +128,7 @@ impl PicturesJob {
         Ok(())
     }
 
-    /// The next picture and its fit, at its start or where it was left.
+    /// The next picture and its fit, at its start or at its interrupted state.
     fn open(&mut self, path: &Path) -> Result<(Picture, Fit), Failure> {
         let known = &self.settings.pictures[self.rows.len()].1;
         let found = checksum(path)?;
@@ -138,7 +138,7 @@ impl PicturesJob {
                 path.display()
             )));
         }
-        // What is said of it was said when the run began, or is in the report.
+        // Notes on the picture were printed at the beginning of the run, or are in the report.
         let mut quiet = (std::io::sink(), std::io::sink());
         let mut console = Console::new(&mut quiet.0, &mut quiet.1, false);
         let picture = read(path, &mut console)?;

@@ -1,4 +1,4 @@
-//! A fit at one ratio: how good it is, and how fast its parts are.
+//! A fit at one ratio: its quality, and the speed of its parts.
 
 use crate::command::results::{Judged, Method};
 use crate::{Canvas, Gaussians, ImageError, Picture, Tiled, Window, decode, decode_region, fit};
@@ -6,11 +6,11 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-/// Sides of the region whose drawing is timed.
+/// Sides of the timed region.
 const REGION: usize = 64;
-/// Repetitions of what is timed, of which the fastest counts.
+/// Repetitions of a timing; the fastest counts.
 const RUNS: usize = 5;
-/// Floating-point operations of a step for each block of 16 pixels that a Gaussian meets: 25 products and sums of
+/// Floating-point operations of a step for each pair of a Gaussian and a block of 16 pixels: 25 products and sums of
 /// vectors, fused or not.
 const BLOCK_OPERATIONS: f64 = 25.0 * 16.0 * 2.0;
 
@@ -18,8 +18,8 @@ const BLOCK_OPERATIONS: f64 = 25.0 * 16.0 * 2.0;
 pub struct Measured {
     pub ratio: f64,
     pub judged: Judged,
-    /// Milliseconds of the fit for each step, of a step of the last Gaussians, and what the processor could do such a
-    /// step in.
+    /// Milliseconds of the fit for each step, of a step of the last Gaussians, and of such a step at the processor's
+    /// peak.
     pub steps: [f64; 3],
     /// Milliseconds of decoding and drawing a megapixel.
     pub decoding: f64,

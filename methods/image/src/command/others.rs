@@ -1,4 +1,4 @@
-//! The same pictures by other codecs: at equal bytes, how near they are.
+//! The same pictures by other codecs: quality at equal bytes.
 
 use crate::{Picture, metrics};
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use weaver_io::{Background, Bitmap, Image, PhotoFile, file_length, list_photos};
 
 /// Name of the program's own encoder.
 pub const OWN: &str = "JPEG, own";
-/// Qualities that it is tried at.
+/// Qualities of the program's own encoder.
 const QUALITIES: [u8; 12] = [1, 3, 6, 10, 15, 22, 30, 40, 50, 60, 70, 80];
 
 /// A picture by a codec, at several lengths.
@@ -58,12 +58,12 @@ impl Encoded {
 }
 
 impl Codec {
-    /// Decibels at so many bytes, between the files about it; none beyond them.
+    /// Decibels at a number of bytes, interpolated between files; none beyond them.
     pub fn psnr(&self, bytes: usize) -> Option<f64> {
         self.between(bytes, |file| Some(file.psnr))
     }
 
-    /// Multi-scale structural similarity at so many bytes.
+    /// Multi-scale structural similarity at a number of bytes.
     pub fn ms_ssim(&self, bytes: usize) -> Option<f64> {
         self.between(bytes, |file| file.ms_ssim)
     }
@@ -80,13 +80,13 @@ impl Codec {
         Some(of(low)? + part * (of(high)? - of(low)?))
     }
 
-    /// The longest file of at most so many bytes.
+    /// The longest file of at most `bytes` bytes.
     pub fn within(&self, bytes: usize) -> Option<&Encoded> {
         self.files.iter().rev().find(|file| file.bytes <= bytes)
     }
 }
 
-/// The codecs of a picture: of the files in a folder, or else the program's own encoder.
+/// The codecs of a picture: from the files in a folder, or else the program's own encoder.
 pub fn codecs(path: &Path, picture: &Picture, folder: Option<&Path>) -> Result<Vec<Codec>, Failure> {
     let mut codecs: Vec<Codec> = Vec::new();
     let mut add = |name: &str, encoded: Encoded| match codecs.iter_mut().find(|codec| codec.name == name) {

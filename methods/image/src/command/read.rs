@@ -1,18 +1,18 @@
-//! Pictures from files, and what of them a fit cannot keep.
+//! Pictures from files, with notes on properties that a fit cannot keep.
 
 use crate::{ImageError, Picture};
 use std::path::Path;
 use weaver_command::{Console, Failure, memory};
 use weaver_io::PhotoFile;
 
-/// Bytes of memory that a fit takes for a pixel: the picture in several forms, sums for its quadtree, values of tiles.
+/// Bytes of memory of a fit for a pixel: the picture in several forms, sums for its quadtree, values of tiles.
 const FIT_BYTES: u64 = 100;
 /// Most pixels of a picture, and of a drawing.
 pub const MOST_PIXELS: usize = 1 << 28;
-/// Sides below this leave little to gain.
+/// Sides below this are hardly smaller than a PNG.
 const SMALL: usize = 16;
 
-/// The picture in a file, over black; says what is changed by that.
+/// The picture in a file, over black; prints notes on changes of transparency, depth and gray.
 pub fn read(path: &Path, console: &mut Console) -> Result<Picture, Failure> {
     let name = path.display();
     let file = PhotoFile::at(path)?.over([0.0; 3]);
@@ -39,7 +39,7 @@ pub fn read(path: &Path, console: &mut Console) -> Result<Picture, Failure> {
     Picture::new(width, height, image.pixels).map_err(|error| failure(path, &error))
 }
 
-/// Notes where fewer Gaussians were fitted than asked for, or some were reset.
+/// Prints notes if fewer Gaussians were fitted than wanted, or some were reset.
 pub fn note_shortfall(path: &Path, asked: usize, found: usize, reset: usize, console: &mut Console) {
     let name = path.display();
     if found < asked {

@@ -8,14 +8,14 @@ use weaver_command::Failure;
 use weaver_io::{Image, PhotoFile, read_bytes};
 use weaver_run::{Folder, Page};
 
-/// Better names of curves than those of the log.
+/// Titles of curves in place of the log's keys.
 pub const CURVES: [(&str, &str); 1] = [("gaussians", "Gaussians")];
-/// Sides of a crop beside others.
+/// Sides of crops side by side.
 const SIDE: usize = 256;
-/// Sides of a crop over another.
+/// Sides of crops in a comparison by a slider.
 const COMPARED: usize = 512;
 
-/// The page of a run: a table, and a crop of each picture over that of its file.
+/// The page of a run: a table, and for each picture a crop in comparison with its file's drawing.
 pub fn of_run(rows: &[Row], folder: &Folder) -> Result<Page, Failure> {
     let mut page = Page::new("Pictures as Gaussians");
     page.heading(1, "Pictures as Gaussians");
@@ -98,7 +98,7 @@ fn cells_of_file(row: &Row) -> Vec<String> {
     vec![row.bytes.to_string(), format!("{:.3}", row.bits_per_pixel()), format!("{:.2}", row.psnr), similar]
 }
 
-/// Decibels and similarity of a codec at so many bytes.
+/// Decibels and similarity of a codec at a number of bytes.
 pub fn beside(codec: &Codec, bytes: usize) -> String {
     match (codec.psnr(bytes), codec.ms_ssim(bytes)) {
         (None, _) => "-".into(),

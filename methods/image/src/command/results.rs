@@ -1,11 +1,11 @@
-//! Files of fits, and how good they are.
+//! Files of fits, and their quality.
 
 use crate::{FitSettings, Fitted, ImageError, Picture, decode, encode, metrics};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_command::Failure;
 
-/// Bits of a Gaussian in a file, about.
+/// Approximate bits of a Gaussian in a file.
 pub const BITS: f64 = 29.0;
 
 /// Figures of a fitted picture and its file.
@@ -34,14 +34,14 @@ impl Row {
         8.0 * self.bytes as f64 / (self.width * self.height) as f64
     }
 
-    /// One line that says it all.
+    /// All figures in one line.
     pub fn line(&self, out: &Path) -> String {
         let (count, bytes, bits, psnr) = (self.gaussians, self.bytes, self.bits_per_pixel(), self.psnr);
         format!("{count} Gaussians, {bytes} bytes, {bits:.3} bits a pixel, {psnr:.2} dB: {}", out.display())
     }
 }
 
-/// A fit as a file, judged as that file shows it.
+/// A fit as a file, with the quality of the decoded file.
 pub struct Judged {
     pub row: Row,
     pub bytes: Vec<u8>,
@@ -71,7 +71,7 @@ impl Judged {
 /// Method of fits.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Method {
-    /// Compression ratio that the number of Gaussians is for.
+    /// Compression ratio that determines the number of Gaussians.
     pub ratio: Option<f64>,
     /// Number of Gaussians.
     pub gaussians: Option<usize>,
@@ -87,10 +87,10 @@ pub struct Method {
 }
 
 impl Method {
-    /// Compression ratio when nothing is said.
+    /// Default compression ratio.
     const RATIO: f64 = 50.0;
 
-    /// Refuses what no picture could be fitted by.
+    /// Fails on a ratio that is not positive and finite.
     pub fn check(&self) -> Result<(), Failure> {
         match self.ratio.filter(|ratio| !(*ratio > 0.0 && ratio.is_finite())) {
             Some(ratio) => Err(Failure::Usage(format!("--ratio: expected a number above 0, found {ratio}"))),
@@ -103,7 +103,7 @@ impl Method {
         self.gaussians.unwrap_or_else(|| picture.gaussians_for(self.ratio.unwrap_or(Self::RATIO)))
     }
 
-    /// Settings of a fit with so many Gaussians, whose result goes into a file.
+    /// Settings of a fit with `count` Gaussians, whose result goes into a file.
     pub fn settings(&self, count: usize) -> FitSettings {
         let mut settings = match self.published {
             true => FitSettings::published(count, self.steps),
@@ -113,7 +113,7 @@ impl Method {
         settings
     }
 
-    /// Note on a step: Gaussians, decibels or the published loss, and about how long the file would be.
+    /// Note on a step: Gaussians, decibels or the published loss, and the approximate length of the file.
     pub fn note(&self, gaussians: usize, loss: f64) -> String {
         let near = match self.published {
             true => format!("loss {loss:.4}"),

@@ -1,4 +1,4 @@
-//! Fits of one picture: by a number of Gaussians, or until the file has a length or quality.
+//! Fits of one picture: for a number of Gaussians, or until the file has a length or quality.
 
 use crate::command::read::failure;
 use crate::command::results::{BITS, Judged, Method};
@@ -8,24 +8,24 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 use weaver_command::{Console, Failure, Interrupt, Progress};
 
-/// Fits that look for a number of bytes or decibels, at most.
+/// Most fits in a search for a number of bytes or decibels.
 const TRIALS: usize = 6;
-/// Decibels that doubling the Gaussians brings, about.
+/// Approximate gain of decibels from twice the Gaussians.
 const DOUBLING: f64 = 1.5;
 
 /// Wanted size of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
-    /// So many Gaussians.
+    /// This number of Gaussians.
     Gaussians(usize),
-    /// So many bytes at most.
+    /// At most this number of bytes.
     Bytes(usize),
-    /// So many decibels at least.
+    /// At least this number of decibels.
     Decibels(f64),
 }
 
 impl Goal {
-    /// The most fits that it takes.
+    /// The most fits of a search.
     pub fn trials(self) -> usize {
         if matches!(self, Self::Gaussians(_)) { 1 } else { TRIALS }
     }
@@ -38,9 +38,9 @@ pub struct Search<'a, 'b> {
     pub method: &'a Method,
     pub console: &'a mut Console<'b>,
     pub interrupt: &'a Interrupt,
-    /// Of fits that a page follows.
+    /// Log of the fits for a live page.
     pub trace: Option<Trace<'a>>,
-    /// Place where the search was stopped before its end.
+    /// Fit at which the search was stopped before its end.
     pub early: Option<String>,
 }
 
@@ -58,7 +58,7 @@ impl Search<'_, '_> {
         }
     }
 
-    /// The fit with so many Gaussians.
+    /// The fit with `count` Gaussians.
     fn trial(&mut self, count: usize) -> Result<Judged, Failure> {
         let named = |error: ImageError| failure(self.path, &error);
         let steps = self.method.steps;
@@ -83,14 +83,14 @@ impl Search<'_, '_> {
         judged.map_err(named)
     }
 
-    /// The largest trial of at most so many bytes.
+    /// The largest trial of at most `bytes` bytes.
     fn within(&mut self, bytes: usize) -> Result<Judged, Failure> {
         let mut best: Option<Judged> = None;
         let mut count = 8.0 * bytes as f64 / BITS;
         for number in 1..=TRIALS {
             let trial = self.trial(self.bounded(count))?;
             let found = trial.row.bytes;
-            // Two parts in a thousand below, so that the next one is not above again.
+            // Two parts in a thousand below the estimate, so that the next file is not too long again.
             count = trial.row.gaussians as f64 * 0.998 * bytes as f64 / found as f64;
             let fits = found <= bytes;
             if fits && best.as_ref().is_none_or(|best| best.row.bytes < found) {
@@ -104,7 +104,7 @@ impl Search<'_, '_> {
         best.ok_or_else(|| self.missed(format!("--bytes {bytes}: expected a length that a fit has, found none")))
     }
 
-    /// The smallest trial of at least so many decibels.
+    /// The smallest trial of at least `decibels` decibels.
     fn at_least(&mut self, decibels: f64) -> Result<Judged, Failure> {
         let mut best: Option<Judged> = None;
         let (mut count, mut highest) = (self.picture.gaussians_for(50.0) as f64, f64::NEG_INFINITY);
@@ -126,7 +126,7 @@ impl Search<'_, '_> {
         })
     }
 
-    /// True if the search ends after the trial of this number, its goal being reached or not.
+    /// True if the search ends after the trial of this number, by reaching its goal or by interruption.
     fn ends(&mut self, reached: bool, number: usize) -> bool {
         let stopped = self.stopped();
         if stopped && !reached && number < TRIALS {
@@ -135,7 +135,7 @@ impl Search<'_, '_> {
         stopped || reached
     }
 
-    /// The failure of a search that found nothing; `reason` where it was not stopped.
+    /// The failure of a search without a result: its interruption, or else `reason`.
     fn missed(&self, reason: String) -> Failure {
         let stopped =
             |at: &String| format!("{}: stopped at {at}, before a fit came near the goal", self.path.display());

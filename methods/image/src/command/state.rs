@@ -8,7 +8,7 @@ use weaver_io::{Error, Image, PhotoFile, Result};
 
 /// Longest side of a drawing of a fit under way, pixels.
 const LONG_SIDE: usize = 1024;
-/// Steps done, Gaussians of the start and those reset, of a fit under way.
+/// Finished steps, Gaussians of the start and reset ones, of a fit under way.
 const COUNTS: &str = "counts";
 
 /// Adds the state of a fit to a checkpoint.
@@ -28,12 +28,12 @@ pub fn insert(state: &FitState, tensors: &mut Tensors) {
     tensors.insert(COUNTS, &[3], vec![state.step, state.first, state.reset]);
 }
 
-/// True if a checkpoint is of a fit; false where it is between two pictures.
+/// True if a checkpoint is of a fit; false for one between two pictures.
 pub fn is_under_way(tensors: &Tensors) -> bool {
     tensors.tensors.contains_key(COUNTS)
 }
 
-/// The state of a fit in a checkpoint, if it is of one.
+/// The state of a fit in a checkpoint; `None` between two pictures.
 pub fn stored(tensors: &Tensors) -> Result<Option<FitState>> {
     if !is_under_way(tensors) {
         return Ok(None);
@@ -61,7 +61,7 @@ pub fn all<T: Element>(tensors: &Tensors, key: &str) -> Result<Vec<T>> {
     Ok(tensors.values::<T>(key, &shape)?.to_vec())
 }
 
-/// The picture in a file as the fit of a checkpoint shows it.
+/// The picture in a file as drawn by the fit of a checkpoint.
 pub fn under_way(tensors: &Tensors, picture: &Path, method: &Method) -> Result<Image> {
     let (width, height) = PhotoFile::at(picture)?.size();
     let gaussians = gaussians(tensors, "")?;

@@ -1,4 +1,4 @@
-//! What is left of the steps of a fit that writes one file, for a page that follows it.
+//! Log and checkpoints of a fit to one file, for a live page.
 
 use crate::command::job::KIND;
 use crate::command::state::insert;
@@ -10,7 +10,7 @@ use weaver_command::Failure;
 use weaver_io::safetensors::Tensors;
 use weaver_run::{Folder, Recorder, Rhythm, Scalar, StepReport};
 
-/// A folder for log and checkpoints that is gone with this value: a fit of one file has none of its own.
+/// A temporary folder for log and checkpoints, removed with this value: a fit of one file has no run folder.
 pub struct TraceFolder {
     folder: Folder,
     // Dropped last.
@@ -33,14 +33,14 @@ impl TraceFolder {
 /// Log and checkpoints of the trials of a fit.
 pub struct Trace<'a> {
     recorder: Recorder<'a>,
-    /// Trials begun.
+    /// Number of trials so far.
     trials: usize,
-    /// Steps of a trial, and of all at most.
+    /// Steps of a trial, and the most of all trials.
     steps: [usize; 2],
 }
 
 impl<'a> Trace<'a> {
-    /// A trace of at most `trials` trials of so many steps.
+    /// A trace of at most `trials` trials of `steps` steps.
     pub fn new(traces: &'a TraceFolder, [steps, trials]: [usize; 2], stop: &'a AtomicBool) -> Result<Self, Failure> {
         let recorder = Recorder::open(&traces.folder, 0, Rhythm::default(), stop)?;
         Ok(Self { recorder, trials: 0, steps: [steps, steps * trials] })

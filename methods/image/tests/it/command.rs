@@ -16,7 +16,7 @@ struct Line {
     pictures: Pictures,
 }
 
-/// Runs a command whose paths are in a folder, marked by `@`, and gives what it prints, notes included.
+/// Runs a command whose paths are in a folder, marked by `@`, and returns its output, notes included.
 fn told_by(folder: &Path, words: &str, interrupt: &Interrupt) -> Result<String, Failure> {
     let here = format!("{}/", folder.display());
     let words = words.split_whitespace().map(|word| word.replace('@', &here));

@@ -27,7 +27,7 @@ proptest! {
 
     #[test]
     fn single_precision_is_near(seed: u64) {
-        // No cut that a rounding could move a pixel across: its step is e^-4.5.
+        // A far cut: at three deviations, rounding could move a pixel across a step of e^-4.5.
         let picture = gaussians::<f32>(seed, 20, [40, 40], [0.5, 6.0]);
         let window = Window::whole(40, 40);
         prop_assert!(apart(&drawn(&picture, window, 9.0), &reference::draw(&picture, &window, 9.0)) < 1e-5);

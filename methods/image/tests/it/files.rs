@@ -1,4 +1,4 @@
-//! Files: what is written is read, and what is not a file is refused.
+//! Files: round trips, and refusals of other bytes.
 
 use crate::random::{error, gaussians, picture};
 use proptest::prelude::*;
@@ -95,7 +95,7 @@ fn only_blocks_of_the_region_are_read() {
     let (found, taken) = part(&bytes, window).unwrap();
     assert!(taken < bytes.len() as u64 / 8, "{taken} of {}", bytes.len());
     assert!(found.gaussians.len() <= 9 * 256);
-    // What is wrong elsewhere does not matter here, and does there.
+    // Damage elsewhere does not affect this region, but the whole.
     let last = bytes.len() - 40;
     bytes[last] ^= 1;
     assert!(decode(&bytes).is_err());
@@ -147,7 +147,7 @@ fn a_coded_fit_is_what_its_file_holds() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
-    /// Any symbols behind right checksums are a picture or refused.
+    /// Any symbols with valid checksums are a picture or refused.
     #[test]
     fn any_symbols_are_a_picture_or_refused(
         symbols in proptest::collection::vec(any::<u8>(), 0..400),

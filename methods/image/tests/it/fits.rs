@@ -47,7 +47,7 @@ fn the_published_descent_goes_down() {
 
 #[test]
 fn coarse_to_fine_ends_at_the_whole_size() {
-    // Sides that cannot be halved.
+    // Odd sides.
     let picture = picture(4, 45, 37);
     let mut settings = FitSettings::new(50, 80);
     let plain = error(&picture, &fitted(&picture, &settings).gaussians);

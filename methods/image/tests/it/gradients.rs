@@ -24,7 +24,7 @@ fn with(of: &Gaussians<f64>, mut at: usize, change: f64) -> Gaussians<f64> {
     out
 }
 
-/// The largest difference between a gradient and that of `loss`, over all numbers.
+/// The largest difference between a gradient and the finite differences of `loss`, over all numbers.
 fn differs(picture: &Gaussians<f64>, gradient: &Gaussians<f64>, loss: impl Fn(&Gaussians<f64>) -> f64) -> f64 {
     let step = 1e-5;
     let slope = |i| (loss(&with(picture, i, step)) - loss(&with(picture, i, -step))) / (2.0 * step);

@@ -1,4 +1,4 @@
-//! The page of the file's layout: a reader in Python that was written from it gives the same Gaussians.
+//! The page of the file's layout: a Python reader written from it gives the same Gaussians.
 
 use crate::random::gaussians;
 use std::process::Command;

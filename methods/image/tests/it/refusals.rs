@@ -1,4 +1,4 @@
-//! Bad input: an error that names what was expected and found.
+//! Bad input: an error with the expected and the found value.
 
 use weaver_image::{CUT, Canvas, Gaussians, Tiled, Window};
 

@@ -30,7 +30,7 @@ fn half_size_is_the_mean_of_four_pixels() {
 fn larger_is_the_same_function_at_more_points() {
     let picture = gaussians::<f32>(8, 30, [32, 32], [1.0, 5.0]);
     let (once, thrice) = (drawn(&picture, 32), drawn(&picture.at_scale(3.0), 96));
-    // The middle of every third pixel is that of a pixel of before; only pixels at the cut may fall on either side of it.
+    // Every third pixel has the middle of an original pixel; only pixels at the cut may fall on either side of it.
     let differ = (0..32 * 32).filter(|p| {
         let other = 3 * ((3 * (p / 32) + 1) * 96 + 3 * (p % 32) + 1);
         (0..3).any(|c| (once[3 * p + c] - thrice[other + c]).abs() > 1e-4)

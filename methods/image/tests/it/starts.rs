@@ -64,7 +64,7 @@ fn published_positions_follow_edges() {
     let colors = (0..96 * 96).flat_map(|p| [if p % 96 < 48 { 0.1 } else { 0.9 }; 3]).collect();
     let placed = start(&Picture::new(96, 96, colors).unwrap(), 100, Start::Published, 3);
     assert!(placed.len() <= 100 && placed.len() > 90);
-    // The frame is no edge.
+    // The frame does not count as an edge.
     let (mut edge, mut inside) = (0, 0);
     for center in placed.centers.chunks_exact(2).take(70) {
         edge += usize::from((center[0] - 48.0).abs() < 4.0);

@@ -1,8 +1,8 @@
-//! What can go wrong with a run.
+//! Errors of runs.
 
 use std::path::PathBuf;
 
-/// Why a run cannot begin or go on.
+/// Error of beginning or resuming a run.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LidarRunError {
@@ -15,22 +15,22 @@ pub enum LidarRunError {
     /// Scans or settings cannot be used.
     #[error(transparent)]
     Lidar(#[from] crate::Error),
-    /// Something is not as it was, or as it has to be.
+    /// Content of a file or folder that has changed or is invalid.
     #[error("{}: {what}: expected {expected}, found {found}", path.display())]
     Invalid {
         /// The file or folder.
         path: PathBuf,
         /// The part of it.
         what: &'static str,
-        /// The content that was expected.
+        /// The expected content.
         expected: String,
-        /// The content that was found.
+        /// The content found.
         found: String,
     },
 }
 
 impl LidarRunError {
-    /// True if the map could not be drawn, which is not a scan's fault.
+    /// True if the map could not be drawn, in contrast to a bad scan.
     pub(crate) fn is_of_map(&self) -> bool {
         matches!(self, Self::Lidar(crate::Error::Raster(_)))
     }

@@ -34,11 +34,11 @@ pub struct EvalTrajectory {
 pub struct Errors {
     /// Root mean square distance after the best rigid motion, meters.
     pub ate_m: f64,
-    /// The same with equal first poses, meters.
+    /// Root mean square distance with equal first poses, meters.
     pub ate_first_m: f64,
     /// Root mean square error of consecutive relative translations, meters.
     pub rpe_m: f64,
-    /// Mean relative error of translations, percent; none where the reference stands still.
+    /// Mean relative error of translations, percent; `None` for a reference without motion.
     pub rpe_percent: Option<f64>,
     /// Root mean square error of consecutive relative rotations, degrees.
     pub rpe_degrees: f64,
@@ -49,7 +49,7 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// The errors of poses that belong together by their order, at least two of them.
+    /// The errors of poses paired by their order, at least two.
     pub(crate) fn new(estimate: &[Pose], reference: &[Pose]) -> Self {
         let (errors, poses) = (trajectory_errors(estimate, reference), estimate.len());
         Self {
@@ -80,7 +80,7 @@ impl Errors {
 
 /// Runs `splatweaver eval-trajectory`.
 ///
-/// Fails where files cannot be read or have no poses in common.
+/// Fails on unreadable files and on files without common poses.
 pub fn eval_trajectory(arguments: &EvalTrajectory, console: &mut Console) -> Result<(), Failure> {
     let [estimate, reference] =
         [TrajectoryFile::read(&arguments.estimate)?, TrajectoryFile::read(&arguments.reference)?];
@@ -94,7 +94,7 @@ pub fn eval_trajectory(arguments: &EvalTrajectory, console: &mut Console) -> Res
 /// The errors of the poses that two trajectories have in common; `path` is the reference's, for messages.
 ///
 /// # Errors
-/// When these are fewer than two, or times that would tell which belong together have nothing in common.
+/// When these are fewer than two, or the times for pairing have nothing in common.
 pub fn paired_errors(
     estimate: &TrajectoryFile,
     reference: &TrajectoryFile,
@@ -124,13 +124,13 @@ pub fn paired_errors(
     Ok(Errors::new(&own, &others))
 }
 
-/// The first and the last time of a trajectory that has times.
+/// The first and the last time of a trajectory with times.
 fn span(trajectory: &TrajectoryFile) -> Option<[f64; 2]> {
     Some([*trajectory.times.first()?, *trajectory.times.last()?])
 }
 
-/// Poses that are each other's nearest in time, within half of the smaller mean step. Where there are no times, numbers
-/// are.
+/// Poses that are each other's nearest in time, within half of the smaller mean step. Without times, the numbers of
+/// poses count.
 fn by_times(estimate: &TrajectoryFile, reference: &TrajectoryFile) -> Vec<(Pose, Pose)> {
     let times = |file: &TrajectoryFile| match file.times.as_slice() {
         [] => (0..file.poses.len()).map(|i| i as f64).collect(),
@@ -147,7 +147,7 @@ fn by_times(estimate: &TrajectoryFile, reference: &TrajectoryFile) -> Vec<(Pose,
     pairs.collect()
 }
 
-/// The index of the time that is nearest to one, of two the first.
+/// The index of the time nearest to `time`, the first of two equally near ones.
 fn nearest(times: &[f64], time: f64) -> usize {
     let after = times.partition_point(|other| *other < time);
     let (before, after) = (after.saturating_sub(1), after.min(times.len() - 1));

@@ -13,11 +13,11 @@ use weaver_surfel::Surfels;
 /// The outcome of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScanRecord {
-    /// Share of the scan that fits.
+    /// Share of the scan that fits the map.
     pub fitness: f64,
-    /// Why it was lost, or that ranges were not registered; empty where all is well.
+    /// Reason for the loss, or for the lack of range registration; empty without problems.
     pub remark: String,
-    /// True if its pose is only the expected one.
+    /// True if its pose is only predicted.
     pub lost: bool,
     /// True if it is a keyframe.
     pub keyframe: bool,
@@ -41,10 +41,10 @@ impl LidarJob {
         Self::at_beginning(plan.begun()?)
     }
 
-    /// The run of a plan that was stored, at its beginning.
+    /// The run of a stored plan, at its beginning.
     ///
     /// # Errors
-    /// When the scans are not those that the run began with; names the first that differs. Else as [`new`](Self::new).
+    /// When the scans have changed since the run began; names the first changed one. Else as [`new`](Self::new).
     pub fn stored(plan: LidarPlan) -> Result<Self, LidarRunError> {
         plan.check_sources()?;
         Self::at_beginning(plan)
@@ -60,7 +60,7 @@ impl LidarJob {
         Ok(Self { plan, files, odometry, records: Vec::new() })
     }
 
-    /// The settings that were asked for.
+    /// The settings of the run.
     pub fn plan(&self) -> &LidarPlan {
         &self.plan
     }
@@ -75,7 +75,7 @@ impl LidarJob {
         &self.odometry
     }
 
-    /// The same, for drawing.
+    /// Poses and the map so far, for drawing.
     pub fn odometry_mut(&mut self) -> &mut Odometry {
         &mut self.odometry
     }
@@ -85,12 +85,12 @@ impl LidarJob {
         &self.records
     }
 
-    /// Says if tracking ended before the last scan.
+    /// Returns true if tracking ended before the last scan.
     pub fn ended(&self) -> bool {
         self.odometry.ended()
     }
 
-    /// The range image of a scan that was tracked.
+    /// The range image of a tracked scan.
     ///
     /// # Errors
     /// When the file cannot be read or used any more.
@@ -226,7 +226,7 @@ impl Job for LidarJob {
             if scan >= n {
                 return Err(invalid("keyframe_scans", format!("scans below {n}"), scan.to_string()));
             }
-            // The normals that the map was fitted to, too.
+            // With normals, as in the fit of the map.
             keyframes.push(Keyframe { scan, frame: self.frame(scan)?.with_normals(), pose });
         }
         let count = count as usize;
@@ -253,7 +253,7 @@ impl Job for LidarJob {
     }
 }
 
-/// All maps of a state: those that are finished, and last the one under way.
+/// All maps of a state: the finished ones, and last the one under way.
 pub(crate) fn maps_of(state: &Tensors) -> weaver_io::Result<Vec<Surfels<f32>>> {
     let finished = state.values::<u64>("counts", &[4])?[3] as usize;
     (0..=finished).map(|i| map_of(state, i)).collect()
@@ -273,7 +273,7 @@ fn map_of(state: &Tensors, i: usize) -> weaver_io::Result<Surfels<f32>> {
     })
 }
 
-/// Numbers of a pose: translation, and the rotation by columns, so that it comes back to the same bits.
+/// Numbers of a pose: translation, and the rotation by columns, for the same bits after reading.
 const POSE: usize = 12;
 
 fn pose_numbers(pose: &Pose) -> [f64; POSE] {
@@ -285,7 +285,7 @@ fn pose_of(x: &[f64]) -> Pose {
     Pose::new(weaver_geometry::glam::DMat3::from_cols_slice(&x[3..]), DVec3::from_slice(x))
 }
 
-/// The same text for a remark of any scan: what it lacks, in one line.
+/// The printed line of a scan's remark, in one form for all scans; `None` without a remark.
 pub(crate) fn said(record: &ScanRecord, file: &str) -> Option<String> {
     let no_scan = Lost::NoScan.to_string();
     match (record.remark.as_str(), record.lost) {

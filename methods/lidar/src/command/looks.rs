@@ -1,4 +1,4 @@
-//! A run to look at while it goes on.
+//! Live views of a run.
 
 use crate::command::job::maps_of;
 use crate::command::plan::read;
@@ -10,11 +10,11 @@ use weaver_scene::{ActivatedGaussians, Gaussians};
 use weaver_view::Look;
 use weaver_view_run::{ScenePage, overview};
 
-/// Points of the first scan that are shown, at most.
+/// Most points of the first scan in the view.
 const POINTS: usize = 20_000;
 /// Their size, meters.
 const POINT: f32 = 0.05;
-/// The points of the first scan, which are all that is known at the beginning, seen from behind and above.
+/// The points of the first scan, before there is a map, seen from behind and above.
 pub(crate) fn beginning(job: &LidarJob, title: String) -> Result<ScenePage, LidarRunError> {
     let points = read(&job.files()[0])?.points;
     let shown: Vec<[f32; 3]> = points.iter().step_by(points.len().div_ceil(POINTS).max(1)).copied().collect();

@@ -23,7 +23,7 @@ impl Sheet {
         Self { image: Image::filled(pixels.x as usize, pixels.y as usize, [1.0; 3]), corner, scale }
     }
 
-    /// The pixels of a meter.
+    /// Pixels per meter.
     pub fn scale(&self) -> f64 {
         self.scale
     }
@@ -72,7 +72,7 @@ pub(crate) fn trajectory(poses: &[Pose], reference: &[Pose], keyframes: &[usize]
     (sheet.image(), scale)
 }
 
-/// Centers of surfels on two of the axes, darker where there are more.
+/// Centers of surfels on two of the axes, darker at higher density.
 pub(crate) fn map(centers: &[f32], axes: [usize; 2]) -> Image {
     let points = || centers.chunks_exact(3).map(|c| DVec2::new(c[axes[0]].into(), c[axes[1]].into()));
     let low = points().fold(DVec2::INFINITY, DVec2::min);
@@ -82,12 +82,12 @@ pub(crate) fn map(centers: &[f32], axes: [usize; 2]) -> Image {
     sheet.image()
 }
 
-/// A range image in colors up to `most` meters, with rows doubled so that one can see them.
+/// A range image in colors up to `most` meters, with rows doubled for visibility.
 pub(crate) fn ranges(range: &[f32], width: usize, most: f32) -> Image {
     tall(false_color(range, width, range.len() / width, 0.0, most), range)
 }
 
-/// Differences of ranges where both are, gray where they agree, in colors up to `most` meters.
+/// Differences of ranges at pixels with both, gray for equal ones, in colors up to `most` meters.
 pub(crate) fn differences(drawn: &[f32], measured: &[f32], width: usize, most: f32) -> Image {
     let of = |(a, b): (&f32, &f32)| if *a > 0.0 && *b > 0.0 { (a - b).abs().max(1e-6) } else { 0.0 };
     let values: Vec<f32> = drawn.iter().zip(measured).map(of).collect();
@@ -107,7 +107,7 @@ pub(crate) fn normals(normals: &[f32], width: usize) -> Image {
     tall(image, &vec![1.0; normals.len() / 3])
 }
 
-/// Every row twice, black where there is nothing.
+/// Every row twice, black at pixels without a value.
 fn tall(image: Image, values: &[f32]) -> Image {
     let Image { width, height, pixels } = image;
     let row = |y: usize| {

@@ -1,4 +1,4 @@
-//! Maps as range images, from which meshes are made, and `splatweaver eval-mesh`.
+//! Range images of maps, for meshing, and `splatweaver eval-mesh`.
 
 use crate::command::LidarRunError;
 use crate::command::plan::read;
@@ -17,7 +17,7 @@ use weaver_mesh::{
 use weaver_run::Folder;
 use weaver_surfel::{Limits, RangeImages, Sight, SurfelWorkspace};
 
-/// Points on a square meter of a mesh that is compared, before it is thinned.
+/// Sampled points on a square meter of a compared mesh, before thinning.
 const PER_AREA: f64 = 5000.0;
 /// Side of the cubes that keep one point each, meters.
 const THINNED: f64 = 0.02;
@@ -65,10 +65,10 @@ fn threshold(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(within).ok_or(format!("expected meters above 0; found {text}"))
 }
 
-/// Draws the map of a run from each of its keyframes, and gives the ranges and normals to a function.
+/// Draws the map of a run from each of its keyframes, and passes the ranges and normals to a function.
 ///
 /// # Errors
-/// Where there is no complete run, and as the function's.
+/// When there is no complete run, and as the function's.
 pub fn map_views<T>(
     run: &Path,
     console: &mut Console,
@@ -108,12 +108,12 @@ pub fn map_views<T>(
 
 /// Runs `splatweaver eval-mesh`.
 ///
-/// Fails where files cannot be read, and where nothing is left to compare.
+/// Fails on unreadable files, and when no points are left for the comparison.
 pub fn eval_mesh(arguments: &EvalMesh, console: &mut Console) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || {
         let mesh = surface(arguments)?;
         let mut cloud = read_lidar_scan(&arguments.cloud)?.points;
-        // Beams that meet nothing are points that are not finite.
+        // Beams without a hit are points that are not finite.
         cloud.retain(|point| point.iter().all(|x| x.is_finite()));
         if let Some(benchmark) = arguments.benchmark {
             return by_benchmark(benchmark, arguments, (&mesh, &cloud), console);
@@ -156,7 +156,8 @@ fn text(errors: &MeshErrors, threshold: f64) -> String {
     )
 }
 
-/// The mesh that is compared, which has a surface that fits into memory as points.
+/// The mesh for comparison; fails on nonfinite vertices and, if points are sampled, without triangles or with too
+/// little memory for the points.
 fn surface(arguments: &EvalMesh) -> Result<Mesh, Failure> {
     let path = &arguments.mesh;
     let (vertices, triangles) = read_triangles(path)?;
@@ -179,12 +180,12 @@ fn surface(arguments: &EvalMesh) -> Result<Mesh, Failure> {
     Ok(mesh)
 }
 
-/// A file that cannot be compared.
+/// Error of a file that cannot be compared.
 fn unusable(path: &Path, what: &'static str, expected: &str, found: impl Into<String>) -> Failure {
     LidarRunError::Invalid { path: path.into(), what, expected: expected.into(), found: found.into() }.into()
 }
 
-/// Prints the distances as a benchmark has them.
+/// Prints the distances by a benchmark's definition.
 fn by_benchmark(
     benchmark: SurfaceBenchmark,
     arguments: &EvalMesh,

@@ -1,4 +1,4 @@
-//! What a run is asked for.
+//! Settings of a run.
 
 use crate::command::LidarRunError;
 use crate::command::sources::Sources;
@@ -90,7 +90,7 @@ fn distance(text: &str) -> Result<f64, String> {
 }
 
 impl LidarPlan {
-    /// The same with paths that hold wherever a run is resumed from.
+    /// The plan with absolute paths, which hold in every folder from which the run is resumed.
     pub(crate) fn absolute(self) -> std::io::Result<Self> {
         let absolute = |path: Option<PathBuf>| path.map(std::path::absolute).transpose();
         Ok(Self {
@@ -101,7 +101,7 @@ impl LidarPlan {
         })
     }
 
-    /// The words of the command line that say the same.
+    /// The equivalent words of the command line.
     pub(crate) fn words(&self) -> Vec<OsString> {
         // Field by field, so that none is forgotten.
         let Self {
@@ -142,10 +142,10 @@ impl LidarPlan {
         self.scans.as_deref().unwrap_or(Path::new("."))
     }
 
-    /// The same with the scans that there are now, which a run begins with.
+    /// The plan with checksums of the present scans, for a new run.
     ///
     /// # Errors
-    /// Where they are fewer than two.
+    /// When they are fewer than two.
     pub(crate) fn begun(self) -> Result<Self, LidarRunError> {
         let sources = Some(Sources::of(self.folder())?);
         let plan = Self { sources, ..self };
@@ -153,16 +153,16 @@ impl LidarPlan {
         Ok(plan)
     }
 
-    /// Checks that the scans are those that the run began with. Runs of earlier versions do not say which these were.
+    /// Checks that the scans are unchanged since the run began. Runs of earlier versions have no checksums and pass.
     ///
     /// # Errors
-    /// Names the first that differs.
+    /// Names the first changed scan.
     pub(crate) fn check_sources(&self) -> Result<(), LidarRunError> {
         self.sources.as_ref().map_or(Ok(()), |began| began.check(self.folder()))
     }
 
-    /// The files of scans in the order in which they are taken. Runs of earlier versions took them in the order of the
-    /// bytes of their names.
+    /// The files of scans in the order of processing. Runs of earlier versions took them in the order of the bytes of
+    /// their names.
     pub(crate) fn files(&self) -> Result<Vec<PathBuf>, LidarRunError> {
         let folder = self.folder();
         let files = match &self.sources {
@@ -210,7 +210,7 @@ impl LidarPlan {
             iterations: self.steps as usize,
             density: self.density,
             seed: self.seed,
-            // Small surfels locate scans more exactly; where poses are given, large ones leave fewer holes.
+            // Small surfels locate scans more exactly; with given poses, large ones leave fewer holes.
             scale_mean: self.poses.is_some(),
             ..Default::default()
         }

@@ -6,10 +6,10 @@ use crate::command::results::Summary;
 use crate::command::{LidarJob, LidarPlan, LidarRunError, maps};
 use weaver_run::{Folder, Page};
 
-/// Better names of curves than those of the log.
+/// Titles of curves in place of the log's keys.
 pub const CURVES: [(&str, &str); 1] = [("range_error", "mean difference of ranges at keyframes, m")];
 
-/// Keyframes that are shown.
+/// Number of keyframes in the page.
 const SHOWN: usize = 3;
 
 /// Writes the page.
@@ -44,9 +44,9 @@ pub(crate) fn leave(job: &mut LidarJob, summary: &Summary, folder: &Folder) -> R
     Ok(folder.report(&page)?)
 }
 
-/// Measured and drawn range images of a few keyframes of the map at hand.
+/// Measured and drawn range images of a few keyframes of the current map.
 fn ranges(job: &mut LidarJob, keyframes: &[usize], page: &mut Page) -> Result<(), LidarRunError> {
-    // Earlier maps are not drawn any more.
+    // Earlier maps cannot be drawn any more.
     let current: Vec<usize> = job.odometry().mapper().keyframes().iter().map(|keyframe| keyframe.scan).collect();
     let count = SHOWN.min(current.len());
     page.heading(2, "Range images");
@@ -77,7 +77,7 @@ fn ranges(job: &mut LidarJob, keyframes: &[usize], page: &mut Page) -> Result<()
     Ok(())
 }
 
-/// The scans that were lost.
+/// The lost scans.
 fn lost(job: &LidarJob, page: &mut Page) {
     let lost = job.records().iter().zip(job.files()).filter(|(record, _)| !record.remark.is_empty());
     let rows: Vec<[String; 2]> = lost.map(|(record, file)| [name(file), record.remark.clone()]).collect();

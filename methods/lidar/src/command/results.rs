@@ -1,4 +1,4 @@
-//! What a run leaves beside its report.
+//! Results of a run beside its report.
 
 use crate::command::evaluation::Errors;
 use crate::command::{LidarJob, LidarPlan, LidarRunError};
@@ -18,27 +18,27 @@ pub(crate) const KEYFRAMES: &str = "keyframes.toml";
 /// The file of surfels.
 pub(crate) const MAP: &str = "map.ply";
 
-/// Logarithm of the thickness that surfels have as Gaussians, a tenth of a millimeter.
+/// Logarithm of the thickness of surfels as Gaussians, a tenth of a millimeter.
 const THICKNESS: f32 = -9.21;
 
 /// The outcome of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// Scans that have a pose.
+    /// Scans with a pose.
     pub scans: usize,
     /// Scans of the folder.
     pub of: usize,
     /// Scans that were lost.
     pub lost: usize,
-    /// The numbers of scans that are keyframes.
+    /// The numbers of the keyframe scans.
     pub keyframes: Vec<usize>,
     /// Surfels of all maps.
     pub surfels: usize,
     /// Length of the trajectory, meters.
     pub length_m: f64,
-    /// Mean share of a scan that fits, of those that were tracked.
+    /// Mean share of a scan that fits the map, over tracked scans.
     pub fitness: f64,
-    /// Errors, where there is a reference.
+    /// Errors, given a reference.
     pub errors: Option<Errors>,
 }
 
@@ -109,8 +109,8 @@ fn graph(job: &LidarJob, trajectory: &TrajectoryFile) -> String {
     text
 }
 
-/// Surfels as Gaussians of no thickness, in the colors of their normals, which face up: gray ones would show nothing of
-/// their shape.
+/// Surfels as Gaussians of a tenth of a millimeter's thickness, in the colors of their normals: gray ones would show
+/// nothing of their shape.
 pub(crate) fn gaussians(surfels: &Surfels<f32>) -> Gaussians {
     let color = |q: &[f32]| -> [f32; 3] {
         let normal = DQuat::from_xyzw(q[1].into(), q[2].into(), q[3].into(), q[0].into()).normalize() * DVec3::Z;
@@ -128,7 +128,7 @@ pub(crate) fn gaussians(surfels: &Surfels<f32>) -> Gaussians {
     }
 }
 
-/// The surfels of a map that was written.
+/// The surfels of a written map.
 pub(crate) fn surfels(gaussians: &Gaussians) -> Surfels<f32> {
     Surfels {
         centers: gaussians.means.concat(),

@@ -45,7 +45,7 @@ pub struct Lidar {
 
 /// Runs `splatweaver lidar`.
 ///
-/// Fails where scans cannot be read, settings make no sense, and results cannot be written.
+/// Fails on unreadable scans, on invalid settings, and on results that cannot be written.
 pub fn run(arguments: &Lidar, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     in_pool(arguments.threads.count(), || {
         let listener = Listener::of(arguments.live)?;
@@ -75,7 +75,7 @@ fn opened(arguments: &Lidar) -> Result<Run<LidarJob>, Failure> {
     Ok(Run::resume(folder, LidarJob::stored(plan)?)?)
 }
 
-/// The plan of the run in a folder, whose numbers are checked as those of the command line are.
+/// The plan of the run in a folder, with numbers checked as on the command line.
 pub(crate) fn stored(run: &Path) -> Result<LidarPlan, Failure> {
     const OF: &str = "odometry and mapping of lidar scans";
     let plan: LidarPlan = Folder::settings(run, KIND, OF)?;
@@ -132,7 +132,7 @@ fn advance(
     finish(&mut run, &summary, arguments.json, console)
 }
 
-/// Says what was lost, and why: one line for each scan, and one for all whose ranges were not used.
+/// Prints lost scans with reasons: one line for each, and one for all scans without range registration.
 fn remark(job: &LidarJob, before: usize, console: &mut Console) {
     let mut once = false;
     for (record, file) in job.records().iter().zip(job.files()).skip(before) {

@@ -1,4 +1,4 @@
-//! The scans that a run began with, recognized by their content.
+//! The scans of a run, identified by their content.
 
 use crate::command::LidarRunError;
 use serde::{Deserialize, Serialize};
@@ -6,13 +6,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_io::{Checksum, LIDAR_FORMATS, list_files, natural_order, read_bytes};
 
-/// Checksums of scans by the names of their files; none of a file that could not be read.
+/// Checksums of scans by the names of their files; `None` for an unreadable file.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(transparent)]
 pub(crate) struct Sources(BTreeMap<String, Option<String>>);
 
 impl Sources {
-    /// The scans in a folder as they are now.
+    /// The scans in a folder at present.
     pub fn of(folder: &Path) -> Result<Self, LidarRunError> {
         let mut all = BTreeMap::new();
         for file in list_files(folder, &LIDAR_FORMATS)? {
@@ -34,11 +34,11 @@ impl Sources {
         files
     }
 
-    /// Checks that a folder has the scans that a run began with, and no others. A file that could not be read then may
-    /// be another now.
+    /// Checks that a folder has the scans of the run's beginning, and no others. A formerly unreadable file may have
+    /// changed.
     ///
     /// # Errors
-    /// Names the first that differs.
+    /// Names the first scan that differs.
     pub fn check(&self, folder: &Path) -> Result<(), LidarRunError> {
         let now = Self::of(folder)?;
         let differs = |name: &&String| match (self.0.get(*name), now.0.get(*name)) {

@@ -71,7 +71,7 @@ fn plan(run: &Path) -> LidarPlan {
     Folder::settings(run, KIND, "lidar").unwrap()
 }
 
-/// Makes of a complete run one that was stopped after so many scans.
+/// Turns a complete run into one that stopped after `scans` scans.
 fn stop_at(path: &Path, scans: usize) {
     for name in ["summary.json", "trajectory.txt", "map.ply", "report.html"] {
         std::fs::remove_file(path.join(name)).unwrap();
@@ -105,7 +105,7 @@ fn a_stopped_run_goes_on_to_the_same_bits() {
     assert!(command(&["--resume", &stopped]).0.unwrap_err().contains("the run is complete"));
 }
 
-/// Scans that cannot be used are said and the rest is saved.
+/// Unusable scans are reported and the rest is saved.
 #[test]
 fn unusable_scans_are_named_and_the_rest_saved() {
     let folder = tempfile::tempdir().unwrap();
@@ -119,8 +119,8 @@ fn unusable_scans_are_named_and_the_rest_saved() {
     assert!(printed.contains("4 of 4 scans, 1 lost"), "{printed}");
 }
 
-/// A file without points, one that was cut and one that is no scan cost a scan each, wherever the run is stopped, and not the run. The first
-/// must be one.
+/// A file without points, a cut one and one of another kind cost a scan each, at every point of interruption, and not
+/// the run. The first file must be a scan.
 ///
 /// Promise (fits): a bad file costs a scan and not the run.
 #[test]
@@ -150,7 +150,8 @@ fn bad_files_cost_a_scan_each() {
     assert!(found.contains("0000.bin: points: expected at least one, found none"), "{found}");
 }
 
-/// Scans are taken in the order of the numbers in their names. A run of an earlier version keeps the order of bytes, which it began with.
+/// Scans are taken in the order of the numbers in their names. A run of an earlier version keeps its original order of
+/// bytes.
 ///
 /// Promise (fits): scans and photos are taken in the order of the numbers in their names; runs of earlier versions
 /// keep their order.
@@ -177,7 +178,7 @@ fn scans_are_taken_in_the_order_of_their_numbers() {
     assert_eq!(taken(serde_json::from_value(settings).unwrap()), ["10.bin", "2.bin", "9.bin"]);
 }
 
-/// A run goes on with the scans that it began with, whether it has taken them already or not: the first that differs is named.
+/// A run resumes with its original scans only, processed or not: the first changed one is named.
 ///
 /// Promise (fits): a run of lidar goes on with the scans that it began with, and with no others.
 #[test]
@@ -210,7 +211,7 @@ fn a_run_goes_on_with_its_own_scans_alone() {
     command(&["--resume", &out]).0.unwrap();
 }
 
-/// Numbers of a stored run are held to the bounds of the command line by whoever reads them.
+/// Numbers of a stored run are held to the bounds of the command line by all its readers.
 ///
 /// Promise (fits): numbers of a stored run of lidar are held to the bounds of the command line.
 #[test]

@@ -35,7 +35,7 @@ pub fn scan(pose: &Pose, rows: usize, columns: usize) -> Scan {
     Scan::new(sweep(|_| *pose, rows, columns).points)
 }
 
-/// The same while the sensor moves, from time 0 to 1.
+/// A scan of a moving sensor, from time 0 to 1.
 pub fn sweep(pose: impl Fn(f64) -> Pose, rows: usize, columns: usize) -> Scan {
     let time = |i: usize| ((i % columns) as f64 + 0.3) / columns as f64;
     let point = |i: usize| {

@@ -41,7 +41,7 @@ fn a_map_becomes_a_mesh_near_the_room() {
     command(&[&[scans.as_str(), "--poses", &poses, "--out", &out][..], &SMALL].concat()).0.unwrap();
     let mesh = of_run(&out, 0.15).unwrap();
     write_triangles(at("mesh.ply"), &mesh.vertices, &[], &mesh.triangles).unwrap();
-    // Points of the whole room: how near the mesh is to them is asked, not how much is missing.
+    // Points of the whole room, for the accuracy of the mesh, not its completeness.
     let (vertices, triangles) = LidarWorld::room().mesh();
     let room = Mesh { vertices, triangles };
     let positions = room.sample(400.0, 0);
@@ -53,7 +53,8 @@ fn a_map_becomes_a_mesh_near_the_room() {
     assert!(accuracy < 0.08, "{figures}");
 }
 
-/// Nothing is near nothing: meshes without triangles, of corners that are nowhere, and far from the cloud have no good score.
+/// Nothing is near nothing: meshes without triangles, with nonfinite corners, and far from the cloud have no good
+/// score.
 ///
 /// Promise (fits): nothing has no good score: no mesh, no triangles, corners that are nowhere, or a surface far away.
 #[test]
@@ -92,14 +93,14 @@ fn nothing_is_no_good_mesh() {
     assert!(figures["accuracy_m"].is_null() && figures["chamfer_m"].is_null() && figures["beyond"] == 1.0, "{figures}");
     let error = evaluated(&[&mesh, &at("nowhere.bin")]).unwrap_err();
     assert!(error.contains("nowhere.bin: points: expected at least a point to compare"), "{error}");
-    // Lengths in which nothing can be near.
+    // Invalid thresholds.
     for threshold in ["nan", "0", "-1", "inf"] {
         let words = ["eval-mesh", "a.ply", "b.ply", &format!("--threshold={threshold}")];
         assert!(EvalLine::try_parse_from(words).is_err(), "{threshold}");
     }
 }
 
-/// A mesh whose points would not fit into memory is asked for its unit before any is drawn.
+/// A mesh whose sample points exceed the memory is refused with a question about its unit before any are drawn.
 ///
 /// Promise (fits): a mesh in another unit is asked about before its points take the memory.
 #[test]
@@ -119,7 +120,8 @@ fn a_mesh_in_another_unit_is_asked_about() {
     }
 }
 
-/// A square that a scan shows one millimeter lower, and what is far from it, which is no error of it; a mesh in another unit is refused by name.
+/// A square that a scan shows one millimeter lower, and distant points, which do not count as errors; a mesh in another
+/// unit is refused by name.
 ///
 /// Promise (results): surfaces are measured as benchmarks do: a cloud moved by a millimeter is a millimeter off, far
 /// points and points outside the box do not count, points are spread.
@@ -144,7 +146,7 @@ fn meshes_are_measured_as_benchmarks_do() {
     for (key, most) in [("accuracy", 0.02), ("completeness", 0.02), ("chamfer", 0.02)] {
         assert!(near(&run(&mesh, "dtu").unwrap(), key) < most, "{key}");
     }
-    // A second square 25 mm above is beyond what counts, one a meter off outside the box.
+    // A second square 25 mm above exceeds the largest distance, one a meter off lies outside the box.
     for z in [25.0, 1000.0] {
         let more = square(20.0, z);
         let first = mesh.vertices.len() as u32;

@@ -1,4 +1,4 @@
-//! Fragments of Newer College and KITTI, where they are at hand.
+//! Fragments of Newer College and KITTI, if present.
 
 use std::path::{Path, PathBuf};
 use weaver_geometry::Pose;
@@ -56,7 +56,7 @@ fn newer_college_is_tracked() {
     assert!(errors.rpe < 0.025 && errors.ate < 0.02, "{errors:?}");
 }
 
-/// A scan of another place is lost by the share of it that fits, those of the next places are not.
+/// A scan of another place is lost by the small share of it that fits, scans of the next places are not.
 ///
 /// Promise of `a_scan_of_which_little_fits_is_lost`.
 #[test]
@@ -75,7 +75,7 @@ fn a_real_scan_of_another_place_is_lost() {
     assert!(matches!(far, [None, Some(Lost::LittleFits(_)), None]), "{far:?}");
 }
 
-/// KITTI pairs are registered and no range image is made.
+/// KITTI pairs are registered without a range image.
 #[test]
 fn kitti_pairs_are_registered() {
     let Some(folder) = data("lidar-kitti07") else { return };

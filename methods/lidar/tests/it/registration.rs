@@ -1,4 +1,4 @@
-//! Planted motions, directions that nothing determines, and clouds that are no scans.
+//! Planted motions, undetermined directions, and clouds from several places.
 
 use crate::hall::{range, scan};
 use weaver_geometry::glam::{DMat3, DVec3};
@@ -23,7 +23,7 @@ fn planted(meters: f64, degrees: f64) -> Pose {
 fn the_geometric_stage_finds_large_motions() {
     let reference = frame(&Pose::IDENTITY);
     let tree = PatchTree::new(&reference.points);
-    // The scan itself, moved: nothing but the registration errs.
+    // The scan itself, moved: the only error is the registration's.
     let truth = planted(0.5, 5.0);
     let query: Vec<DVec3> = reference.points.iter().map(|p| truth.inverse().apply(*p)).collect();
     let settings = GeometricSettings { steps: 30, ..Default::default() };
@@ -120,7 +120,7 @@ fn the_nearest_point_of_a_pixel_wins() {
     assert!(wrapped.unwrap().range.iter().all(|r| *r > 0.0));
 }
 
-/// Beams that miss the middles of pixels measure other ranges there, which normals tell.
+/// Beams beside the middles of pixels measure other ranges there, which normals correct.
 ///
 /// Promise (results): range images of a lidar hold the ranges of the middles of pixels, wherever beams went.
 #[test]

@@ -37,7 +37,7 @@ fn a_path_is_found() {
     assert!((2..5).contains(&keyframes), "{keyframes}");
 }
 
-/// The sensor moves while it turns; the longer it goes on, the more an error that fed itself would show.
+/// The sensor moves during its sweeps; a long run would reveal an error that feeds itself.
 ///
 /// Promise (results): a lidar's motion during a sweep is undone, and a resumed run has the same frames.
 #[test]
@@ -94,7 +94,7 @@ fn scans_that_cannot_be_used_change_nothing() {
     assert!(matches!(error, Error::NoPoints { .. }), "{error}");
     assert!(odometry.poses().is_empty());
     odometry.add(&scan(&Pose::IDENTITY, 64, 512), "hall").unwrap();
-    // Another place altogether: lost, three times, and then it ends.
+    // Another place altogether: three lost scans end the tracking.
     let sphere = |r: f32| -> Scan {
         let points = scan(&Pose::IDENTITY, 64, 512).points;
         let on = |p: [f32; 3]| {
@@ -109,7 +109,7 @@ fn scans_that_cannot_be_used_change_nothing() {
     }
 }
 
-/// A scan of which too little fits is lost: it keeps the pose that was expected and is no keyframe.
+/// A scan of which too little fits is lost: it keeps the predicted pose and is no keyframe.
 ///
 /// Promise (fits): a scan with few matching points is lost, and rightly tracked ones are not.
 #[test]
@@ -130,7 +130,7 @@ fn a_scan_of_which_little_fits_is_lost() {
     assert!(lost.lost.unwrap().to_string().starts_with("only "));
 }
 
-/// Poses that are given need no tracking, which therefore never ends.
+/// Given poses need no tracking, which therefore never ends.
 ///
 /// Promise of `bad_files_cost_a_scan_each`.
 #[test]
@@ -143,7 +143,7 @@ fn scans_with_poses_are_taken_to_the_last() {
     assert_eq!(odometry.poses(), path(6));
 }
 
-/// A reference that stands still has no length that errors could be percents of.
+/// A reference without motion has no length for errors in percent.
 ///
 /// Promise of `what_is_undefined_is_not_given`.
 #[test]
@@ -167,7 +167,7 @@ fn settings_are_checked() {
 
 #[test]
 fn a_loop_that_closes_bends_the_trajectory() {
-    // There and back, with an error planted by hand: keyframes after the first are turned a little.
+    // There and back, with a planted error: keyframes after the first are turned a little.
     let path: Vec<Pose> = (0..13)
         .map(|i| {
             let x = 0.4 * (6.0 - (f64::from(i) - 6.0).abs());

@@ -10,7 +10,7 @@ struct Line {
     line: EvalTrajectory,
 }
 
-/// The line that `eval-trajectory` prints, or that of its error.
+/// The output line of `eval-trajectory`, or its error's line.
 pub fn compared(estimate: &str, reference: &str) -> Result<String, String> {
     words(&[estimate, reference])
 }
@@ -22,14 +22,14 @@ fn words(words: &[&str]) -> Result<String, String> {
     done.map(|()| String::from_utf8(out).unwrap()).map_err(|failure| failure.line().unwrap())
 }
 
-/// Poses along x at these times, as TUM has them.
+/// Poses along x at these times, in the TUM format.
 fn along_x(path: &std::path::Path, times: &[f64], speed: f64) -> String {
     let line = |t: &f64| format!("{t} {} 0 0 0 0 0 1\n", speed * (t - times[0]));
     std::fs::write(path, times.iter().map(line).collect::<String>()).unwrap();
     path.to_str().unwrap().into()
 }
 
-/// Errors in percent of a reference that stands still are none, and not zero.
+/// Errors in percent of a reference without motion are absent, and not zero.
 ///
 /// Promise (fits): errors of trajectories that are undefined are not given, and a pose is paired once.
 #[test]
@@ -45,7 +45,7 @@ fn what_is_undefined_is_not_given() {
     assert!(compared(&still, &moving).unwrap().contains("100.00 %"));
 }
 
-/// A pose belongs to one other at most, and times that have nothing in common make no pairs.
+/// A pose belongs to one other at most, and times without anything in common make no pairs.
 ///
 /// Promise of `what_is_undefined_is_not_given`.
 #[test]

@@ -97,7 +97,7 @@ fn pictures(out: &Path, read: &[&Path]) -> Result<OutputFolder, Failure> {
     Ok(OutputFolder::claim(out.with_file_name(format!("{stem}-pictures")), "lift", read)?)
 }
 
-/// The paths that are needed where there is no demonstration; the command line has checked them.
+/// The required paths without a demonstration; the command line has checked them.
 fn required(arguments: &Lift) -> Result<[&Path; 4], Failure> {
     let Lift { scene, cameras, features, out, .. } = arguments;
     match (scene, cameras, features, out) {
@@ -119,7 +119,7 @@ fn options(arguments: &Lift) -> LiftOptions {
     LiftOptions { block, least_alpha, unit: arguments.unit, ..LiftOptions::with(solver) }
 }
 
-/// A file of Gaussians, and how it is drawn.
+/// A file of Gaussians, with its drawing settings.
 pub struct Drawn {
     pub gaussians: ActivatedGaussians,
     pub settings: RasterSettings,
@@ -127,7 +127,7 @@ pub struct Drawn {
 }
 
 impl Drawn {
-    /// Reads a scene; colors, which nobody looks at, are dropped.
+    /// Reads a scene without its colors, which lifting does not use.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let SceneFile { gaussians, drawing } = read_scene(path)?;
         let (_, settings) = DrawingOptions::default().beside(path, drawing)?;
@@ -140,7 +140,7 @@ impl Drawn {
         Ok(Self { gaussians, settings, path: path.to_path_buf() })
     }
 
-    /// Of all that decides how features are drawn.
+    /// Checksum of the geometry, which determines the drawn weights.
     pub fn checksum(&self) -> String {
         let ActivatedGaussians { means, scales, quats, opacities, .. } = &self.gaussians;
         let mut sum = Checksum::default();
@@ -177,7 +177,7 @@ fn report(lifted: &Lifted<f32>, cleaned: Option<&Aggregation>) -> String {
     text
 }
 
-/// Writes `features` `[P, F]` and `seen` `[P]` with what they were made by.
+/// Writes `features` `[P, F]` and `seen` `[P]` with the settings and the scene's checksum.
 fn write(lifted: Lifted<f32>, arguments: &Lift, checksum: &str, out: &Path) -> Result<(), Failure> {
     let (splats, channels) = (lifted.seen.len(), lifted.channels);
     let mut tensors = Tensors::default();

@@ -1,23 +1,23 @@
-//! Clusters from the merges: those large enough, and of them the ones that last.
+//! Clusters from the merges: large enough and the most stable.
 
 use super::tree::Merge;
 
 /// Clusters that are large enough, from the whole (0) down; a cluster's parent has a smaller number.
 #[derive(Debug)]
 pub(super) struct Condensed {
-    /// The cluster that each one fell apart from; the whole has itself.
+    /// Parent of each cluster; the whole is its own parent.
     parents: Vec<usize>,
     /// `sum over its points of 1 / distance at which they left - 1 / distance at which it appeared`.
     stabilities: Vec<f64>,
-    /// The last cluster that each point was in.
+    /// The last cluster of each point.
     pub of_points: Vec<usize>,
 }
 
-/// Walks down from the last merge; what splits off with fewer than `smallest` points just leaves its cluster. Merges at the same
-/// distance are one, so that the order of points does not matter.
+/// Walks down from the last merge; a part of fewer than `smallest` points leaves its cluster without becoming one.
+/// Merges at the same distance are one, so that the order of points does not matter.
 pub(super) fn condensed(merges: &[Merge], count: usize, smallest: usize) -> Condensed {
     let size = |part: usize| if part < count { 1 } else { merges[part - count].size };
-    // Density is 1 / distance; of points in the same place it is large, but a number.
+    // Density is 1 / distance: finite even for points in the same place.
     let longest = merges.last().map_or(0.0, |merge| merge.distance).max(f64::MIN_POSITIVE / f64::EPSILON);
     let mut clusters = Condensed { parents: vec![0], stabilities: vec![0.0], of_points: vec![0; count] };
     let mut births = vec![0.0];
@@ -48,7 +48,7 @@ pub(super) fn condensed(merges: &[Merge], count: usize, smallest: usize) -> Cond
     clusters
 }
 
-/// Parts that a whole falls into, if those that `falls` fall as well.
+/// Parts of a whole, with the parts selected by `falls` split further.
 fn parts_of(whole: usize, falls: impl Fn(usize) -> bool, merges: &[Merge], count: usize) -> Vec<usize> {
     let (mut open, mut parts) = (vec![whole], Vec::new());
     while let Some(part) = open.pop() {
@@ -62,13 +62,13 @@ fn parts_of(whole: usize, falls: impl Fn(usize) -> bool, merges: &[Merge], count
 }
 
 impl Condensed {
-    /// Which clusters have more excess of mass than those within them together; never the whole.
+    /// True for clusters with more excess of mass than their descendants together; never for the whole.
     pub fn chosen(&self) -> Vec<bool> {
         let count = self.parents.len();
         let (mut best, mut within) = (self.stabilities.clone(), vec![0.0; count]);
         let mut chosen = vec![true; count];
         for cluster in (1..count).rev() {
-            // Clusters within have larger numbers.
+            // Descendants have larger numbers.
             if within[cluster] > best[cluster] {
                 (chosen[cluster], best[cluster]) = (false, within[cluster]);
             }
@@ -76,14 +76,14 @@ impl Condensed {
         }
         chosen[0] = false;
         for cluster in 1..count {
-            // Below a chosen one, none is.
+            // No descendant of a chosen cluster is chosen.
             let above = self.ancestors(self.parents[cluster]).any(|at| chosen[at]);
             chosen[cluster] &= !above;
         }
         chosen
     }
 
-    /// A cluster and those that it is within.
+    /// A cluster and its ancestors.
     pub fn ancestors(&self, cluster: usize) -> impl Iterator<Item = usize> {
         let up = |at: &usize| (*at != 0).then(|| self.parents[*at]);
         std::iter::successors(Some(cluster), up)

@@ -1,11 +1,11 @@
-//! How points hang together: core distances, the tree that spans them, and its merges.
+//! Connectivity of points: core distances, the spanning tree, and its merges.
 
 use weaver_kernels::parallel;
 
 /// Points of a block, and of a parallel task.
 const BLOCK: usize = 512;
 
-/// Points in blocks, each coordinate by coordinate, so that distances to all points of a block are found together.
+/// Points in blocks, each coordinate by coordinate, so that distances to all points of a block are computed together.
 pub(super) struct Points {
     /// `[blocks, dimensions, BLOCK]`, zeros beyond the last point.
     blocks: Vec<f64>,
@@ -14,7 +14,7 @@ pub(super) struct Points {
 }
 
 impl Points {
-    /// Of `rows` `[N, dimensions]`.
+    /// Blocks of `rows` `[N, dimensions]`.
     pub fn of(rows: &[f64], dimensions: usize) -> Self {
         let count = rows.len() / dimensions.max(1);
         let mut blocks = vec![0.0; count.div_ceil(BLOCK) * dimensions * BLOCK];
@@ -42,7 +42,7 @@ impl Points {
     }
 }
 
-/// The distance from each point to its `samples`-th nearest other, or to the farthest where there are not so many.
+/// The distance from each point to its `samples`-th nearest other, or to the farthest if there are fewer.
 pub(super) fn core_distances(points: &Points, samples: usize) -> Vec<f64> {
     let mut core = vec![0.0; points.count];
     // The point itself is the nearest.
@@ -75,13 +75,13 @@ pub(super) struct Edge {
     length: f64,
 }
 
-/// Stands for the distance from the tree to a point that is in it.
+/// Distance from the tree to one of its own points, as a marker.
 const JOINED: f64 = -1.0;
 
-/// The smallest tree that spans all points by mutual reachability, `max(core a, core b, |a - b|)`: Prim's, from point 0.
+/// The minimum spanning tree by mutual reachability, `max(core a, core b, |a - b|)`: Prim's, from point 0.
 ///
-/// Each edge is to the point that joined before, not to the one that was near: what hangs together up to any distance joins in one
-/// go, so that the same parts merge.
+/// Each edge starts at the point that joined last, not at the nearest one: a part connected up to any distance joins in
+/// one run, so that the same parts merge.
 pub(super) fn spanning_tree(points: &Points, core: &[f64]) -> Vec<Edge> {
     let count = points.count;
     let mut reach = vec![f64::MAX; count];
@@ -109,7 +109,7 @@ pub(super) fn spanning_tree(points: &Points, core: &[f64]) -> Vec<Edge> {
     edges
 }
 
-/// Two parts that become one. Parts below N are points, part N + i is what merge i made.
+/// Two parts that become one. Parts below N are points, part N + i is the result of merge i.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Merge {
     pub parts: [usize; 2],
@@ -134,7 +134,7 @@ pub(super) fn merges(mut edges: Vec<Edge>, count: usize) -> Vec<Merge> {
     merges
 }
 
-/// The part that a part now belongs to; ways there are made short.
+/// The current root of a part, with path compression.
 fn root(parents: &mut [usize], mut part: usize) -> usize {
     while parents[part] != part {
         parents[part] = parents[parents[part]];

@@ -1,8 +1,8 @@
-//! One feature per cluster: which masks count, by hand.
+//! One feature per cluster: kept masks, by hand.
 
 use weaver_lift::{AggregateOptions, Dense, Mask, aggregate, label_maps, metrics};
 
-/// Three Gaussians side by side in one row of twelve pixels, in two views; the last pixel sees none.
+/// Three Gaussians side by side in one row of twelve pixels, in two views; the last pixel is empty.
 fn row() -> Dense<f64> {
     let mut weights = vec![0.0; 2 * 12 * 3];
     for pixel in (0..24).filter(|pixel| pixel % 12 < 11) {

@@ -6,7 +6,7 @@ use weaver_fixtures::Fixture;
 use weaver_kernels::random::Stream;
 use weaver_lift::{ClusterOptions, HdbscanOptions, Pca, cluster, hdbscan};
 
-/// True if two labelings say the same in other words.
+/// True if two labelings are equal up to the numbers of clusters.
 fn same(a: &[Option<u32>], b: &[Option<u32>]) -> bool {
     let pairs = |a: &[Option<u32>], b: &[Option<u32>]| {
         let mut names = BTreeMap::new();
@@ -66,7 +66,7 @@ fn clusters_are_those_of_hdbscan() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 16, failure_persistence: None, ..Default::default() })]
 
-    /// Neither the order of points nor the number of threads decides.
+    /// Neither the order of points nor the number of threads matters.
     #[test]
     fn clusters_do_not_depend_on_the_order(seed: u64, count in 2_usize..120) {
         let stream = Stream::new(seed, 0, "clusters");
@@ -82,7 +82,7 @@ proptest! {
         prop_assert_eq!(pool.install(|| hdbscan(&points, 2, &options)), labels);
     }
 
-    /// Axes are orthonormal and variances those along them.
+    /// Axes are orthonormal, and variances belong to them.
     #[test]
     fn axes_are_orthonormal_with_their_variances(seed: u64, channels in 1_usize..9) {
         let stream = Stream::new(seed, 0, "pca");
@@ -117,10 +117,10 @@ fn few_points_and_equal_points_are_no_trouble() {
     assert_eq!(Pca::of::<f32>(&[], 3, 2).variances, [0.0; 2]);
 }
 
-/// Points that only rounding tells apart are no clusters of their own.
+/// Points within rounding of each other are no clusters of their own.
 #[test]
 fn resolution_keeps_rounding_from_making_clusters() {
-    // Two places, in each of which there are two groups a hair apart.
+    // Two places, each with two groups a hair apart.
     let points: Vec<f64> = (0..80).map(|i| f64::from(i % 2) + f64::from(i / 2 % 2) * 1e-7).collect();
     let found = |resolution| {
         let labels = hdbscan(&points, 1, &HdbscanOptions { smallest: 5, samples: 4, resolution });

@@ -1,4 +1,4 @@
-//! What holds between the solvers, in f64, for any weights.
+//! Identities between the solvers, in f64, for any weights.
 
 use crate::random::{difference, error, lifted, noise, product, solved, squares, transposed, weights};
 use proptest::prelude::*;
@@ -23,7 +23,7 @@ impl Problem {
         self.a.len() / self.splats
     }
 
-    /// With this solver; the rays are those of two views.
+    /// Features by this solver, with the rays cut into two views.
     fn solve(&self, solver: Solver) -> Vec<f64> {
         let mut dense = Dense::new(self.a.clone(), self.splats, 2).unwrap();
         let views: Vec<Vec<f64>> = self.b.chunks(self.b.len() / 2).map(<[f64]>::to_vec).collect();
@@ -34,7 +34,7 @@ impl Problem {
         product(&self.a, x, self.splats, self.channels)
     }
 
-    /// L
+    /// L, the loss `|A x - B|^2`.
     fn loss(&self, x: &[f64]) -> f64 {
         squares(&difference(&self.drawn(x), &self.b))
     }
@@ -173,14 +173,14 @@ proptest! {
     }
 }
 
-/// Where no two Gaussians share a ray, all solvers find the same.
+/// If no two Gaussians share a ray, all solvers agree.
 #[test]
 fn solvers_agree_without_overlap() {
     let mut problem = Problem::random(5, 6, 3, false);
     for (i, row) in problem.a.chunks_exact_mut(6).enumerate() {
         row.iter_mut().enumerate().for_each(|(j, a)| *a = if j == i % 6 { 0.1 + 0.8 * *a } else { 0.0 });
     }
-    // What is drawn of each Gaussian is B times its weight, as composited over zeros.
+    // Each Gaussian draws B times its weight, as composited over zeros.
     let planted: Vec<f64> = noise(6, 18);
     problem.b = (0..problem.rays()).flat_map(|i| planted[3 * (i % 6)..][..3].to_vec()).collect();
     let [row_sum, squared] = [Solver::RowSum, Solver::Squared].map(|solver| problem.solve(solver));

@@ -70,7 +70,7 @@ pub fn noise<T: Real>(seed: u64, count: usize) -> Vec<T> {
     (0..count).map(|i| stream.normal(i as u64)).collect()
 }
 
-/// Weights as compositing makes them: rows sum to at most 1, and to 1 where `full`.
+/// Weights as from compositing: rows sum to at most 1, and to exactly 1 if `full`.
 pub fn weights(seed: u64, rays: usize, splats: usize, full: bool) -> Vec<f64> {
     let stream = Stream::new(seed, 0, "lift.weights");
     let mut weights = vec![0.0; rays * splats];
@@ -87,7 +87,7 @@ pub fn weights(seed: u64, rays: usize, splats: usize, full: bool) -> Vec<f64> {
     weights
 }
 
-/// Lifts features of which every pixel counts as it is.
+/// Lifts features in memory, without masks.
 pub fn lifted<T: Real>(
     operator: &mut impl Operator<T>,
     views: &[Vec<T>],

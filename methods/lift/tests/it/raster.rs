@@ -45,7 +45,7 @@ proptest! {
         }
     }
 
-    /// D and sums of squares are those of `contributions`, and of the hits.
+    /// D and sums of squares equal the sums of `contributions`, and of the hits.
     #[test]
     fn weights_are_those_of_the_hits(seed: u64, count in 1_usize..40) {
         let (splats, cameras) = (Splats::<f64>::random(seed, count), cameras(2));
@@ -83,7 +83,7 @@ proptest! {
         }
     }
 
-    /// The same as with the matrix itself.
+    /// The rasterizer's row sums equal the matrix's.
     #[test]
     fn row_sums_are_those_of_the_matrix(seed: u64, count in 1_usize..30) {
         let (splats, cameras) = (Splats::<f64>::random(seed, count), cameras(2));
@@ -144,7 +144,7 @@ fn same_bits_at_any_threads_and_channels() {
     }
 }
 
-/// Features planted in Gaussians and drawn come back, if every Gaussian is seen by itself somewhere.
+/// Planted and drawn features come back, if every Gaussian is seen by itself somewhere.
 #[test]
 fn planted_features_are_found() {
     let (splats, cameras) = (Splats::<f64>::random(8, 12), cameras(4));
@@ -170,7 +170,7 @@ fn planted_features_are_found() {
     assert!(error(&of_seen(&row_sum), &of_seen(&planted)) > 1e-2);
 }
 
-/// Pixels that Gaussians hardly cover do not count where features are drawn again; the others are darkened as they are.
+/// Pixels of little alpha are masked for solvers that draw; the others are multiplied by their alpha.
 #[test]
 fn photos_are_composited_over_zeros() {
     let (splats, cameras) = (Splats::<f64>::random(4, 40), cameras(1));
@@ -192,7 +192,7 @@ fn photos_are_composited_over_zeros() {
     let dropped = kept.iter().filter(|x| **x == 0.0).count();
     assert!(dropped > 20 && dropped < rays - 20);
     assert_eq!(found.coverage.dropped, dropped);
-    // The others look at every pixel, as it is.
+    // Solvers that do not draw take every pixel unchanged.
     let all = lift(&mut raster, &mut maps, &LiftOptions::with(Solver::RowSum), &mut || ()).unwrap();
     assert_eq!(all.coverage.dropped, 0);
 }

@@ -1,11 +1,11 @@
-//! What cannot be lifted is refused, and says so.
+//! Inputs that cannot be lifted are refused with a message.
 
 use crate::random::{Splats, cameras};
 use std::ops::Range;
 use weaver_lift::{Dense, LiftError, LiftOptions, Maps, Observations, Operator, Raster, Solver, Stop, lift, scores};
 use weaver_splat::RasterSettings;
 
-/// One number per pixel, some of which do not count.
+/// One number per pixel, some of them masked.
 struct Masked {
     values: Vec<f64>,
     factors: Vec<f64>,
@@ -92,7 +92,7 @@ fn settings_have_a_range() {
     assert!(scores::<f32>(&[], &[], 0).is_err());
 }
 
-/// As many views are looked at as was said.
+/// The number of visited views equals the announced work.
 #[test]
 fn work_is_what_was_said() {
     let mut maps = Maps { views: vec![vec![1.0; 9], vec![2.0; 9]], channels: 3 };

@@ -15,7 +15,7 @@ pub enum Family {
 }
 
 impl Family {
-    /// The family that an expert knows.
+    /// The family of an expert's paths.
     pub fn named(expert: &str) -> Self {
         match expert {
             "Poly" => Self::Cubic,
@@ -52,10 +52,10 @@ impl Family {
         }
     }
 
-    /// Least squares of paths `[F][N, 3]` on the frames that are seen, at all frames.
+    /// Least squares of paths `[F][N, 3]` on the seen frames, evaluated at all frames.
     pub fn fitted(self, truth: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let basis: Vec<Vec<f64>> = (0..FRAMES).map(|frame| self.basis(time(frame))).collect();
-        // Only the numbers that a frame that is seen says something of.
+        // Only numbers that some seen frame determines.
         let used: Vec<usize> =
             (0..basis[0].len()).filter(|i| (0..FRAMES).any(|frame| seen(frame) && basis[frame][*i] != 0.0)).collect();
         let of = |frame: usize| used.iter().map(|i| basis[frame][*i]).collect::<Vec<_>>();
@@ -79,7 +79,7 @@ impl Family {
     }
 }
 
-/// Solves a positive definite system, its right side the last column.
+/// Solves a positive definite system with the right side in its last column.
 fn solved(mut rows: Vec<Vec<f64>>) -> Vec<f64> {
     let n = rows.len();
     for i in 0..n {

@@ -1,4 +1,4 @@
-//! Training of the router and of what it is compared with, and what the held-out camera says of them.
+//! Training of the router and its alternatives, and their figures on the held-out camera.
 
 use super::frames::{FRAMES, seen};
 use super::world::{CAMERAS, EXPERTS, HELD_OUT, PIXELS, SIZE, World};
@@ -10,11 +10,11 @@ use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Builder, Context, Group, RAdam};
 use weaver_splat::{GaussianVars, Rasterize};
 
-/// The published run; what its rates fall to by its end.
+/// Steps of the published run, and the factor on its rates at the end.
 const RUN: f64 = 10_000.0;
 const FALL: f64 = 0.01;
-/// Experts that differ by more than this somewhere are told apart at a pixel; squared errors that differ by less are
-/// equally good.
+/// Difference in some channel above which experts are distinct at a pixel; difference of squared errors below which
+/// they are equally good.
 const DIFFER: f64 = 2.0 / 255.0;
 const EQUAL: f64 = 1e-4;
 
@@ -64,7 +64,7 @@ impl Routed {
         Self { params, router, rows: (0..owners.len() as u32).collect(), config }
     }
 
-    /// The same router on some of its Gaussians.
+    /// The same router on a selection of its Gaussians.
     pub fn pruned(&self, world: &World, rows: &[u32]) -> Self {
         let owners = world.owners();
         let kept: Vec<u32> = rows.iter().map(|row| self.rows[*row as usize]).collect();
@@ -93,7 +93,7 @@ impl Routed {
         (world.expert_gaussians(tape, frame).gathered(&self.rows), world.shot(tape, camera, frame))
     }
 
-    /// Steps with the published rates; `w_alone` leaves what directions and time are weighted with as it is.
+    /// Steps with the published rates; `w_alone` freezes the weights of directions and time.
     pub fn train(&mut self, world: &World, views: &[Vec<View>], steps: std::ops::Range<u64>, seed: u64, w_alone: bool) {
         let (base, time) = (self.router.base(), self.router.time());
         let trained = self.params.ids().filter(|id| !w_alone || *id != time).collect();
@@ -149,7 +149,7 @@ fn loss<'t>(tape: &'t Tape<f32>, image: Var<'t, f32>, view: &View) -> Var<'t, f3
     photometric(image, tape.constant(&view.photo, [PIXELS, 3]), SIZE)
 }
 
-/// Trains parameters with Adam at one rate, on pictures that `draw` makes of a shot.
+/// Trains parameters with Adam at one rate, on the pictures of a shot from `draw`.
 fn fit(
     params: &mut Params<f32>,
     views: &[Vec<View>],
@@ -168,7 +168,7 @@ fn fit(
     }
 }
 
-/// A perceptron on pixels, trained: what it shows on the held-out camera.
+/// A trained perceptron on pixels: its figures on the held-out camera.
 pub fn by_pixels(world: &World, views: &[Vec<View>], training: [f64; 2], seed: u64) -> Held {
     let mut params = Params::new();
     let router = MlpRouter::new(Builder::new(&mut params, seed), EXPERTS.len(), 64);
@@ -184,7 +184,7 @@ pub fn by_pixels(world: &World, views: &[Vec<View>], training: [f64; 2], seed: u
     })
 }
 
-/// One number for each Gaussian of the merged scene, trained: what it shows on the held-out camera.
+/// One trained number for each Gaussian of the merged scene: its figures on the held-out camera.
 pub fn by_volume(world: &World, views: &[Vec<View>], training: [f64; 2], seed: u64) -> Held {
     let mut params = Params::new();
     let router = VolumeRouter::new(Builder::new(&mut params, seed), EXPERTS.len() * world.count());
@@ -203,8 +203,8 @@ fn wide(x: Var<'_, f32>) -> Vec<f64> {
     x.to_vec().into_iter().map(f64::from).collect()
 }
 
-/// Figures of the held-out camera: dB on frames seen and unseen, and the share of pixels where the gate's first is
-/// right, if there is a gate.
+/// Figures of the held-out camera: dB on frames seen and unseen, and the share of pixels with a right first choice of
+/// the gate, if there is a gate.
 #[derive(Clone, Copy, Default)]
 pub struct Held {
     pub seen: f64,
@@ -212,7 +212,7 @@ pub struct Held {
     pub right: Option<f64>,
 }
 
-/// Judges pictures `[P, 3]` and gates `[K, P]` (or nothing) of each frame.
+/// Evaluates pictures `[P, 3]` and gates `[K, P]` (or nothing) of each frame.
 pub fn held(views: &[View], shown: impl Fn(usize) -> (Vec<f64>, Vec<f64>)) -> Held {
     let (mut decibels, mut right, mut told) = ([0.0; 2], 0, 0);
     for (frame, view) in views.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! A wall and four groups of Gaussians that move, seven cameras, and four experts that each know one way to move.
+//! A wall and four groups of moving Gaussians, seven cameras, and four experts, each for one way to move.
 
 use super::family::Family;
 use super::frames::{FRAMES, seen, time};
@@ -14,8 +14,8 @@ pub const EXPERTS: [&str; 4] = ["Poly", "Keys", "Code", "Field"];
 pub const SIZE: [usize; 2] = [48, 64];
 pub const PIXELS: usize = SIZE[0] * SIZE[1];
 
-/// Gaussians of a group, their size, and how far they go: so far that experts and their mean show what a first study of
-/// this kind found.
+/// Gaussians of a group, their size, and the amplitude of their motion, which reproduces the first study's figures of
+/// experts and their mean.
 const GROUP: usize = 60;
 const RADIUS: f64 = 0.05;
 const AMPLITUDE: f64 = 0.07;
@@ -23,15 +23,15 @@ const AMPLITUDE: f64 = 0.07;
 const DEPTH: f64 = -0.5;
 /// Reach of a field.
 const REACH: f64 = 0.1;
-/// The pulse: its width, and how far it goes over the clip, along the first axis.
+/// The pulse: its width, and its way over the clip, along the first axis.
 const PULSE: [f64; 2] = [0.2, 2.5];
 
-/// Where the groups are.
+/// Layout of the groups.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Layout {
-    /// Each in a corner of the picture: where a pixel is says whom to believe.
+    /// Each in a corner of the picture: the position of a pixel determines its expert.
     Corners,
-    /// Each in two patches of eight, between those of others.
+    /// Each in two of eight patches, between patches of others.
     Patches,
 }
 
@@ -144,7 +144,7 @@ impl World {
 }
 
 impl Layout {
-    /// The middle and half the size of the box that a Gaussian of a group begins in.
+    /// The middle and half the size of the box of a Gaussian's initial position.
     fn patch(self, group: usize, i: usize) -> ([f64; 3], [f64; 3]) {
         match self {
             Self::Corners => {
@@ -161,7 +161,7 @@ impl Layout {
     }
 }
 
-/// Where a Gaussian of a group is that begins at `base`: each has random numbers of its own.
+/// Position of a Gaussian of a group that begins at `base`; random numbers differ between Gaussians.
 fn path(group: usize, (base, middle): ([f64; 3], [f64; 3]), own: Stream, t: f64) -> [f64; 3] {
     let random = |axis: usize, i: usize| {
         let depth = if axis == 2 { 0.3 } else { 1.0 };
@@ -169,7 +169,7 @@ fn path(group: usize, (base, middle): ([f64; 3], [f64; 3]), own: Stream, t: f64)
     };
     let shift = |axis: usize| match EXPERTS[group] {
         "Field" => {
-            // The same for neighbors: only then is there a field.
+            // Neighbors move alike: only then is there a field.
             let along = base[0] - (middle[0] - 1.0 + PULSE[1] * t);
             let height = if axis == 1 { 2.0 * AMPLITUDE } else { 0.0 };
             height * (-(along / PULSE[0]).powi(2)).exp()
@@ -179,7 +179,7 @@ fn path(group: usize, (base, middle): ([f64; 3], [f64; 3]), own: Stream, t: f64)
     [0, 1, 2].map(|axis| base[axis] + shift(axis))
 }
 
-/// Experts made of true paths `[F][N, 3]`.
+/// Experts fitted to true paths `[F][N, 3]`.
 fn experts(truth: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut all = vec![Vec::new(); truth.len()];
     for name in EXPERTS {
@@ -189,7 +189,8 @@ fn experts(truth: &[Vec<f64>]) -> Vec<Vec<f64>> {
     all
 }
 
-/// Each Gaussian is moved from its mean place as its neighbors of the first frame are from theirs, on average.
+/// Displaces each Gaussian from its mean position by the weighted mean displacement of its neighbors in the first
+/// frame.
 fn smoothed(truth: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let first = &truth[0];
     let weights: Vec<Vec<(usize, f64)>> = first

@@ -1,4 +1,4 @@
-//! The routers that the mixture's is compared with, trained as it is: as many steps, the same loss.
+//! Alternatives to the mixture's router, trained alike: the same steps and loss.
 
 use super::ROUTER;
 use crate::Outcome;
@@ -13,7 +13,7 @@ use weaver_losses::metrics::psnr;
 use weaver_nn::{AdamW, Builder, Context, Group};
 use weaver_splat::GaussianVars;
 
-/// Rates of the two, the better of two that were tried with ideal experts.
+/// Rates of the two, each the better of two rates with ideal experts.
 const RATES: [f64; 2] = [0.01, 0.2];
 
 enum Router {
@@ -25,7 +25,7 @@ impl Router {
     /// The mixture `[P, 3]`; experts are frozen.
     fn image<'t>(&self, tape: &'t Tape<f32>, params: &Params<f32>, run: &Run, shot: &Shot) -> Var<'t, f32> {
         let drawn = run.mixture().shot(tape, &shot.camera, shot.time);
-        // Frozen, and of other numbers than this tape's.
+        // Frozen experts, drawn on another tape.
         let (other, cx) = (Tape::new(), Context::new(tape, params));
         let copied = |x: Var<'_, f32>| tape.constant(&x.value(), x.shape());
         let list = other.without_gradient(|| run.mixture().list(Context::new(&other, run.params()), shot.time));
@@ -76,7 +76,7 @@ pub fn compared(run: &Run, table: &Table) -> Outcome {
         }
         let mean = |camera: bool, time: bool| -> Outcome<f64> {
             let asked = film.shots.iter().filter(|shot| (shot.held_out.camera, shot.held_out.time) == (camera, time));
-            // Of the photos trained on, as many as are judged elsewhere.
+            // The number of judged training photos matches the evaluation of runs.
             let step = if camera || time { 1 } else { training.len().div_ceil(32) };
             let all = asked.step_by(step).map(|shot| {
                 let tape = Tape::new();

@@ -1,5 +1,4 @@
-//! Gradients of the routers that the mixture's is compared with, certificates of the best blends, and that no gate
-//! passes them.
+//! Gradients of the alternatives to the mixture's router, certificates of the best blends, and their bound on gates.
 
 use crate::routed::{Routed, Trained, shots};
 use crate::wall::{self, COUNT, Moment, PIXELS, SIZE};
@@ -14,7 +13,7 @@ use weaver_studies::oracle::{blend, convex_oracle};
 
 const AT: Moment = Moment { angle: 15.0, time: 0.4 };
 
-/// Differences of the loss of what `draw` makes of parameters, against gradients, at some of the numbers of each.
+/// Checks gradients by the parameters of `draw` against differences of the loss, at some numbers of each parameter.
 fn check(mut params: Params<f64>, draw: impl for<'t> Fn(Context<'t, '_, f64>) -> Var<'t, f64>) {
     for id in params.ids().collect::<Vec<_>>() {
         let noise = Input::uniform(id.index() as u64, -0.3, 0.3, params.get(id).shape()).data;
@@ -64,7 +63,7 @@ fn gradients_of_numbers_of_a_merged_scene() {
     });
 }
 
-/// One expert let through and the other shut out: the first expert's picture.
+/// With one expert opaque and the other transparent, the merged scene is the first expert's picture.
 #[test]
 fn a_merged_scene_can_be_one_expert() {
     let mut params = Params::<f64>::new();

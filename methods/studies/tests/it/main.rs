@@ -1,4 +1,4 @@
-//! Tests of the parts that only studies need.
+//! Tests of the parts for studies only.
 
 mod alternatives;
 #[allow(dead_code, reason = "the router's own tests need more of it")]

@@ -7,8 +7,8 @@ use weaver_vggt::{FusionBlock, add_position};
 /// Levels of the pyramid.
 pub const LEVELS: usize = 3;
 
-/// Brings each level's tokens to `features` channels and adds the levels up from coarse to fine. Parameters below `dpt_head`:
-/// `norm<i>`, `scratch.layer<i>_rn`, `scratch.refinenet<i>`, `scratch.output_conv1`.
+/// Brings each level's tokens to `features` channels and adds the levels up from coarse to fine. Parameters below
+/// `dpt_head`: `norm<i>`, `scratch.layer<i>_rn`, `scratch.refinenet<i>`, `scratch.output_conv1`.
 #[derive(Clone, Debug)]
 pub struct Aggregation {
     levels: [(LayerNorm, Conv2d, FusionBlock); LEVELS],
@@ -30,8 +30,8 @@ impl Aggregation {
         Self { levels, last: Conv2d::new(b.scope("scratch.output_conv1"), features, features, 3, init) }
     }
 
-    /// Patch tokens of each level `[V, rows columns, D]`, with their rows and columns, to a map of the finest level's size `[V,
-    /// features, rows, columns]`; `image` is H, W.
+    /// Patch tokens of each level `[V, rows columns, D]`, with their rows and columns, to a map of the finest level's
+    /// size `[V, features, rows, columns]`; `image` is H, W.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

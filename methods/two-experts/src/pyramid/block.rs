@@ -1,4 +1,4 @@
-//! A transformer block without biases, whose attention may know positions and cameras.
+//! A transformer block without biases, whose attention may depend on positions and cameras.
 
 use super::positions::Positions;
 use weaver_autograd::ops::{self, Activation};
@@ -11,18 +11,19 @@ use weaver_nn::{
 const EPSILON: f64 = 1e-5;
 const INIT: WeightInit = WeightInit::FanIn;
 
-/// Geometry of the tokens that attention knows.
+/// Geometry of tokens as an input of attention.
 #[derive(Clone, Copy, Debug)]
 pub enum Known<'a, 't, T: Real> {
-    /// Nothing.
+    /// Neither positions nor cameras.
     Nothing,
-    /// Where they are in their view.
+    /// Positions within the view.
     Positions(Positions),
-    /// That, and the cameras of the views.
+    /// Positions within the view, and the cameras of the views.
     Cameras(Positions, &'a Projections<'t, T>),
 }
 
-/// x += attn(ln1 x), then x += mlp(ln2 x); parameters `ln1`, `attn.{to_qkv, q_norm, k_norm, c_proj}`, `ln2`, `mlp.{c_fc, c_proj}`.
+/// x += attn(ln1 x), then x += mlp(ln2 x); parameters `ln1`, `attn.{to_qkv, q_norm, k_norm, c_proj}`, `ln2`,
+/// `mlp.{c_fc, c_proj}`.
 #[derive(Clone, Copy, Debug)]
 pub struct Block {
     ln1: LayerNorm,
@@ -54,7 +55,7 @@ impl Block {
         }
     }
 
-    /// Applies it to tokens `[B, n, D]` that attend to one another within an entry.
+    /// Applies the block to tokens `[B, n, D]`, which attend within their batch entry.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>, known: Known<'_, 't, T>) -> Var<'t, T> {
         cx.layer(self.ln1.weight, "ln1.weight", || {
             let x = x + self.attend(cx, self.ln1.forward(cx, x), known);

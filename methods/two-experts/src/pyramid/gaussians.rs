@@ -6,7 +6,7 @@ use weaver_geometry::sh;
 use weaver_pose::Rays;
 use weaver_splat::GaussianVars;
 
-/// Where the numbers of a pixel begin: position 3, color 12, scales 3, quaternion 4, opacity.
+/// Offsets of the numbers of a pixel: position 3, color 12, scales 3, quaternion 4, opacity.
 const COLORS: usize = 3;
 const SCALES: usize = 15;
 const QUATERNION: usize = 18;
@@ -16,11 +16,11 @@ const COLOR_HARMONICS: usize = 4;
 /// Decoding of raw numbers to Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Parametrization {
-    /// As published, for worlds whose cameras are within 1: distance 500 sigmoid(mean of three), scales exp(min(raw - 6.9, -1.2)), 2
-    /// taken off the opacity.
+    /// As published, for worlds with cameras within 1 of the origin: distance 500 sigmoid(mean of three), scales
+    /// exp(min(raw - 6.9, -1.2)), 2 taken off the opacity.
     Published,
-    /// Relative to what a pixel covers at its distance rho: rho = exp(clamp(mean of three, +-4)), scales `scale` rho / fx exp(clamp(raw,
-    /// +-3)), and the pixel's own color is added.
+    /// Relative to a pixel's footprint at the distance rho: rho = exp(clamp(mean of three, +-4)), scales `scale` rho /
+    /// fx exp(clamp(raw, +-3)), and the pixel's own color is added.
     Footprint {
         /// Scale of a raw 0, in footprints.
         scale: f64,
@@ -34,7 +34,7 @@ pub struct RawGaussians<'t, T: Real = f32> {
     pub raw: Var<'t, T>,
     /// The pixels' rays.
     pub rays: Rays<'t, T>,
-    /// Meaning of the last numbers.
+    /// Meaning of the last numbers: a constant opacity, or harmonics.
     pub opacity: OpacityDegree,
 }
 
@@ -44,9 +44,9 @@ impl<'t, T: Real> RawGaussians<'t, T> {
         OPACITY + opacity.numbers()
     }
 
-    /// The Gaussians, in the frame of the rays, and the depth on which they lie `[V, H, W]`. `intrinsics` `[V, 4]` and `photos` `[V, 3,
-    /// H, W]` are those of the rays. Opacity that depends on the view is that of the mean logit;
-    /// [`RawGaussians::opacities`] has it as a camera sees it.
+    /// The Gaussians, in the frame of the rays, and their depth `[V, H, W]`, from the `intrinsics` `[V, 4]` and
+    /// `photos` `[V, 3, H, W]` of the rays. View-dependent opacities stand here as their mean logit;
+    /// [`RawGaussians::opacities`] evaluates them for a camera.
     #[track_caller]
     pub fn gaussians(
         &self,
@@ -86,7 +86,7 @@ impl<'t, T: Real> RawGaussians<'t, T> {
         (gaussians, self.rays.depth(distance))
     }
 
-    /// The Gaussians' opacities, seen from anywhere.
+    /// The Gaussians' opacities as functions of the view direction.
     #[track_caller]
     pub fn opacities(&self) -> Opacities<'t, T> {
         Opacities::of_raw(self.raw.slice(1, OPACITY, self.opacity.numbers()))

@@ -3,8 +3,8 @@
 use weaver_autograd::{ParamId, Real, Var, ops};
 use weaver_nn::{Builder, Context, Linear, WeightInit};
 
-/// Patches by a 2 x 2 convolution of stride 2 for each channel, which makes two of it; registers by a linear layer. Parameters
-/// `merge_block<i>.{weight [2 D, 1, 2, 2], bias}` and `resize_block<i>`.
+/// Patches by a 2 x 2 convolution of stride 2 for each channel, which makes two of it; registers by a linear layer.
+/// Parameters `merge_block<i>.{weight [2 D, 1, 2, 2], bias}` and `resize_block<i>`.
 #[derive(Clone, Copy, Debug)]
 pub struct Merge {
     weight: ParamId,
@@ -13,7 +13,7 @@ pub struct Merge {
 }
 
 impl Merge {
-    /// From tokens of `width` numbers to such of twice as many; `level` is the finer one, from 1.
+    /// From tokens of `width` numbers to tokens of twice the width; `level` is the finer one, from 1.
     pub fn new<T: Real>(b: &mut Builder<'_, T>, level: usize, width: usize) -> Self {
         let (weights, biases) = WeightInit::FanIn.of(4);
         let mut patches = b.scope(format_args!("merge_block{level}"));

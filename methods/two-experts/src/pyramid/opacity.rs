@@ -1,4 +1,4 @@
-//! Opacities, which may depend on where Gaussians are seen from.
+//! Opacities, constant or dependent on the view direction.
 
 use weaver_autograd::{Outputs, Real, Var, ops};
 use weaver_geometry::sh;
@@ -7,13 +7,13 @@ use weaver_pose::harmonics;
 /// Harmonics up to degree 2.
 const HARMONICS: usize = 9;
 
-/// Dependence of a Gaussian's opacity on the direction from which it is seen.
+/// Dependence of a Gaussian's opacity on the view direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OpacityDegree {
-    /// It does not.
+    /// One opacity for all directions.
     #[default]
     Constant,
-    /// By harmonics up to degree 2, as published: one drawing for each camera.
+    /// Harmonics up to degree 2, as published: one drawing for each camera.
     Two,
 }
 
@@ -41,7 +41,7 @@ impl<T: Real> Outputs<T> for Opacities<'_, T> {
 }
 
 impl<'t, T: Real> Opacities<'t, T> {
-    /// From what a network says `[N, 1]` or `[N, 9]`; where opacity depends on the direction, 2 is taken off the first number, as published.
+    /// From the network's output `[N, 1]` or `[N, 9]`; 2 is taken off the first number of harmonics, as published.
     #[track_caller]
     pub(crate) fn of_raw(raw: Var<'t, T>) -> Self {
         let numbers = match raw.shape()[1] {
@@ -51,7 +51,7 @@ impl<'t, T: Real> Opacities<'t, T> {
         Self { numbers }
     }
 
-    /// True if they depend on where Gaussians are seen from.
+    /// True if the opacities depend on the view direction.
     pub fn depend_on_view(&self) -> bool {
         self.numbers.shape()[1] == HARMONICS
     }
@@ -63,7 +63,7 @@ impl<'t, T: Real> Opacities<'t, T> {
         if self.depend_on_view() { (even * sh::DC).sigmoid() } else { even.sigmoid() }
     }
 
-    /// Opacities `[N]` of Gaussians at `means` `[N, 3]` as a camera at `center` `[3]` sees them: those along the directions from there.
+    /// Opacities `[N]` of Gaussians at `means` `[N, 3]` along the directions from a camera at `center` `[3]`.
     ///
     /// Differentiable in numbers, means and center.
     #[track_caller]
@@ -75,7 +75,7 @@ impl<'t, T: Real> Opacities<'t, T> {
         self.along((means - center.reshape([1, 3]).expand([n, 3])).normalize_rows(0.0))
     }
 
-    /// Opacities `[N]` along unit vectors `[N, 3]`, for which the published loss on opacities takes random ones.
+    /// Opacities `[N]` along unit vectors `[N, 3]`; the published loss on opacities takes random ones.
     #[track_caller]
     pub fn along(&self, directions: Var<'t, T>) -> Var<'t, T> {
         if !self.depend_on_view() {
@@ -84,7 +84,7 @@ impl<'t, T: Real> Opacities<'t, T> {
         (harmonics(directions) * self.numbers).sum_axis(1).sigmoid()
     }
 
-    /// Those of them for which `kept` `[N]` is true.
+    /// The opacities selected by `kept` `[N]`.
     #[must_use]
     pub fn kept(&self, kept: &[bool]) -> Self {
         let rows: Vec<u32> = (0..).zip(kept).filter(|(_, kept)| **kept).map(|(row, _)| row).collect();

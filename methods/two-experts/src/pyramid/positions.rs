@@ -1,4 +1,4 @@
-//! Where tokens are in their view, as attention turns them.
+//! Positions of tokens in their view, as rotary embeddings of attention.
 
 use std::sync::Arc;
 use weaver_autograd::ops::RopeTable;
@@ -17,7 +17,7 @@ pub struct Positions {
 }
 
 impl Positions {
-    /// The column first: it turns the first half of what is turned.
+    /// Column and row of each token; the column turns the first half of a vector.
     fn list(&self) -> Vec<[usize; 2]> {
         let [rows, columns] = self.grid;
         let patches = (0..rows * columns).map(|i| [i % columns + 1, i / columns + 1]);

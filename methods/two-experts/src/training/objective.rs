@@ -11,7 +11,7 @@ use weaver_splat::{GaussianVars, Rasterize};
 use weaver_trainer::losses::{PoseCodes, camera_constants, photo_constant};
 use weaver_trainer::{CameraMode, Example, StageConfig, Step, Terms};
 
-/// That every loss with a weight is one that the stage has, and that there is one.
+/// Fails if a stage without rendered tuples has a weight on a loss of pictures, or if no loss has a weight.
 pub(super) fn check(stage: &StageConfig<TwoExpertsRecipe>, key: &str) -> Result<(), String> {
     let (image, pose) = (&stage.losses.image, &stage.losses.pose);
     let [mse, ssim, lpips, perceptual] = image.weights();
@@ -27,7 +27,7 @@ pub(super) fn check(stage: &StageConfig<TwoExpertsRecipe>, key: &str) -> Result<
     Err(format!("{key}.losses: expected a loss with a weight above 0, found none"))
 }
 
-/// Runs the experts on a step's examples, those to be rendered first.
+/// Runs the experts on a step's examples; the rendered ones come first.
 pub(super) fn terms<'t>(
     cx: Context<'t, '_, f32>,
     network: &TwoExperts,
@@ -51,7 +51,8 @@ pub(super) fn terms<'t>(
     terms
 }
 
-/// The photos that the geometry expert sees `[B, N, 3, H, W]`: with the targets' where these are drawn from its own cameras.
+/// The geometry expert's photos `[B, N, 3, H, W]`: the targets' are among them when targets are drawn from predicted
+/// cameras.
 fn photos<'t>(cx: Context<'t, '_, f32>, stage: &StageConfig<TwoExpertsRecipe>, examples: &[Example]) -> Var<'t, f32> {
     let all = stage.tuples > 0 && stage.model.cameras == CameraMode::Predicted;
     let of = |example: &Example| photo_constant(cx, if all { example.photos() } else { example.context_photos() });
@@ -105,7 +106,7 @@ fn rendered<'t>(
     });
 }
 
-/// Unit vectors `[N, 3]` of all directions alike.
+/// Unit vectors `[N, 3]`, uniform on the sphere.
 fn random_directions<'t>(cx: Context<'t, '_, f32>, n: usize, stream: Stream) -> Var<'t, f32> {
     let normal = cx.tape.constant_with([n, 3], |all| {
         (0..).zip(all).for_each(|(i, x)| *x = stream.normal(i));

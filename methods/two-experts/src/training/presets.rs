@@ -1,4 +1,4 @@
-//! The presets: what is trained, for how long, with which losses.
+//! The presets: stages, durations and losses.
 
 use super::{TwoExpertsEvaluation, TwoExpertsLosses, TwoExpertsRecipe, TwoExpertsStage};
 use crate::TwoExpertsConfig;
@@ -37,7 +37,7 @@ fn poses(steps: usize) -> Stage {
     }
 }
 
-/// The appearance expert alone, told the data's cameras.
+/// The appearance expert alone, with the data's cameras.
 fn appearance(steps: usize) -> Stage {
     Stage {
         name: "appearance".into(),
@@ -56,7 +56,7 @@ fn appearance(steps: usize) -> Stage {
     }
 }
 
-/// Both, and pictures from where the geometry expert says that they were taken.
+/// Both, with pictures drawn from the cameras of the geometry expert.
 fn joint(steps: usize) -> Stage {
     Stage {
         name: "joint".into(),

@@ -16,8 +16,8 @@ pub struct TwoExpertsStage {
     /// The learning rate of the geometry expert, as a fraction of the stage's rate.
     #[schemars(range(min = 0.0))]
     pub geometry_rate: f64,
-    /// Source of the cameras that the appearance expert is told, and pictures are drawn from: given, or predicted by the geometry expert, which
-    /// then sees the target photos as well.
+    /// Source of the cameras that the appearance expert is told, and pictures are drawn from: given, or predicted by
+    /// the geometry expert, which then sees the target photos as well.
     pub cameras: CameraMode,
 }
 
@@ -50,7 +50,7 @@ impl LossSection for TwoExpertsLosses {
 
 /// Facts that follow from a stage's settings.
 pub(super) trait Runs {
-    /// True if the geometry expert has a part in it.
+    /// True if the geometry expert runs in the stage.
     fn runs_geometry(&self) -> bool;
 }
 

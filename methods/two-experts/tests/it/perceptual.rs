@@ -26,7 +26,7 @@ const CONVOLUTIONS: [[usize; 3]; 14] = [
     [30, 512, 512],
 ];
 
-/// Writes weights of so many convolutions: each output follows one input.
+/// Writes weights of `count` convolutions: each output follows one input.
 fn write(path: &Path, count: usize) {
     let mut tensors = Tensors::default();
     for [index, outputs, inputs] in &CONVOLUTIONS[..count] {

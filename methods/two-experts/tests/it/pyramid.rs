@@ -1,4 +1,4 @@
-//! The appearance expert: its gradients, what it must not notice, and what it refuses.
+//! The appearance expert: its gradients, invariances and refusals.
 
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::{Input, Options, gradcheck_with};
@@ -63,7 +63,8 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 64))]
 
-    /// Of means, colors and opacities, by photos, poses and focal lengths, through rays, attention and directions.
+    /// Gradients of means, colors and opacities by photos, poses and focal lengths, through rays, attention and
+    /// directions.
     #[test]
     fn gradients_of_photos_and_cameras(seed in 0u64..1_000_000, published: bool) {
         let (params, network) = network(config());
@@ -85,7 +86,7 @@ proptest! {
         });
     }
 
-    /// Attention sees cameras by how they stand to one another.
+    /// Attention sees relative poses of cameras alone.
     ///
     /// Promise (results): attention with cameras knows no world, and one camera is none.
     #[test]
@@ -112,7 +113,7 @@ proptest! {
         prop_assert!(distance(&before, &attend(&scaled)) > 1e-6);
     }
 
-    /// Equal cameras, whatever they are, and positions 0: plain attention. So it is within a single view.
+    /// Equal cameras, wherever they stand, and positions 0: plain attention. The same holds within a single view.
     ///
     /// Promise of `attention_knows_no_world`.
     #[test]
@@ -159,7 +160,7 @@ fn every_parameter_learns() {
     }
 }
 
-/// Without cameras in attention, moving a camera that rays do not tell of changes nothing; with them it does.
+/// Without cameras in attention and in rays, moving a camera changes nothing; with either it does.
 #[test]
 fn switches_change_what_they_name() {
     let photos = Input::uniform(7, 0.0, 1.0, [VIEWS, 3, SIZE[0], SIZE[1]]);
@@ -204,7 +205,8 @@ fn any_number_of_threads() {
     assert_eq!(run(1), run(3));
 }
 
-/// Sides that are no multiples of four patches, and views that make no groups, are refused with both numbers.
+/// Sides that are no multiples of four patches, and view counts that are no multiple of the group, are refused with
+/// both numbers.
 #[test]
 fn sizes_that_do_not_fit_are_refused() {
     for shape in [[2, 3, 12, 16], [3, 3, 8, 16]] {

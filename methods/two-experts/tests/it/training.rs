@@ -1,4 +1,5 @@
-//! 2Xplat through the trainer, on its micro preset: what each stage trains, what flows from where to where, bits and refusals.
+//! 2Xplat through the trainer, on its micro preset: trained parameters of each stage, flow of gradients, bits and
+//! refusals.
 
 use crate::capture;
 use crate::same_bits::same_bits;
@@ -40,7 +41,7 @@ fn message(settings: &[&str]) -> String {
     Config::resolve(Some("micro"), None, &settings).unwrap_err().to_string()
 }
 
-/// Which expert moves in which stage, and which losses each has.
+/// The trained expert and the losses of each stage.
 ///
 /// Promise (results): 2Xplat: each stage trains the expert that it names, pictures teach cameras, same bits at any
 /// number of threads and after an interruption.
@@ -133,7 +134,7 @@ fn cameras_of_further_photos_are_predicted_along() {
         let alone =
             predictor.predict(example.context_photos(), CameraSource::Predicted, Density::default(), stream).unwrap();
         assert_ne!(alone.predicted[1].pose, joint.prediction.predicted[1].pose, "the further photo was not seen");
-        // With given cameras, the geometry expert has no say.
+        // With given cameras, the geometry expert has no influence.
         let given = CameraSource::Given(example.context());
         let made = predictor.predict(example.context_photos(), given, Density::default(), stream).unwrap();
         assert_eq!(made.cameras[1].pose, example.context()[1].pose);
@@ -189,7 +190,7 @@ fn held_out_photos_are_drawn_from_either_camera() {
     assert!(wrong.unwrap_err().to_string().contains("expected predicted cameras"));
 }
 
-/// Given cameras are right, so that all an alignment can do to them is harm, which its figures say.
+/// Given cameras are exact, so that an alignment can only harm them, and its figures report the harm.
 ///
 /// Promise (results): alignment reports the errors of cameras before and after; photos may be compared by their
 /// structure.
@@ -218,8 +219,8 @@ fn aligned_cameras_are_judged_by_the_datas() {
     assert!(squares != both && squares != similarity && both != similarity);
 }
 
-/// Opacities that depend on the view: other bits, the same at any number of threads; each camera sees its own, as the network means them,
-/// and a scene on disk keeps all numbers.
+/// View-dependent opacities: other bits than constant ones, the same at any number of threads; each camera draws its
+/// own, and a scene on disk keeps all coefficients.
 ///
 /// Promise (results): 2Xplat's opacities may depend on the view: each camera sees its own, on the tape as in
 /// predictions; files keep all numbers; slopes by camera and means go through them.
@@ -294,7 +295,7 @@ fn what_does_not_fit_is_named_with_both_numbers() {
     }
 }
 
-/// A checkpoint alone is enough to open the model.
+/// A checkpoint alone determines its model, which opens it.
 #[test]
 fn weights_are_opened_by_their_model() {
     let folder = tempfile::tempdir().unwrap();

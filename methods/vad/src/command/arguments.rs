@@ -167,7 +167,7 @@ pub(crate) struct VadMetrics {
     pub(crate) json: bool,
 }
 
-/// Which frames count.
+/// Names of the lengths.
 const LENGTHS: [(&str, Length, &str); 3] =
     [("features", Length::Features, ""), ("floor", Length::Floor, ""), ("ceil", Length::Ceil, "")];
 

@@ -1,4 +1,4 @@
-//! Checkpoints of a training: detector, optimizer, and where it was.
+//! Checkpoints of a training: detector, optimizer and position.
 
 use crate::command::arguments::VadPlan;
 use crate::{Checkpoint, Detector, Snapshot};
@@ -14,16 +14,16 @@ const STEP: &str = "vad.step";
 #[derive(Serialize, Deserialize)]
 pub struct RunState {
     pub plan: VadPlan,
-    /// Normal and abnormal videos.
+    /// Numbers of normal and abnormal videos.
     pub videos: [usize; 2],
     /// A checksum of features and labels; runs of earlier versions have none.
     #[serde(default)]
     pub features: Option<String>,
-    /// Steps of all stages.
+    /// Finished steps of all stages.
     pub done: usize,
 }
 
-/// Everything needed to go on.
+/// All tensors for going on.
 pub fn write(snapshot: &Snapshot<'_>, run: &RunState) -> Tensors {
     let Snapshot { detector, optimizer, stage, step } = *snapshot;
     let mut tensors = detector.tensors(&serde_json::to_string(run).expect("a plan is plain data"));

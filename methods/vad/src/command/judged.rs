@@ -1,10 +1,10 @@
-//! Test videos that a detector has judged.
+//! Test videos with the scores of a detector.
 
 use crate::metrics::{FrameMetrics, SNIPPET, ScoredVideo, frame_metrics};
 use crate::{Curves, Detector, Planted};
 use weaver_command::Failure;
 
-/// Test videos with all their curves and their truth.
+/// Test videos with all their curves and their ground truth.
 pub struct Judged {
     pub names: Vec<String>,
     pub curves: Vec<Curves>,

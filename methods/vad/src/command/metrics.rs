@@ -52,7 +52,7 @@ pub fn text(metrics: &FrameMetrics) -> String {
     )
 }
 
-/// The metrics for programs: null where there are no frames of a kind.
+/// The metrics for programs: null if frames of a kind are missing.
 pub fn json(metrics: &FrameMetrics) -> String {
     value(metrics).to_string()
 }

@@ -16,7 +16,7 @@ pub fn leave(judged: &Judged, experts: &[String], folder: &Folder) -> Result<(),
     Ok(folder.report(page(judged, experts).curves(&folder.records()?, &[]))?)
 }
 
-/// Metrics, what share each expert has, and the curves of ten videos, most of them abnormal.
+/// Metrics, the share of each expert, and the curves of ten videos, most of them abnormal.
 pub fn page(judged: &Judged, experts: &[String]) -> Page {
     let mut page = Page::new("Video anomalies");
     page.heading(1, "Video anomalies").preformatted(&text(&judged.metrics()));
@@ -45,7 +45,7 @@ pub fn page(judged: &Judged, experts: &[String]) -> Page {
     page
 }
 
-/// Videos spread over the list: seven abnormal ones and three normal ones, where there are as many.
+/// Ten videos spread over the list, or as many as there are: at most three normal ones, the others abnormal.
 fn shown(judged: &Judged) -> Vec<usize> {
     let of = |abnormal: bool| -> Vec<usize> {
         (0..judged.scored.len()).filter(|i| judged.scored[*i].is_abnormal() == abnormal).collect()
@@ -59,7 +59,7 @@ fn shown(judged: &Judged) -> Vec<usize> {
     abnormal.into_iter().chain(normal).collect()
 }
 
-/// Share of videos that each expert leads, in percent.
+/// For each expert, the percentage of snippets with a score of at least 0.5 at which its own score is the highest.
 fn leading(curves: &[Curves], experts: usize) -> Vec<String> {
     let mut leads = vec![0_usize; experts];
     for of in curves {

@@ -50,13 +50,13 @@ pub fn run(arguments: &VadScore, console: &mut Console) -> Result<(), Failure> {
     console.print(&format!("{total} videos: {}", arguments.out.display()))
 }
 
-/// The curves beside the one that counts.
+/// The curves beside the final one: the experts' and, with a gate, the encoder's.
 pub fn others(curves: &Curves) -> Vec<&[f32]> {
     let encoder = curves.gate.is_some().then_some(&curves.encoder);
     curves.experts.iter().chain(encoder).map(Vec::as_slice).collect()
 }
 
-/// For each snippet the share of its frames that are anomalous.
+/// Anomalous share of the frames of each snippet.
 pub fn shares(labels: &[bool]) -> Vec<f32> {
     let share = |part: &[bool]| part.iter().filter(|label| **label).count() as f32 / part.len() as f32;
     labels.chunks(SNIPPET).map(share).collect()

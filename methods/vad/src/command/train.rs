@@ -61,7 +61,7 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
     job.train((&folder, live), Some((detector, from, kept.done)), console, interrupt)
 }
 
-/// A training, all that it needs at hand.
+/// A training with its inputs.
 struct Job {
     plan: VadPlan,
     set: TrainingSet,
@@ -74,7 +74,7 @@ struct Job {
 
 impl Job {
     fn new(plan: VadPlan) -> Result<Self, Failure> {
-        // Wherever it is resumed from.
+        // Absolute paths hold in every folder from which the run is resumed.
         let absolute = |path: Option<PathBuf>| path.map(std::path::absolute).transpose();
         let plan = VadPlan { features: absolute(plan.features)?, list: absolute(plan.list)?, ..plan };
         for path in plan.features.iter().chain(&plan.list) {
@@ -148,7 +148,7 @@ impl Job {
             }
             trained => trained?,
         };
-        // What `vad eval` is to judge it on where it is given no list.
+        // Seed of the planted videos, the default test set of `vad eval`.
         let metadata = self.planted.map_or(String::new(), |planted| planted.seed.to_string());
         let model = folder.out().file(MODEL)?;
         detector.write(&model, &metadata)?;
@@ -175,7 +175,7 @@ struct Watch<'a, 'c> {
 }
 
 impl Watch<'_, '_> {
-    /// Records a step; says whether training is to end.
+    /// Records a step; returns true if training is to end.
     fn record(&mut self, step: &StepReport, snapshot: &Snapshot<'_>) -> Result<bool, weaver_run::Error> {
         let (stage, loss) = (step.stage.clone(), step.loss);
         let report = weaver_run::StepReport { step: self.done, of: self.total, stage, loss, scalars: Vec::new() };

@@ -1,4 +1,4 @@
-//! Annotations: what they say, and what is refused.
+//! Annotations: their labels, and refusals.
 
 use crate::real_lists::real_lists;
 use std::path::PathBuf;

@@ -14,7 +14,7 @@ fn public() -> Tensors {
     tensors
 }
 
-/// Public weights are read without being told anything.
+/// Public weights are read without further settings.
 ///
 /// Promise (results): weights of the public UR-DMU are read as they are; files that do not fit are refused with the
 /// weight.

@@ -1,4 +1,4 @@
-//! Lists and feature files as they are laid out by those who publish them, and what is refused.
+//! Lists and feature files in their published layouts, and refusals.
 
 use std::path::Path;
 use weaver_io::write_npy;

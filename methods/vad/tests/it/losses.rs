@@ -1,4 +1,4 @@
-//! Losses: gradients against differences, and what counts for nothing.
+//! Losses: gradients against differences, and terms without effect.
 
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::{Input, gradcheck};
@@ -45,7 +45,7 @@ fn videos_without_labels_add_nothing() {
     assert_eq!(one, snippet_loss(alone, &[0.0, 1.0]).item());
 }
 
-/// The gradient of the loss is that with labels that do not depend on the scores.
+/// The gradient of the loss treats labels as constants.
 #[test]
 fn labels_carry_no_gradient() {
     let curve = [0.1, 0.1, 0.2, 0.5, 0.9, 0.6, 0.3, 0.1, 0.1, 0.1];

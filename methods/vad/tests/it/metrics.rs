@@ -31,7 +31,7 @@ fn metrics_with_ties_equal_the_reference() {
     }
 }
 
-/// The AUC of two normal distributions is that of their difference.
+/// The AUC of two normal distributions follows from their difference.
 #[test]
 fn the_auc_of_two_normal_distributions() {
     let stream = Stream::new(5, 0, "test.auc");
@@ -58,7 +58,7 @@ fn numbers_without_frames_of_a_kind_are_none() {
     assert_eq!(frame_metrics(&[]).auc, None);
 }
 
-/// Scores for each snippet that the annotation counts, by the number of snippets.
+/// Scores for each snippet of the annotation, by the number of snippets.
 fn scored(annotation: &Annotation, length: Length, score: impl Fn(&str, usize) -> Vec<f32>) -> FrameMetrics {
     let names: Vec<String> = annotation.videos().map(str::to_string).collect();
     let snippets = |name: &str| {

@@ -5,7 +5,7 @@ use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::{Input, adjoint_check, gradcheck};
 use weaver_vad::ops::decay_attention;
 
-/// Few cases: every one of them tries many coordinates and directions. More where `PROPTEST_CASES` asks for more.
+/// A twentieth of the default or of `PROPTEST_CASES`: every case tries many coordinates and directions.
 fn cases() -> ProptestConfig {
     let default = ProptestConfig::default();
     ProptestConfig { cases: (default.cases / 20).max(1), failure_persistence: None, ..default }

@@ -121,7 +121,7 @@ fn experts_and_gate_equal_the_reference() {
     assert_gradients(&file, &params, &tape);
 }
 
-/// Permuting experts and the columns that take their scores changes nothing.
+/// Permuting experts and their columns of the gate's input changes nothing.
 #[test]
 fn the_gate_does_not_care_for_the_order_of_experts() {
     let mut params = Params::<f64>::new();
@@ -154,7 +154,7 @@ fn load(file: &Fixture, params: &mut Params<f64>) {
     assert_eq!(params.len(), file.keys().filter(|key| key.starts_with("w.")).count(), "every weight has a parameter");
 }
 
-/// Every gradient: in full where the file has it, and its norm, sum and weighted sum.
+/// Every gradient: in full if the file holds it, and its norm, sum and weighted sum.
 fn assert_gradients(file: &Fixture, params: &Params<f64>, tape: &Tape<f64>) {
     for (id, param) in params.iter() {
         let gradient = tape.param_grad(id).unwrap_or_else(|| panic!("{}: no gradient", param.name()));

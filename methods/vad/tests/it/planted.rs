@@ -1,4 +1,4 @@
-//! Planted videos are what they are said to be.
+//! Planted videos have their documented properties.
 
 use weaver_vad::metrics::{SNIPPET, ScoredVideo, frame_metrics};
 use weaver_vad::{Planted, TrainingSet, cluster_centers, nearest_center};
@@ -26,7 +26,7 @@ fn videos_are_planted_as_described() {
     assert_eq!((set.normal().len(), set.abnormal().len(), set.classes.len()), (120, 120, 4));
 }
 
-/// Who knows what is planted finds it; who knows only which videos are abnormal finds nothing within them.
+/// The matched filter finds events; labels of whole videos find nothing within abnormal ones.
 #[test]
 fn the_matched_filter_finds_anomalies() {
     let planted = Planted::new(1);

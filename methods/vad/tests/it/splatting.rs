@@ -36,7 +36,7 @@ fn the_worked_example() {
     assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
 }
 
-/// Plateaus count once flat curves never and labels end at one.
+/// Plateaus count once, flat curves have no labels, and labels are at most one.
 #[test]
 fn plateaus_count_once_and_flat_curves_never() {
     let plateau = [0.1, 0.1, 0.8, 0.8, 0.1, 0.1];

@@ -1,4 +1,4 @@
-//! Training: it learns, the same seed gives the same bits, and files keep what was learned.
+//! Training: it learns, the same seed gives the same bits, and files keep the detector.
 
 use std::ops::ControlFlow;
 use weaver_kernels::random::Stream;
@@ -67,7 +67,7 @@ fn trainings_repeat_to_the_bit() {
     assert_eq!((read.curves(features).unwrap(), told.as_str()), (curves, "told"));
     assert_eq!(read.experts(), ["ClassA", "ClassB", "ClassC", "ClassD"]);
 
-    // Experts as published have other weights, and files know.
+    // Published experts have other weights, and files record the choice.
     let mut published = Detector::new(convolutions(0), 1).with_published_experts();
     published.add_experts(vec!["one".into(), "other".into()], 1);
     published.add_gate(1);
@@ -114,7 +114,7 @@ fn features_that_give_no_scores_are_refused() {
     assert!(message.contains("large.npy: scores: expected finite numbers"), "{message}");
 }
 
-/// Ends training after so many steps, having kept what was learned.
+/// Ends training after some steps, with a checkpoint.
 struct Stop {
     left: usize,
     kept: Option<(Detector, Checkpoint)>,
@@ -131,7 +131,7 @@ impl Observe for Stop {
     }
 }
 
-/// Wherever training is stopped, going on from its checkpoint gives the bits of one that was not.
+/// Resuming from the checkpoint of any step gives the bits of an uninterrupted training.
 ///
 /// Promise (results): a training of a detector that is stopped goes on to the same bits.
 #[test]

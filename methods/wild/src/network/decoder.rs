@@ -7,7 +7,7 @@ use weaver_nn::{Builder, Context, Conv2d, Linear, WeightInit};
 const DC: f64 = 0.282_094_791_773_878_14;
 /// Bound on the network's own coefficients.
 const BOUND: f64 = 2.0;
-/// The recoloring to begin with: contrast of a standardized photo, and its middle.
+/// Initial recoloring: contrast of a standardized photo, and its middle.
 const CONTRAST: f64 = 0.2;
 const MIDDLE: f64 = 0.5;
 
@@ -22,17 +22,18 @@ pub struct LookDecoderConfig {
     pub hidden: usize,
     /// Degree of the harmonics of a color: 2 as published.
     pub sh_degree: usize,
-    /// True if each photo's own pixels, standardized and then given the look's contrast and middle, are added to the colors. Not
-    /// published: tokens of small networks carry no texture.
+    /// True if each photo's own pixels, standardized and then given the look's contrast and middle, are added to the
+    /// colors. Not published: tokens of small networks carry no texture.
     pub recolor: bool,
 }
 
 /// Colors of the Gaussians of all pixels under each of some looks.
 ///
-/// raw_j = 2 tanh(conv1(relu(conv3([f ; e_j everywhere])))), its coefficients times 1 for degree 0 and 0.1 / 4^l for degree l. With
-/// `recolor`, a_j I^ + c_j - 1/2 over the zeroth harmonic is added to degree 0, where I^ is the photo [standardized](crate::standardized),
-/// and a_j - 0.2 and c_j - 0.5, three numbers each, are linear in e_j. The columns of e in the first convolution and the recoloring start at
-/// zero: a new decoder gives every look the same colors, to the bit. Source: Fujimura et al., arXiv 2604.21182, and its code.
+/// raw_j = 2 tanh(conv1(relu(conv3([f ; e_j everywhere])))), its coefficients times 1 for degree 0 and 0.1 / 4^l for
+/// degree l. With `recolor`, a_j I^ + c_j - 1/2 over the zeroth harmonic is added to degree 0, where I^ is the photo
+/// [standardized](crate::standardized), and a_j - 0.2 and c_j - 0.5, three numbers each, are linear in e_j. The columns
+/// of e in the first convolution and the recoloring start at zero: a new decoder gives every look the same colors, to
+/// the bit. Source: Fujimura et al., arXiv 2604.21182, and its code.
 ///
 /// Parameters `gs_decoder.0`, `gs_decoder.2` and `recolor`.
 #[derive(Clone, Debug)]
@@ -63,8 +64,8 @@ impl LookDecoder {
 
     /// Coefficients `[T, V H W, K, 3]` of V photos' pixels, in the axes of their cameras, under T looks.
     ///
-    /// `features` `[V, C, H, W]`, `looks` `[T, E]`, and the photos `standardized` `[V, 3, H, W]`, which are used where the configuration
-    /// says `recolor`. Differentiable in all three and the parameters.
+    /// `features` `[V, C, H, W]`, `looks` `[T, E]`, and the photos `standardized` `[V, 3, H, W]`, which only `recolor`
+    /// uses. Differentiable in all three and the parameters.
     #[track_caller]
     pub fn forward<'t, T: Real>(
         &self,
@@ -85,7 +86,7 @@ impl LookDecoder {
         if k == 1 { even } else { ops::concat(&[even, colors.slice(2, 1, k - 1)], 2) }
     }
 
-    /// The same without recoloring, as published: every coefficient is within 2.
+    /// Coefficients without recoloring, as published: each is within 2.
     #[track_caller]
     pub fn published<'t, T: Real>(
         &self,
@@ -100,7 +101,8 @@ impl LookDecoder {
         cx.tape.ensure_shapes(fits, "look_decoder", expected, &[maps, rows]);
         let [views, height, width] = [0, 2, 3].map(|axis| maps[axis]);
         let (count, k) = (rows[0], self.config.coefficients());
-        // The first convolution of features and of embeddings apart: one does not depend on the look, the other not on the view.
+        // The convolution of features does not depend on the look, the one of embeddings not on the view: they run
+        // apart.
         let weight = cx.param(self.first.weight);
         let bias = self.first.bias.map(|bias| cx.param(bias));
         let of_maps = ops::conv2d(features, weight.slice(1, 0, channels), bias, 1, 1);
@@ -133,7 +135,8 @@ impl LookDecoderConfig {
     }
 }
 
-/// Zeroth coefficients `[T, V, H, W, 3]` of photos `[V, 3, H, W]` with contrast and middle `[T, 6]`, less what they begin with.
+/// Zeroth coefficients `[T, V, H, W, 3]` of photos `[V, 3, H, W]` under `numbers` `[T, 6]`: offsets of contrast and
+/// middle from their initial values.
 fn recolored<'t, T: Real>(numbers: Var<'t, T>, standardized: Var<'t, T>) -> Var<'t, T> {
     let (count, shape) = (numbers.shape()[0], standardized.shape());
     let all = [count, shape[0], shape[2], shape[3], 3];

@@ -30,11 +30,11 @@ pub struct AppearanceEncoderConfig {
     pub init: WeightInit,
 }
 
-/// The embedding of a photo's look: a learned token before the photo's patch tokens, transformer blocks over all of them, and a
-/// perceptron on what became of the token.
+/// The embedding of a photo's look: a learned token before the photo's patch tokens, transformer blocks over all of
+/// them, and a perceptron on the learned token's output.
 ///
-/// Queries and keys are normalized and turned by their patch's row and column; the learned token is at the origin. The embedding has no
-/// bounds. Parameters `app_token`, `blocks.{i}` and `head.{0, 2, ..}`.
+/// Queries and keys are normalized and turned by their patch's row and column; the learned token is at the origin. The
+/// embedding is unbounded. Parameters `app_token`, `blocks.{i}` and `head.{0, 2, ..}`.
 #[derive(Clone, Debug)]
 pub struct AppearanceEncoder {
     width: usize,
@@ -44,7 +44,7 @@ pub struct AppearanceEncoder {
     head: Vec<Linear>,
 }
 
-/// Where the tokens of a photo are, for the table of their angles.
+/// Positions of the tokens of a photo, as the key of their rotary table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Grid {
     rows: usize,
@@ -80,7 +80,8 @@ impl AppearanceEncoder {
         }
     }
 
-    /// Embeddings `[T, E]` of T photos' patch tokens `[T, rows columns, D]`, row by row. Differentiable in tokens and parameters.
+    /// Embeddings `[T, E]` of T photos' patch tokens `[T, rows columns, D]`, row by row. Differentiable in tokens and
+    /// parameters.
     #[track_caller]
     pub fn forward<'t, T: Real>(
         &self,

@@ -2,13 +2,14 @@
 
 use weaver_autograd::Real;
 
-/// The least standard deviation that a channel is divided by, so that a photo of one color is all zero.
+/// Lower bound of a channel's standard deviation in the division, so that a photo of one color is all zero.
 pub const LEAST_DEVIATION: f64 = 0.02;
 
 /// Photos whose channels have mean 0 and standard deviation 1: (I - mean) / max(deviation, 0.02).
 ///
-/// `photos` are V planes of three channels, `[V, 3, H, W]`; mean and deviation are those of the pixels `inside` `[V, H, W]`, or of all of
-/// them. Pixels outside are treated in the same way; a photo of which nothing is inside has mean and deviation 0.
+/// `photos` are V planes of three channels, `[V, 3, H, W]`; mean and deviation are over the pixels `inside`
+/// `[V, H, W]`, or over all of them. Pixels outside are transformed alike; a photo without pixels inside has mean and
+/// deviation 0.
 ///
 /// # Panics
 /// If the planes are not three for each view of the mask.

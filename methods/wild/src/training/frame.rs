@@ -1,16 +1,16 @@
-//! Where what was predicted stands in the world of the data.
+//! Alignment of predictions to the data's world.
 
 use weaver_geometry::glam::{DVec2, DVec3, Vec3};
 use weaver_geometry::{Camera, Similarity};
 
-/// Keeps the fit determined.
+/// Regularization of the fit.
 const RIDGE: f64 = 1e-6;
-/// Weight lost by a point for a difference of log depth.
+/// Decay of a point's weight with the difference of log depth.
 const SHARPNESS: f64 = 10.0;
-/// Mean weighted square of the error, training units, from which a tuple does not count.
+/// Largest mean weighted squared error of an accepted alignment, training units.
 const LARGEST: f64 = 0.5;
 
-/// Depth `[V, H, W]` of the data, 0 where it is not known, and the cameras that see it.
+/// Depth `[V, H, W]` of the data, 0 if unknown, and its cameras.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KnownDepth<'a> {
     pub depth: &'a [f32],
@@ -18,11 +18,11 @@ pub(super) struct KnownDepth<'a> {
 }
 
 impl KnownDepth<'_> {
-    /// The scale s and shift b that lay predicted points X^ `[V, H, W, 3]` over the data's points X, by least squares of s X^ + b - X; `None`
-    /// where they do not come to lie on one another, or no depth is known.
+    /// The scale s and shift b that align predicted points X^ `[V, H, W, 3]` to the data's points X, by least squares
+    /// of s X^ + b - X; `None` if the residual is too large, or no depth is known.
     ///
-    /// A point weighs exp(-10 |log z' - log z|), where z' is its depth in another view and z what is known there, the mean over the views
-    /// that know anything; 1 if none does. Source: Fujimura et al., arXiv 2604.21182, and its code.
+    /// A point weighs exp(-10 |log z' - log z|), where z' is its depth in another view and z the known depth there, the
+    /// mean over the views with a known depth; 1 without any. Source: Fujimura et al., arXiv 2604.21182, and its code.
     pub fn frame(&self, predicted: &[f32]) -> Option<Similarity> {
         let (mut from, mut to, mut weights) = (Vec::new(), Vec::new(), Vec::new());
         for (i, (point, z)) in predicted.as_chunks::<3>().0.iter().zip(self.depth).enumerate() {
@@ -44,14 +44,14 @@ impl KnownDepth<'_> {
         self.cameras[0].width * self.cameras[0].height
     }
 
-    /// The point that pixel `i` of all shows at a depth.
+    /// The point of pixel `i` of all views at a depth.
     fn point(&self, i: usize, z: f32) -> DVec3 {
         let (camera, pixel) = (&self.cameras[i / self.pixels()], i % self.pixels());
         let center = DVec2::new((pixel % camera.width) as f64, (pixel / camera.width) as f64) + 0.5;
         camera.unproject(center, z.into())
     }
 
-    /// Weight of a point that view `own` sees, by its agreement with the others.
+    /// Weight of a point of view `own`, by its agreement with the other views.
     fn weight(&self, point: DVec3, own: usize) -> f64 {
         let (mut sum, mut views) = (0.0, 0.0);
         for (v, camera) in self.cameras.iter().enumerate().filter(|(v, _)| *v != own) {

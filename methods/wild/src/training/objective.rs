@@ -13,7 +13,7 @@ use weaver_splat::Rasterize;
 use weaver_trainer::losses::{PoseCodes, camera_constants, photo_constant, photo_constants};
 use weaver_trainer::{CameraMode, Example, StageConfig, Step, Terms};
 
-/// That there is a loss with a weight.
+/// Fails if no loss has a weight, or if alignment is on with given cameras.
 pub(super) fn check(stage: &StageConfig<WildRecipe>, key: &str) -> Result<(), String> {
     if stage.model.aligned && stage.model.cameras == CameraMode::Given {
         return Err(format!("{key}.model.aligned: expected model.cameras = \"predicted\" with it, found \"given\""));
@@ -83,7 +83,7 @@ pub(super) fn terms<'t>(
     terms
 }
 
-/// The photos `[T, 3, H, W]` of tuple `b` that light is taken from: some with one half in place of the whole.
+/// The photos `[T, 3, H, W]` of tuple `b` as inputs of the embedding: some with one half in place of the whole.
 fn light_photos<'t>(
     cx: Context<'t, '_, f32>,
     step: &Step<'_, WildRecipe>,
@@ -110,7 +110,8 @@ fn light_photos<'t>(
     cx.tape.constant(&all, shape)
 }
 
-/// Losses on the picture of an example's target `t` against its photo `[1, 3, H, W]`, each a mean over tuples and targets.
+/// Losses on the picture of an example's target `t` against its photo `[1, 3, H, W]`, each a mean over tuples and
+/// targets.
 fn rendered<'t>(
     terms: &mut Terms<'t>,
     cx: Context<'t, '_, f32>,

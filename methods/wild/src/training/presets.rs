@@ -1,4 +1,4 @@
-//! The presets: what is trained, for how long, with which losses.
+//! The presets: stages, durations and losses.
 
 use super::{WildEvaluation, WildLosses, WildRecipe, WildStage};
 use crate::WildConfig;
@@ -40,7 +40,7 @@ fn poses(steps: usize) -> Stage {
     }
 }
 
-/// Depth as well.
+/// Depth head in addition.
 fn depth(steps: usize) -> Stage {
     let poses = poses(steps);
     Stage {
@@ -53,7 +53,7 @@ fn depth(steps: usize) -> Stage {
     }
 }
 
-/// Surfaces and their looks, with everything else as it is.
+/// Surfaces and their looks; everything else is frozen.
 fn looks(steps: usize) -> Stage {
     Stage {
         name: "looks".into(),

@@ -12,14 +12,16 @@ use weaver_trainer::{CameraMode, LossSection, StageConfig};
 pub struct WildStage {
     /// Source of the cameras that Gaussians are made with: given, or predicted. Targets are drawn from given ones.
     pub cameras: CameraMode,
-    /// With predicted cameras: whether Gaussians are laid over the data's points by a scale and a shift of each tuple, without gradient,
-    /// before they are drawn, as published. Tuples on which that fails teach nothing by their pictures.
+    /// With predicted cameras: whether Gaussians are laid over the data's points by a scale and a shift of each tuple,
+    /// without gradient, before they are drawn, as published. Tuples on which that fails teach nothing by their
+    /// pictures.
     #[serde(default)]
     pub aligned: bool,
-    /// True if colors follow the embedding of the target's photo; `false`, with an embedding of zeros, is for ablations.
+    /// True if colors follow the embedding of the target's photo; `false`, with an embedding of zeros, is for
+    /// ablations.
     pub embed: bool,
-    /// Fraction of the targets whose photos tell their light with one half, the left or the right one: the other is filled with its mean, so
-    /// that no embedding can rest on the whole picture.
+    /// Fraction of the targets whose photos tell their light with one half, the left or the right one: the other is
+    /// filled with its mean, so that no embedding can rest on the whole picture.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub halves: f64,
@@ -37,8 +39,8 @@ pub struct WildEvaluation {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WildLosses {
-    /// Losses on rendered targets against photos, where these show what a context photo shows: the mean squared error over all pixels, as
-    /// published, SSIM over whole windows.
+    /// Losses on rendered targets against photos, where these show what a context photo shows: the mean squared error
+    /// over all pixels, as published, SSIM over whole windows.
     pub image: ImageLosses,
     /// Losses on predicted cameras against those of the data.
     pub pose: PoseLosses,
@@ -55,7 +57,7 @@ impl LossSection for WildLosses {
 
 /// Facts that follow from a stage's settings.
 pub(super) trait Runs {
-    /// True if pictures are drawn in it.
+    /// True if the stage draws pictures.
     fn renders(&self) -> bool;
 }
 

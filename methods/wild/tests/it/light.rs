@@ -1,4 +1,4 @@
-//! Embeddings and colors: gradients, what no look may change, and what is refused.
+//! Embeddings and colors: gradients, invariances under looks, and refusals.
 
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::{Input, Options, gradcheck_with};
@@ -27,7 +27,7 @@ fn decoder<T: Real>(params: &mut Params<T>, seed: u64, sh_degree: usize, recolor
     LookDecoder::new(Builder::new(params, seed).scope("looks"), config)
 }
 
-/// Gives every parameter a value: those that begin at zero as well.
+/// Gives every parameter a nonzero value, the zero-initialized ones too.
 fn stir<T: Real>(params: &mut Params<T>, seed: u64) {
     let ids: Vec<_> = params.ids().collect();
     for (i, id) in ids.into_iter().enumerate() {
@@ -138,7 +138,7 @@ fn a_new_decoder_gives_every_look_the_same_colors() {
         a != b
     };
     assert!(!differ(&params));
-    // Once its columns are not zero, they do.
+    // Nonzero columns make looks differ.
     stir(&mut params, 9);
     assert!(differ(&params));
 }
@@ -161,7 +161,7 @@ fn colors_without_recoloring_are_bounded() {
     assert!(colors.iter().any(|c| c.abs() > 1.99));
 }
 
-/// Order of photos does not matter and each counts for itself.
+/// Photos are independent of each other and of their order.
 #[test]
 fn order_of_photos_does_not_matter() {
     let mut params = Params::<f32>::new();
@@ -177,7 +177,7 @@ fn order_of_photos_does_not_matter() {
     assert_eq!(network.forward(cx, a, GRID).to_vec(), both[..4]);
 }
 
-/// A photo of one color is zero and masks are left out.
+/// A photo of one color is zero; pixels outside the mask do not enter the mean.
 #[test]
 fn a_photo_of_one_color_is_zero() {
     let flat: Vec<f32> = standardized(&[0.7; 12], None, 4);

@@ -1,4 +1,4 @@
-//! WildSplatter's network: what a look may change and what it may not, and what its parameters learn from.
+//! WildSplatter's network: effects and invariances of looks, and gradients of its parameters.
 
 use weaver_autograd::gradcheck::Input;
 use weaver_autograd::{Params, Tape, Var};
@@ -15,7 +15,7 @@ fn config(recolor: bool) -> WildConfig {
     config
 }
 
-/// A network none of whose parameters is zero.
+/// A network without zero parameters.
 fn network(recolor: bool) -> (Wild, Params<f32>) {
     configured(config(recolor))
 }
@@ -73,7 +73,7 @@ fn looks_change_colors_and_nothing_else() {
         assert_ne!(a, b);
         // Each look counts for itself, to the bit.
         assert_eq!([a, b].concat(), colors.to_vec()[..2 * n * 12]);
-        // Nothing of the surface follows from a look: there is no gradient to ask for.
+        // The surface does not depend on looks: the tape has no gradient.
         let tape = Tape::new();
         let cx = Context::new(&tape, &params);
         let made = surface(cx, &network);
@@ -85,7 +85,8 @@ fn looks_change_colors_and_nothing_else() {
     }
 }
 
-/// As published, Gaussians lie behind the depth, by less than 1, and their scales are in bounds of what a pixel covers there.
+/// As published, Gaussians lie behind the depth, by less than 1, and their scales are bounded by the pixel's width
+/// there.
 ///
 /// Promise (results): WildSplatter as published: Gaussians behind the depth, scales in bounds, predictions laid over
 /// the data's points by scale and shift.
@@ -119,7 +120,7 @@ fn surfaces_are_placed_elsewhere() {
     assert_eq!(made.quats.to_vec(), placed.quats.to_vec());
 }
 
-/// A look of nobody is zero and pictures teach all that makes colors.
+/// The unknown look is zero, and pictures train all parameters of colors.
 #[test]
 fn no_look_is_zero_and_colors_are_taught() {
     for parametrization in [WildParametrization::Footprint, WildParametrization::Published] {
@@ -148,7 +149,8 @@ fn pictures_teach_all_that_makes_colors((network, params): &(Wild, Params<f32>))
     }
 }
 
-/// Harmonics are turned to the world with their camera: of the second one, whose axes are others, not of the first.
+/// Harmonics are rotated to the world with their camera: the turned second camera changes its harmonics, the first does
+/// not.
 #[test]
 fn harmonics_are_turned_with_their_camera() {
     let (network, params) = network(false);
@@ -171,7 +173,7 @@ fn harmonics_are_turned_with_their_camera() {
     assert_eq!(a.0[..half], b.0[..half]);
     for (turned, straight) in a.0[half..].chunks(12).zip(b.0[half..].chunks(12)) {
         for d in [[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.36, 0.48, 0.8]] {
-            // The camera sees along d what the world shows along R^T d, R with rows (0 0 -1), (0 1 0), (1 0 0).
+            // A direction d of the camera is R^T d in the world, R with rows (0 0 -1), (0 1 0), (1 0 0).
             let world = [d[2], d[1], -d[0]];
             for c in 0..3 {
                 let of = |k: &[f32], d| {

@@ -1,4 +1,5 @@
-//! WildSplatter through the trainer, on its micro preset: what each stage trains, looks and masks, bits, evaluation and refusals.
+//! WildSplatter through the trainer, on its micro preset: trained parameters of each stage, looks and masks, bits,
+//! evaluation and refusals.
 
 use crate::capture;
 use crate::same_bits::same_bits;
@@ -71,7 +72,7 @@ fn stages_train_what_they_name() {
     }
     moved.dedup();
     let of = |stage: &str, parts: &str, terms: &str| (stage.to_string(), parts.to_string(), terms.to_string());
-    // With columns of zeros, the first step of a decoder tells its encoder nothing.
+    // With columns of zeros, the first step of a decoder gives its encoder no gradient.
     let expected = [
         of("poses", "aggregator camera_head", "pose pose_absolute"),
         of("depth", "aggregator camera_head depth_head", "pose pose_absolute depth"),
@@ -99,7 +100,7 @@ fn bits_do_not_depend_on_threads_or_interruptions() {
     same_bits(|| config(15, &[]), [2, 5, 12]);
 }
 
-/// Light and rectangles change what is learned, and so do masks; without looks, photos are as they were taken.
+/// Light, rectangles and masks each change the trained parameters; without looks, photos keep their own light.
 ///
 /// Promise of `stages_train_what_they_name`.
 #[test]
@@ -109,7 +110,7 @@ fn looks_masks_and_occluders_each_change_the_run() {
     found.sort();
     found.dedup();
     assert_eq!(found.len(), all.len());
-    // Captures have the sun that they have; the built-in scenes can be drawn with another.
+    // The sun of captures is fixed; the built-in scenes can be drawn with another.
     let built_in = [&[][..], &["data.looks.moving_sun=true"]].map(|settings| {
         let mut config = config(6, settings);
         config.data.folders.clear();
@@ -118,8 +119,8 @@ fn looks_masks_and_occluders_each_change_the_run() {
     assert_ne!(built_in[0], built_in[1]);
 }
 
-/// Published Gaussians, and predicted cameras with Gaussians laid over the data's points: other runs, each with the same bits at any number
-/// of threads.
+/// Published Gaussians, and predicted cameras with Gaussians laid over the data's points: other runs, each with the
+/// same bits at any number of threads.
 ///
 /// Promise of `published_gaussians_lie_behind_the_depth`.
 #[test]
@@ -142,7 +143,7 @@ fn published_choices_each_change_the_run() {
     assert_eq!(found.len(), all.len());
 }
 
-/// One geometry, whatever the look: predictions under two photos, between them, and of nobody.
+/// One geometry for all looks: predictions under two photos, between them, and under the unknown look.
 ///
 /// Promise (results): geometry is the same under every look, to the bit, and no gradient leads from it to a look.
 #[test]
@@ -166,7 +167,7 @@ fn geometry_is_the_same_under_every_look() {
     let (stream, given) = (Stream::new(0, 0, "test"), CameraSource::Given(example.context()));
     let all = predictor.predict_looks(example.context_photos(), given, &looks, stream).unwrap();
     assert_eq!(all.colors.len(), looks.len());
-    // The ends are those of the photos, and everything between is something else.
+    // The ends equal the looks of the photos, and everything between differs.
     assert!(all.colors[0] == all.colors[2] && all.colors[1] == all.colors[4]);
     for (i, j) in [(0, 1), (0, 3), (1, 3), (0, 5)] {
         assert_ne!(all.colors[i], all.colors[j], "{i} {j}");
@@ -178,7 +179,7 @@ fn geometry_is_the_same_under_every_look() {
         assert_eq!((&one.opacities, &alone.prediction.depth), (&first.opacities, &all.prediction.depth));
         assert_eq!((&one.sh, &alone.colors[0]), (colors, colors));
     }
-    // Without being asked: the first photo's.
+    // The default look is the first photo's.
     let plain = predictor.predict(example.context_photos(), given, Density::default(), stream).unwrap();
     let own = [Look::Of(of(&example.images[..pixels]))];
     let own = predictor.predict_looks(example.context_photos(), given, &own, stream).unwrap();
@@ -208,12 +209,12 @@ fn evaluation_says_how_light_is_met() {
     let all = [LookOf::Half, LookOf::Own, LookOf::Unknown, LookOf::Wrong].map(|look| run(Some(look), planted.clone()));
     for (i, one) in all.iter().enumerate() {
         let look = one.mean.look.unwrap();
-        // A fit to the photo is never worse than what it is fitted to.
+        // The fit of gain and offset cannot lower the PSNR.
         assert!(look.psnr_fitted >= one.mean.psnr - 1e-9 && look.color_error > 0.0);
         assert!(look.slope.is_some() && look.correlation.unwrap().iter().all(|c| c.abs() <= 1.0 + 1e-9));
         for other in &all[..i] {
             assert_ne!(one.mean.psnr, other.mean.psnr);
-            // The mask, and what the nearest photo is worth under it, do not depend on the look.
+            // The mask, and the nearest photo's PSNR under it, do not depend on the look.
             assert_eq!(one.mean.psnr_nearest, other.mean.psnr_nearest);
         }
         assert!(one.table().contains("gain and offset"));
@@ -223,7 +224,7 @@ fn evaluation_says_how_light_is_met() {
     assert_ne!(run(None, planted.clone()).mean.psnr_nearest, run(None, None).mean.psnr_nearest);
     let real = run(Some(LookOf::Half), None);
     assert!(real.mean.look.unwrap().slope.is_none());
-    // What is not told of rectangles is judged by the same pixels.
+    // A run without masks is judged by the same pixels.
     let blind = run(Some(LookOf::Half), Some(LooksConfig { masks: false, ..LooksConfig::default() }));
     assert!(blind.mean.psnr_nearest == all[0].mean.psnr_nearest && blind.mean.psnr != all[0].mean.psnr);
     assert!(blind.mean.gaussians_per_pixel == 1.0 && all[0].mean.gaussians_per_pixel < 1.0);
@@ -275,7 +276,7 @@ fn weights_of_another_width_are_refused() {
     assert_eq!((opened.step, opened.predictor.max_per_pixel()), (5, 1));
 }
 
-/// The preset is what is published of it, in the small.
+/// The preset is the published one at a small scale.
 #[test]
 fn the_preset_is_the_one_of_the_tiny_version() {
     let config = Config::preset("tiny").unwrap();

@@ -1,4 +1,4 @@
-//! Files of HAC-lite, and Gaussians of these alone.
+//! Files of HAC-lite, and Gaussians from these alone.
 
 use super::model::{
     FEATURES, HIDDEN, LOGARITHM, Model, NUMBERS, OFFSETS, PLACE, PREDICTED, SCALINGS, SHAPE, SHOWN, SPREAD, STEPS,
@@ -12,17 +12,17 @@ use weaver_scene::Gaussians;
 
 /// Steps of a weight within the deviation of its layer.
 const FINE: f64 = 32.0;
-/// Largest magnitude of a number from a broken stream.
+/// Largest magnitude of a decoded number; broken streams could have any.
 const LARGEST: f64 = 1e30;
 
-/// A network of two layers with weights as they are read.
+/// A network of two layers with decoded weights.
 struct Network {
     /// Weights and biases of a layer.
     layers: [[Vec<f64>; 2]; 2],
 }
 
 impl Network {
-    /// The output of an input: sums in a fixed order, the same bits on every machine.
+    /// The output for an input: sums in a fixed order, the same bits on every machine.
     fn of(&self, input: &[f64]) -> Vec<f64> {
         let layer = |[weights, biases]: &[Vec<f64>; 2], x: &[f64]| -> Vec<f64> {
             let row = |(row, bias): (&[f64], &f64)| row.iter().zip(x).fold(*bias, |sum, (w, x)| sum + w * x);
@@ -33,7 +33,7 @@ impl Network {
     }
 }
 
-/// Codes the layers of all networks; an encoder is given their weights, a decoder leaves them out.
+/// Codes the layers of all networks; an encoder passes their weights, a decoder none.
 fn code_networks(
     coder: &mut impl Coder,
     degree: usize,
@@ -62,23 +62,23 @@ fn code_networks(
 /// Deviations of the parts of all networks.
 const PARTS: usize = 16;
 
-/// Anchors, and the context that their numbers are coded by.
+/// Anchors, and the context of their numbers.
 struct Anchors<'a> {
     /// Places in the unit cube, `[A, 3]`.
     places: &'a [[f64; 3]],
-    /// Signs of the hash grid's tables, and the network that predicts.
+    /// Signs of the hash grid's tables, and the predicting network.
     table: &'a [f64],
     context: &'a Network,
-    /// Gaussians that are there, `[A, K]`.
+    /// Mask of existing Gaussians, `[A, K]`.
     shown: &'a [bool],
 }
 
-/// Anchors whose corners in the hash grid are held at a time.
+/// Anchors whose corners in the hash grid are in memory at a time.
 const CHUNK: usize = 256;
 
 impl Anchors<'_> {
-    /// Codes all numbers as the context predicts them, but for the offsets of Gaussians that are not there, and hands
-    /// them over rounded, an anchor at a time. An encoder is given them, a decoder leaves them out.
+    /// Codes all numbers by the context's predictions, except offsets of absent Gaussians, and hands them over rounded,
+    /// an anchor at a time. An encoder passes the numbers, a decoder none.
     fn code(
         &self,
         coder: &mut impl Coder,
@@ -90,7 +90,7 @@ impl Anchors<'_> {
             let mut features = vec![0.0; places.len() * width];
             HashGrid::new(&levels, places).features(self.table, &mut features);
             for (anchor, features) in (CHUNK * chunk..).zip(features.chunks_exact(width)) {
-                // A broken stream ends here; the missing rest is not made up.
+                // A broken stream ends here, without invented numbers.
                 if coder.exhausted() {
                     return;
                 }
@@ -174,12 +174,12 @@ pub(super) fn write(model: &Model, groups: &Groups) -> Result<Vec<u8>, Compressi
     Ok(writer.finish(model.count(), model.degree))
 }
 
-/// Weights and biases of all networks.
+/// Number of weights and biases of all networks.
 fn weights(degree: usize) -> usize {
     networks(degree).iter().map(|(_, inputs, outputs)| (inputs + 1) * HIDDEN + (HIDDEN + 1) * outputs).sum()
 }
 
-/// The Gaussians of such bytes.
+/// The Gaussians of a file.
 pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, CompressionError> {
     let mut reader = Reader::new(bytes)?;
     let (count, degree) = (reader.gaussians(), reader.degree()?);
@@ -210,7 +210,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Gaussians, CompressionError> {
     Ok(gaussians)
 }
 
-/// Adds the Gaussians that networks make of the numbers of an anchor.
+/// Adds the Gaussians that networks make from the numbers of an anchor.
 fn add(to: &mut Gaussians, anchor: [f32; 3], numbers: &[f64; NUMBERS], shown: &[bool], networks: &[Network]) {
     let finite = |x: f64| if x.is_nan() { 0.0 } else { x.clamp(-LARGEST, LARGEST) as f32 };
     let features = std::array::from_fn::<f64, FEATURES, _>(|k| numbers[k] / SPREAD);

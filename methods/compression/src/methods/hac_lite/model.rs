@@ -16,28 +16,28 @@ pub(super) const FEATURES: usize = 32;
 pub(super) const HIDDEN: usize = 32;
 /// Logarithms of an anchor's sizes: of its offsets, and of its Gaussians.
 pub(super) const SCALINGS: usize = 6;
-/// Numbers of an anchor that are coded.
+/// Coded numbers of an anchor.
 pub(super) const NUMBERS: usize = FEATURES + SCALINGS + 3 * OFFSETS;
-/// Groups of these numbers, and the middle of the steps that each is rounded with.
+/// Groups of these numbers, and the middle of each group's range of steps.
 pub(super) const STEPS: [(usize, f64); 3] = [(FEATURES, 1.0), (SCALINGS, 0.05), (3 * OFFSETS, 0.2)];
-/// Numbers that are predicted of an anchor: means and logarithms of deviations, and the place of the three steps in
-/// their ranges.
+/// Predicted numbers of an anchor: means and logarithms of deviations, and the place of the three steps in their
+/// ranges.
 pub(super) const PREDICTED: usize = 2 * NUMBERS + STEPS.len();
 /// Largest magnitudes of a logarithm, and of the place of a step.
 pub(super) const LOGARITHM: f64 = 12.0;
 pub(super) const PLACE: f64 = 4.0;
 /// Numbers of a row of the hash grid's tables.
 pub(super) const WIDTH: usize = 4;
-/// Least sigmoid of a Gaussian that is drawn.
+/// Least sigmoid of a drawn Gaussian's mask.
 pub(super) const SHOWN: f32 = 0.01;
-/// Deviation that features begin with, in middles of their steps: networks see them divided by it.
+/// Initial deviation of features, in middles of their steps: networks see them divided by it.
 pub(super) const SPREAD: f64 = 4.0;
 /// Weights of the volumes and of the masks in the loss.
 const VOLUMES: f64 = 0.01;
 const MASKS: f64 = 5e-4;
-/// Rows of a table at most.
+/// Most rows of a table.
 const MOST_ROWS: usize = 1 << 13;
-/// Numbers of Gaussians that networks make: a logit, three scales and a rotation.
+/// Numbers of a Gaussian's shape from the networks: a logit, three scales and a rotation.
 pub(super) const SHAPE: usize = 7;
 
 /// The networks: name and outputs.
@@ -50,7 +50,7 @@ pub(super) fn networks(degree: usize) -> [(&'static str, usize, usize); 4] {
     ]
 }
 
-/// Levels of the hash grid of so many anchors: space, and the three planes.
+/// Levels of the hash grid for a number of anchors: space, and the three planes.
 pub(super) fn levels(anchors: usize) -> Vec<HashLevel> {
     let rows = (anchors / 4).next_power_of_two().clamp(16, MOST_ROWS);
     let level = |axes: &[usize], resolution| HashLevel { axes: axes.to_vec(), resolution, rows };
@@ -62,7 +62,7 @@ pub(super) fn levels(anchors: usize) -> Vec<HashLevel> {
         .collect()
 }
 
-/// All that is trained.
+/// All trained parameters.
 #[derive(Debug)]
 pub(super) struct Model {
     pub params: Params<f32>,
@@ -82,7 +82,7 @@ pub(super) struct Made<'t> {
     pub colors: Var<'t, f32>,
 }
 
-/// Gaussians as they are drawn, and the further terms of the loss.
+/// Gaussians for drawing, and the further terms of the loss.
 pub(super) struct Drawn<'t> {
     pub gaussians: GaussianVars<'t, f32>,
     pub penalty: Var<'t, f32>,
@@ -91,11 +91,11 @@ pub(super) struct Drawn<'t> {
 /// Parts of a step beside drawing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stage {
-    /// Noise as of rounding.
+    /// True to add noise in place of rounding.
     pub noise: bool,
-    /// Weight of bits.
+    /// Weight of bits; `None` leaves them out.
     pub rate: Option<f64>,
-    /// Of the noise.
+    /// Stream of the noise.
     pub stream: Stream,
 }
 
@@ -182,7 +182,7 @@ impl Model {
                 let anchors = bits.slice(1, 0, FEATURES + SCALINGS).sum();
                 let three = shown.reshape([count, OFFSETS, 1]).expand([count, OFFSETS, 3]);
                 let offsets = bits.slice(1, FEATURES + SCALINGS, 3 * OFFSETS).reshape([count, OFFSETS, 3]) * three;
-                // A row of the table is one of two signs: the entropy of their shares.
+                // A row of the table is one of two signs: the bits are the entropy of their shares.
                 let share = (table.mean() * 0.5 + 0.5).clamp(1e-6, 1.0 - 1e-6);
                 let rest = share * -1.0 + 1.0;
                 let entropy = (share * share.ln() + rest * rest.ln()) * (-std::f64::consts::LOG2_E);

@@ -1,4 +1,4 @@
-//! A model that begins as the given scene.
+//! A model initialized from the given scene.
 
 use super::model::{FEATURES, Model, NUMBERS, OFFSETS, SCALINGS, SPREAD, STEPS};
 use crate::payload::Grid;
@@ -15,9 +15,9 @@ pub(super) const DEPTH: u32 = 13;
 /// Steps of the networks and features toward the numbers of the scene, and their first rate.
 const ROUNDS: usize = 800;
 const RATE: f64 = 0.01;
-/// Mask of a Gaussian that is not there.
+/// Mask of an absent Gaussian.
 const ABSENT: f32 = -10.0;
-/// Largest logit that is aimed at.
+/// Largest target of a logit.
 const LOGIT: f32 = 8.0;
 
 /// Gaussians by anchors.
@@ -26,7 +26,7 @@ pub(super) struct Groups {
     pub grid: Grid,
     /// Codes of the anchors in Morton order.
     pub codes: Vec<u64>,
-    /// The Gaussians of each; of the last one made, as many as were left.
+    /// The Gaussians of each anchor; the last group may be smaller.
     members: Vec<Vec<usize>>,
 }
 
@@ -43,7 +43,7 @@ impl Groups {
         let (grid, order) = Grid::about(&means, DEPTH);
         let group = |&(_, group): &(u64, usize)| {
             let mut members = numbers[OFFSETS * group..numbers.len().min(OFFSETS * (group + 1))].to_vec();
-            // Similar ones are in the same place of their groups.
+            // Similar Gaussians have the same index in their groups.
             let size = |i: usize| gaussians.log_scales[i].iter().sum::<f32>();
             members.sort_by(|&a, &b| size(b).total_cmp(&size(a)).then(a.cmp(&b)));
             members
@@ -57,7 +57,8 @@ impl Groups {
         Model::new(anchors, &places(&self.codes), degree, seed)
     }
 
-    /// Gives the anchors the numbers of the Gaussians: offsets as they are, features and networks such that they make the rest.
+    /// Initializes the anchors from the Gaussians: offsets directly, features and networks by fitting the other
+    /// numbers.
     pub fn begin(&self, model: &mut Model, gaussians: &Gaussians, task: &Task<'_>) -> Result<(), CompressionError> {
         self.place(model, gaussians);
         let targets = self.targets(model, gaussians, &contributions(gaussians, &task.pictures)?);
@@ -91,7 +92,7 @@ impl Groups {
             });
             let largest = members.iter().flat_map(|&i| gaussians.log_scales[i]).fold(f32::NEG_INFINITY, f32::max);
             scalings.extend(sizes.map(f32::ln));
-            // Half of an anchor's size for the largest, so that it may grow.
+            // Half of an anchor's size for the largest Gaussian, which leaves it room to grow.
             scalings.extend([largest + 2.0_f32.ln(); 3]);
             for k in 0..OFFSETS {
                 let own = members.get(k).map(|&i| apart(i));
@@ -134,7 +135,7 @@ pub(super) fn places(codes: &[u64]) -> Vec<[f64; 3]> {
     codes.iter().map(|code| from_morton3(*code).map(|x| f64::from(x) / side)).collect()
 }
 
-/// Log scales from the largest on, and the rotation of axes in this order.
+/// Log scales in descending order, and the rotation of axes in this order.
 fn sorted(gaussians: &Gaussians, i: usize) -> ([f32; 3], [f32; 4]) {
     let [w, x, y, z] = gaussians.quats[i].map(f64::from);
     let quat = DQuat::from_xyzw(x, y, z, w);
@@ -148,12 +149,12 @@ fn sorted(gaussians: &Gaussians, i: usize) -> ([f32; 3], [f32; 4]) {
     (axes.map(|axis| scales[axis]), [quat.w, quat.x, quat.y, quat.z].map(|x| x as f32))
 }
 
-/// Numbers of Gaussians that networks are to make, `[A K]` each, and how much each Gaussian matters.
+/// Targets of the networks for Gaussians, `[A K]` each, and the weight of each Gaussian.
 #[derive(Default)]
 struct Targets {
     weights: Vec<f32>,
     opacities: Vec<f32>,
-    /// Log scales beside the anchor's.
+    /// Log scales relative to the anchor's.
     shares: Vec<f32>,
     quats: Vec<f32>,
     colors: Vec<f32>,
@@ -170,7 +171,7 @@ impl Targets {
         let logs = -(-made.shapes.slice(2, 0, 3)).softplus().reshape([all, 3]);
         let scales = (logs - tape.constant(&self.shares, [all, 3])).square().sum_axis(1).reshape([all, 1]);
         let quats = made.shapes.slice(2, 3, 4).reshape([all, 4]).normalize_rows(1e-6);
-        // The same rotation with either sign.
+        // Either sign of a quaternion is the same rotation.
         let cosines = (quats * tape.constant(&self.quats, [all, 4])).sum_axis(1).reshape([all, 1]);
         let turns = cosines.square() * -1.0 + 1.0;
         let width = self.colors.len() / all;
@@ -180,7 +181,7 @@ impl Targets {
     }
 }
 
-/// Gives each feature a mean of 0 and the deviation that steps are made for; the networks' first layers take it back.
+/// Gives each feature a mean of 0 and the deviation that fits its steps; the networks' first layers compensate.
 fn spread(model: &mut Model) {
     let features = model.values("features");
     let count = model.count().max(1) as f32;
@@ -203,7 +204,7 @@ fn spread(model: &mut Model) {
     }
 }
 
-/// Lets the context begin with the mean and the deviation of each number over all anchors.
+/// Initializes the context with the mean and the deviation of each number over all anchors.
 pub(super) fn begin_context(model: &mut Model) {
     let count = model.count().max(1) as f64;
     let groups = [("features", FEATURES), ("scalings", SCALINGS), ("offsets", 3 * OFFSETS)];

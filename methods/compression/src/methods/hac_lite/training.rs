@@ -16,12 +16,12 @@ use weaver_pose::CameraVars;
 use weaver_scene::{CameraRows, Gaussians, Photo};
 use weaver_splat::{Rasterize, WorkspacePool};
 
-/// Of 30,000 steps, those before noise and those before bits count.
+/// Parts of 30,000 steps before noise, and before bits enter the loss.
 const NOISE: f64 = 3000.0 / 30_000.0;
 const BITS: f64 = 10_000.0 / 30_000.0;
 /// Weight of the similarity in the loss.
 const SIMILARITY: f64 = 0.2;
-/// Rates of Scaffold-GS and HAC, by the beginnings of names; and the factor on them at the end.
+/// Rates of Scaffold-GS and HAC, by prefixes of names; and the factor on them at the end.
 const RATES: [(&str, f64); 8] = [
     ("features", 0.0075 * SPREAD),
     ("scalings", 0.007),
@@ -34,17 +34,17 @@ const RATES: [(&str, f64); 8] = [
 ];
 const CONTEXT: (&str, f64) = ("context.", 0.005);
 const LEFT: f64 = 0.05;
-/// Part of the steps in which rates rise: the initial scene is not to be lost before moments are known.
+/// Part of the steps in which rates rise, to keep the initial scene until moments are known.
 const RISE: f64 = 0.02;
-/// Key of the steps done in a state.
+/// Key of the finished steps in a state.
 const STEP: &str = "hac.step";
 
-/// A task that is due at a step.
+/// A scheduled task.
 #[derive(Clone, Copy, Debug)]
 enum Due {
-    /// The numbers of the given scene.
+    /// Fits the numbers of the given scene.
     Scene,
-    /// The first guess of their distribution.
+    /// Initializes their distribution.
     Context,
 }
 
@@ -58,7 +58,7 @@ pub(super) struct HacTraining<'a> {
     optimizer: AdamW<f32>,
     schedule: Schedule<Due>,
     rate: f64,
-    /// Steps done, and all of them.
+    /// Finished steps, and all of them.
     steps: [usize; 2],
     photos: Vec<Photo>,
     tape: Tape<f32>,
@@ -94,7 +94,7 @@ impl<'a> HacTraining<'a> {
         })
     }
 
-    /// Does what is due before a step.
+    /// Runs the tasks due before a step.
     fn change(&mut self) -> Result<(), CompressionError> {
         for due in self.schedule.take_due(self.steps[0]) {
             match due {
@@ -114,7 +114,7 @@ impl<'a> HacTraining<'a> {
         }
     }
 
-    /// The photo of this step: all once, in random order, then again in another.
+    /// The photo of this step: every photo once per epoch, in a random order that changes with the epoch.
     fn photo(&self) -> &Photo {
         let (step, count) = (self.steps[0], self.photos.len());
         let stream = Stream::new(self.task.seed, (step / count) as u64, "compress.hac.photos");
@@ -122,7 +122,7 @@ impl<'a> HacTraining<'a> {
     }
 }
 
-/// The step of a part of all.
+/// The first step of a part of the training.
 fn first(part: f64, steps: usize) -> usize {
     (part * steps as f64) as usize
 }
@@ -133,9 +133,9 @@ impl Training for HacTraining<'_> {
     }
 
     fn step(&mut self) -> Result<f64, CompressionError> {
-        // Tasks before.
+        // Stage 1: tasks due before the step.
         self.change()?;
-        // The picture of a camera.
+        // Stage 2: the picture of a camera.
         let (stage, photo, pictures) = (self.stage(), self.photo(), &self.task.pictures);
         let [height, width] = photo.size();
         let drawn = self.model.drawn(&self.tape, stage);
@@ -150,7 +150,7 @@ impl Training for HacTraining<'_> {
         if let Some(error) = self.workspaces.failure() {
             return Err(error.into());
         }
-        // The loss. Masked pixels take the drawn color.
+        // Stage 3: the loss. Masked pixels take the drawn color.
         let picture = image.to_vec();
         let mut target: Vec<f32> = photo.rgb.iter().map(|x| f32::from(*x) / 255.0).collect();
         for (pixel, _) in photo.mask.iter().flatten().enumerate().filter(|(_, counts)| !**counts) {
@@ -164,7 +164,7 @@ impl Training for HacTraining<'_> {
         }
         let linear = (image * self.tape.constant(&slopes, image.shape())).sum();
         (linear.reshape(drawn.penalty.shape()) + drawn.penalty).backward();
-        // No task sees the gradients: anchors neither grow nor go. The optimizer.
+        // Stage 4 is empty: anchors neither grow nor go. Stage 5: the optimizer.
         let [step, steps] = self.steps;
         let (done, rise) = (step as f64, RISE * steps as f64);
         let rate = LEFT.powf(done / steps as f64) * ((done + 1.0) / rise.max(1.0)).min(1.0);

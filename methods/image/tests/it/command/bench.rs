@@ -19,7 +19,7 @@ fn a_report_has_crops_and_curves_at_equal_bytes() {
     for quality in [2, 20, 60, 95] {
         std::fs::write(here.join(format!("others/p-{quality}.jpg")), bitmap.to_jpeg(quality).unwrap()).unwrap();
     }
-    // An AVIF file, of which only the length counts, and what it decodes to.
+    // An AVIF file, of interest for its length only, and its decoded picture.
     std::fs::write(here.join("others/p-9.avif"), [0; 900]).unwrap();
     bitmap.write_png(here.join("others/p-9.avif.png")).unwrap();
     let text = told(here, "bench @p.png --others @others --steps 10 --ratios 5");

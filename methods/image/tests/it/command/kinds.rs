@@ -1,4 +1,4 @@
-//! Pictures that are not of eight bits and three channels, or that are very small or plain, and parts of files.
+//! Pictures of other depths and channels, very small or plain ones, and parts of files.
 
 use crate::command::{refused, told, wave};
 use std::fs::File;

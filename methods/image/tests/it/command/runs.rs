@@ -46,7 +46,7 @@ fn a_stopped_run_goes_on_to_the_same_bits() {
     told(here, "fit @in -o @whole --gaussians 30 --steps 300");
     let mut words = "fit @in -o @parts --gaussians 30 --steps 300";
     let mut stops = 0;
-    // Before the first step, and then wherever it is.
+    // Interrupted before the first step, and then at later ones.
     loop {
         let interrupt = Arc::new(Interrupt::new());
         interrupt.watch();
@@ -97,7 +97,7 @@ fn what_makes_no_run_is_refused() {
     refused(here, "fit --resume @out --steps 3", "cannot be used with");
 }
 
-/// A fit of one file that is stopped leaves a file that is there as it is, says that it ended early, and does not blame the picture.
+/// A stopped fit of one file keeps the existing file, says that it ended early, and does not blame the picture.
 ///
 /// Promise (files): a stopped fit of one picture keeps the existing file, reports that it ended early, and does not
 /// blame the picture.
@@ -123,7 +123,7 @@ fn a_stopped_fit_keeps_the_finished_file() {
     let words = "fit @in/a.png -o @c.wgi --psnr 90 --steps 4000";
     let line = told_by(here, words, &stopped).unwrap_err().line().unwrap();
     assert!(line.contains("stopped at step 1") && !here.join("c.wgi").exists(), "{line}");
-    // The last step is the end.
+    // A stop in the last step is a normal end.
     told_by(here, "fit @in/a.png -o @a.wgi --gaussians 30 --steps 1", &stopped).unwrap();
     assert_ne!(bytes(here, "a.wgi"), before);
 }

@@ -1,4 +1,4 @@
-//! `splatweaver lift --demo`: what the solvers do on built-in scenes, where the truth is known.
+//! `splatweaver lift --demo`: the solvers on built-in scenes, with known truth.
 
 mod figures;
 mod gaussians;
@@ -131,7 +131,7 @@ fn claims(all: &[&Figures]) -> String {
     lines.join("\n") + "\n"
 }
 
-/// The mean of differences, its standard error, and how many are above zero.
+/// The mean of differences, its standard error, and the number above zero.
 fn paired(differences: &[f64]) -> String {
     let count = differences.len() as f64;
     let mean = differences.iter().sum::<f64>() / count;
@@ -175,7 +175,7 @@ mod tests {
     use super::*;
     use weaver_procedural::ProceduralOptions;
 
-    /// The claims that hold on a scene as small as a test can have.
+    /// The claims hold on the smallest scene of a test.
     #[test]
     fn a_scene_shows_what_is_claimed() {
         let photos = ProceduralOptions { width: 48, height: 36, views: 8 };
@@ -185,7 +185,7 @@ mod tests {
         assert!(planted[4] > planted[1] && planted[1] > planted[0], "{planted:?}");
         assert!(held_out[4] > held_out[1] && held_out[1] > held_out[0], "{held_out:?}");
         let noise = Noise::of(&stage, 1000).unwrap();
-        // How many right masks go with the wrong ones is another matter.
+        // The number of right masks among the rejected ones is not checked here.
         assert!(noise.cleaned[0].recall == 1.0 && noise.wrong.contains(&true), "{:?}", noise.wrong);
     }
 }

@@ -10,12 +10,12 @@ use weaver_command::Failure;
 use weaver_io::open_array;
 use weaver_io::safetensors::{Array, Storage};
 
-/// Channels that are looked at together to find the lengths of pixels.
+/// Channels in one read of the pass over pixels' lengths.
 const BLOCK: usize = 64;
-/// Names in a message, at most.
+/// Most names in a message.
 const NAMED: usize = 8;
 
-/// The features of the cameras' photos: mapped files, resized to the cameras' images, of lenses without distortion.
+/// The features of the cameras' photos: mapped files, resized to the cameras' images and undistorted.
 #[derive(Debug)]
 pub struct FeatureFiles {
     views: Vec<View>,
@@ -26,13 +26,13 @@ pub struct FeatureFiles {
 struct View {
     array: Array,
     sampling: Sampling,
-    /// Which pixels of the camera's image count, if not all.
+    /// Valid pixels of the camera's image; `None` if all are.
     counts: Option<Vec<bool>>,
 }
 
 impl FeatureFiles {
-    /// Opens the files of a folder and matches them with photos by their stems; `counts` says for each photo which
-    /// pixels of its camera's image count, if not all.
+    /// Opens the files of a folder and matches them with photos by their stems; `counts` holds the valid pixels of each
+    /// photo's camera image, `None` if all are.
     pub fn open(
         folder: &Path,
         stems: &[String],
@@ -56,7 +56,7 @@ impl FeatureFiles {
             if height * width * channels == 0 {
                 return Err(refused(path, "pixels with at least one channel", &format!("{:?}", array.shape())));
             }
-            // Of a type that can be read.
+            // Fails on a type that cannot be read.
             array.storage()?;
             let (other, expected) = first.get_or_insert_with(|| (path.clone(), channels));
             if channels != *expected {
@@ -82,7 +82,7 @@ pub fn by_stem(folder: &Path, extensions: &[&str]) -> Result<BTreeMap<String, Pa
     Ok(files)
 }
 
-/// Refuses files that no camera has the name of.
+/// Refuses files without a camera of their name.
 pub fn unmatched(folder: &Path, files: &BTreeMap<String, PathBuf>, stems: &[String]) -> Result<(), Failure> {
     let others: Vec<&str> = files.keys().map(String::as_str).filter(|file| !stems.iter().any(|s| s == file)).collect();
     if others.is_empty() {
@@ -98,13 +98,13 @@ fn names(all: &[&str]) -> String {
     if all.len() > NAMED { format!("{shown} and {} more", all.len() - NAMED) } else { shown }
 }
 
-/// A file or folder that is not as it should be.
+/// Error of an unexpected file or folder.
 pub fn refused(path: &Path, expected: &str, found: &str) -> Failure {
     Failure::message(format!("{}: expected {expected}, found {found}", path.display()))
 }
 
 impl View {
-    /// Some channels of all pixels of the file, `[pixels, channels]`; zeros for what is not a number.
+    /// Some channels of all pixels of the file, `[pixels, channels]`; zeros for NaN and infinities.
     fn rows(&self, channels: Range<usize>) -> Result<Vec<f32>, LiftError> {
         let storage = self.array.storage().map_err(|e| LiftError::Source(Box::new(e)))?;
         let all = self.array.shape()[2];
@@ -115,7 +115,7 @@ impl View {
         Ok(rows)
     }
 
-    /// For each pixel of the file 1 if any of its channels is not a number, else 0.
+    /// For each pixel of the file 1 if any of its channels is not finite, else 0.
     fn broken(&self) -> Result<Vec<f32>, LiftError> {
         let storage = self.array.storage().map_err(|e| LiftError::Source(Box::new(e)))?;
         let all = self.array.shape()[2];
@@ -154,8 +154,8 @@ impl Observations<f32> for FeatureFiles {
         self.channels
     }
 
-    /// One over the length of each pixel's features; 0 where a pixel does not count, or any number that it is made of
-    /// is none.
+    /// One over the length of each pixel's features; 0 for a pixel that is invalid or interpolates a value that is not
+    /// finite.
     fn factors(&mut self, view: usize, factors: &mut [f32]) -> Result<(), LiftError> {
         let mut squares = vec![0.0_f64; factors.len()];
         let mut out = Vec::new();

@@ -6,7 +6,7 @@ use weaver_geometry::Camera;
 use weaver_io::Image;
 use weaver_kernels::order::nth;
 
-/// Gaussians whose features say what the components are.
+/// Gaussians in the sample for the principal components.
 const SAMPLE: usize = 20_000;
 
 /// A color for each Gaussian.
@@ -16,8 +16,8 @@ pub struct PcaColors {
 }
 
 impl PcaColors {
-    /// Red, green and blue are the first three components; between the 2 % and 98 % quantiles of the Gaussians that are
-    /// seen, each goes from 0 to 1.
+    /// Red, green and blue are the first three components, scaled from 0 to 1 between the 2 % and 98 % quantiles of the
+    /// seen Gaussians.
     pub fn of(features: &[f32], channels: usize, seen: &[f32]) -> Self {
         let of_seen: Vec<usize> = (0..seen.len()).filter(|j| seen[*j] > 0.0).collect();
         let step = of_seen.len().div_ceil(SAMPLE).max(1);

@@ -1,4 +1,4 @@
-//! What lifting takes, said beforehand.
+//! Time and memory of lifting, estimated beforehand.
 
 use super::Drawn;
 use crate::{Descent, LiftOptions, Solver};
@@ -9,7 +9,7 @@ use weaver_splat::{Images, Workspace, rasterize};
 
 /// Bytes of an `f32`.
 const NUMBER: usize = 4;
-/// Bytes that the rasterizer keeps for a Gaussian, and for an entry in the list of a tile, features aside.
+/// Bytes of the rasterizer for a Gaussian, and for an entry in the list of a tile, features aside.
 const PER_SPLAT: usize = 160;
 const PER_ENTRY: usize = 80;
 
@@ -20,20 +20,20 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Draws one view, to know how many tiles Gaussians cover.
+    /// Estimates the plan; draws one view for the number of covered tiles.
     pub fn of(drawn: &Drawn, cameras: &[Camera], channels: usize, options: &LiftOptions) -> Result<Self, Failure> {
         let splats = drawn.gaussians.len();
         let block = options.block.min(channels);
         let most = cameras.iter().map(|camera| camera.width * camera.height).max().unwrap_or(0);
         let all: usize = cameras.iter().map(|camera| camera.width * camera.height).sum();
         let entries = entries(drawn, &cameras[cameras.len() / 2])?;
-        // Block by block: features, and what each solver has beside them.
+        // Block by block: features, and each solver's further vectors.
         let vectors = match options.solver {
             Solver::Exact { descent: Descent::Iteration, .. } => 2,
             Solver::Exact { .. } | Solver::Damped { .. } => 4,
             _ => 1,
         };
-        // Given and as the file has them; drawn, and the difference.
+        // Given features and the file's; for solvers that draw also the drawn ones and the difference.
         let copies = if options.solver.draws() { 4 } else { 2 };
         let parts = vec![
             ("features of all Gaussians", NUMBER * splats * channels),
@@ -60,7 +60,7 @@ impl Plan {
         format!("{}\n{}\nmemory, about {}:\n{}", self.sizes, self.passes, size(self.bytes()), parts.collect::<String>())
     }
 
-    /// Refuses what will not fit.
+    /// Fails if memory is too small for the plan.
     pub fn check(&self) -> Result<(), Failure> {
         match weaver_io::available_memory() {
             Some(available) if (self.bytes() as u64) > available => Err(Failure::message(format!(
@@ -80,7 +80,7 @@ fn size(bytes: usize) -> String {
     }
 }
 
-/// Gaussians over tiles in a view.
+/// Pairs of a Gaussian and a tile in a view.
 fn entries(drawn: &Drawn, camera: &Camera) -> Result<usize, Failure> {
     let mut alpha = vec![0.0; camera.width * camera.height];
     let images = Images { image: &mut [], alpha: &mut alpha, depth: None, features: None };

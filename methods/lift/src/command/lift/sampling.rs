@@ -1,4 +1,4 @@
-//! From the pixels of a file to those of a camera's image.
+//! Resampling from the pixels of a file to the pixels of a camera's image.
 
 use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Undistortion};
@@ -7,7 +7,7 @@ use weaver_kernels::parallel;
 /// Pixels of a parallel task.
 const GRAIN: usize = 1024;
 
-/// The camera that a photo is looked at with, and the distortion of the lens that the photo was taken with.
+/// The undistorted camera of a photo, and the distortion of its lens.
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
     pub camera: Camera,
@@ -15,7 +15,7 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// Where pixel `pixel` of the camera's image lies in the photo, as parts of its sides.
+    /// Place of pixel `pixel` of the camera's image in the photo, as parts of its sides.
     pub fn place(&self, pixel: usize) -> DVec2 {
         let Camera { width, height, .. } = self.camera;
         let center = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
@@ -23,7 +23,8 @@ impl Lens {
             / DVec2::new(width as f64, height as f64)
     }
 
-    /// The pixel of a picture of the photo, of this height and width, that pixel `pixel` of the camera's image lies in.
+    /// The pixel, in a picture of the photo of this height and width, at the place of pixel `pixel` of the camera's
+    /// image.
     pub fn nearest(&self, pixel: usize, [height, width]: [usize; 2]) -> usize {
         let size = DVec2::new(width as f64, height as f64);
         let at = (self.place(pixel) * size).clamp(DVec2::ZERO, size - 1.0);
@@ -99,7 +100,7 @@ mod tests {
         }
     }
 
-    /// A place in a distorted photo is found where the straight camera sees it.
+    /// A place in a distorted photo is found at its undistorted pixel.
     #[test]
     fn distortion_is_undone() {
         let from = camera(64, 48);
@@ -115,7 +116,7 @@ mod tests {
             let apart = (f64::from(found[0]) - expected.x).hypot(f64::from(found[1]) - expected.y);
             assert!(apart < 1e-3, "{pixel}: {found:?} {expected}");
         }
-        // It matters.
+        // The distortion is not negligible.
         assert!(lens.distorted(DVec2::new(18.5, 14.5)).distance(DVec2::new(18.5, 14.5)) > 0.5);
     }
 }

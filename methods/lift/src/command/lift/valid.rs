@@ -1,4 +1,4 @@
-//! Which pixels of photos count.
+//! Valid pixels of photos.
 
 use super::features::{by_stem, refused, unmatched};
 use super::sampling::Lens;
@@ -6,11 +6,11 @@ use std::path::Path;
 use weaver_command::Failure;
 use weaver_io::{Background, Image};
 
-/// Pictures that may be masks.
+/// Extensions of mask pictures.
 const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "webp"];
 
-/// For each photo which pixels of its camera's image count, by pictures of any size, white where the photo counts;
-/// `None` for a photo without one.
+/// Valid pixels of each photo's camera image, from pictures of any size, white at valid places; `None` for a photo
+/// without a picture.
 pub fn read(folder: &Path, stems: &[String], lenses: &[Lens]) -> Result<Vec<Option<Vec<bool>>>, Failure> {
     let files = by_stem(folder, &EXTENSIONS)?;
     unmatched(folder, &files, stems)?;

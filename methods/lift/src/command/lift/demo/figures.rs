@@ -1,4 +1,4 @@
-//! The table: how right each solver is on one scene.
+//! The table: accuracy of each solver on one scene.
 
 use super::gaussians::pixel_of;
 use super::stage::{Stage, Views, one_hot};
@@ -7,27 +7,27 @@ use crate::{Descent, LiftError, LiftOptions, Maps, Operator, Raster, Solver, Sto
 use std::time::Instant;
 use weaver_geometry::glam::DVec3;
 
-/// Titles of the table's columns; the first is a control that knows nothing of visibility.
+/// Titles of the table's columns; the first is a control without visibility.
 pub const COLUMNS: [&str; 5] = ["center mean", "row-sum", "squared", "exact, 5", "exact, 30"];
 /// As published.
 pub const LAMBDA: f64 = 1.2;
-/// Pixels that a class must have in a view to count.
+/// Least number of a class's pixels in a view for its IoU.
 const LEAST_PIXELS: usize = 8;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Figures {
-    /// Splats labeled right, where drawn features of the right labels were lifted.
+    /// Share of correctly labeled splats after lifting drawn features of the true labels.
     pub planted: [f64; 5],
-    /// The same at the least squares themselves.
+    /// As [`planted`](Self::planted), at the least squares themselves.
     pub converged: f64,
-    /// Held-out mIoU, where the ids of the ray caster were lifted.
+    /// Held-out mIoU after lifting the ids of the ray caster.
     pub held_out: [f64; 5],
-    /// Splats labeled right, where those were, and their mIoU.
+    /// Share of correctly labeled splats after lifting the ids of the ray caster, and their mIoU.
     pub splats: [f64; 5],
     pub splats_iou: [f64; 5],
-    /// |A X - B|^2 / |B|^2, where those were; none of the control.
+    /// |A X - B|^2 / |B|^2 of the lifted ids; none of the control.
     pub loss: [f64; 5],
-    /// Milliseconds that lifting those took, for each view and channel.
+    /// Milliseconds of lifting the ids, for each view and channel.
     pub milliseconds: [f64; 5],
     /// With opacities guided by [`LAMBDA`]: mean alpha, share off the diagonal, held-out mIoU of row-sum.
     pub guided: [f64; 3],
@@ -112,7 +112,7 @@ impl Figures {
     }
 }
 
-/// The labels that features give to the pixels of a view.
+/// The labels of a view's pixels by features of Gaussians.
 pub fn drawn_labels(
     raster: &mut Raster<'_, f32>,
     features: &[f32],
@@ -132,7 +132,7 @@ fn drawn_iou(raster: &mut Raster<'_, f32>, features: &[f32], views: &Views, clas
     Ok(ious.iter().sum::<f64>() / ious.len().max(1) as f64)
 }
 
-/// The control: the mean of the features at each splat's projected center in all views, whatever stands before it.
+/// The control: the mean of the features at each splat's projected center in all views, regardless of occlusion.
 fn center_mean(stage: &Stage, maps: &Maps<f32>) -> Vec<f32> {
     let channels = maps.channels;
     let mut features = vec![0.0; stage.labels.len() * channels];

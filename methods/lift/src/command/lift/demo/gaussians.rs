@@ -1,4 +1,4 @@
-//! Gaussians of a built-in scene, and the thing that each belongs to.
+//! Gaussians of a built-in scene, with the thing of each.
 
 use weaver_command::Failure;
 use weaver_data::{Scene, View};
@@ -10,10 +10,10 @@ use weaver_procedural::{ProceduralOptions, scene};
 use weaver_router::AllocationKind;
 use weaver_scene::{ActivatedGaussians, Gaussians, PointCloud};
 
-/// Photos that a network sees at once.
+/// Photos in one pass of the network.
 const NETWORK_VIEWS: usize = 4;
 
-/// Steps of a fit, and the most Gaussians it has.
+/// Steps of a fit, and its most Gaussians.
 const FIT_STEPS: usize = 600;
 const FIT_GAUSSIANS: usize = 12_000;
 
@@ -24,12 +24,13 @@ pub struct Labeled {
     pub labels: Vec<u32>,
 }
 
-/// Which thing a pixel shows.
+/// The number of a pixel's thing.
 pub fn id(view: &View, pixel: usize) -> u32 {
     view.instances.as_ref().and_then(|ids| ids.get(pixel)).map_or(0, |id| u32::from(*id))
 }
 
-/// Balls on the surfaces: one for every `step`-th pixel of every second training view, half of that as wide.
+/// Balls on the surfaces: one for every `step`-th pixel of every second training view, with half this stride as their
+/// deviation.
 pub fn surface(scene: &Scene, seed: u64, step: usize) -> Labeled {
     let stream = Stream::new(seed, 0, "lift.demo");
     let mut made = Labeled::default();
@@ -58,12 +59,12 @@ pub fn surface(scene: &Scene, seed: u64, step: usize) -> Labeled {
     made
 }
 
-/// Gaussians that a network predicts of the training photos, one for each pixel, with the instance of this pixel.
+/// A network's Gaussians from the training photos, one for each pixel, with the instance of this pixel.
 pub fn predicted(predictor: &mut dyn Predictor, seed: u64, views: usize) -> Result<Labeled, Failure> {
     let [height, width] = predictor.image_size();
     let scene = scene(seed, &ProceduralOptions { width, height, views });
     let one_each = Density { allocation: Some(AllocationKind::Fixed(1)), budget: None };
-    // A network without this choice makes one of each anyway.
+    // A network without this choice makes one for each pixel anyway.
     let density = predictor.density(one_each).or_else(|_| predictor.density(Density::default()))?;
     let mut made = Labeled::default();
     for group in scene.training_views().chunks(NETWORK_VIEWS) {
@@ -83,8 +84,8 @@ pub fn predicted(predictor: &mut dyn Predictor, seed: u64, views: usize) -> Resu
     Ok(made)
 }
 
-/// The Gaussians of a short fit to the training photos, begun on points of the scene; the thing of each is what the
-/// photo shows at its center in which the surface there is nearest to it.
+/// The Gaussians of a short fit to the training photos, initialized on points of the scene; the thing of each is
+/// visible at its center in the view with the nearest surface there.
 pub fn fitted(scene: &Scene, seed: u64) -> Result<Labeled, Failure> {
     let photo = |v: &usize| {
         let View { name, camera, image, .. } = &scene.views[*v];
@@ -107,15 +108,14 @@ pub fn fitted(scene: &Scene, seed: u64) -> Result<Labeled, Failure> {
     Ok(made)
 }
 
-/// The instance visible where a point would be, by the view whose surface there is nearest to it, as a part of its
-/// depth.
+/// The instance visible at a point's pixel, in the view with the surface nearest to the point, relative to its depth.
 fn shown_nearest(scene: &Scene, point: DVec3) -> u32 {
     let mut best = (f64::INFINITY, 0);
     for view in &scene.views {
         let Some(pixel) = pixel_of(&view.camera, point) else { continue };
         let (depth, z) =
             (view.depth.as_ref().map_or(0.0, |depth| f64::from(depth[pixel])), view.camera.pose.apply(point).z);
-        // The sky is far.
+        // The sky counts as far.
         let apart = if depth > 0.0 { (z / depth - 1.0).abs() } else { 1.0 };
         if apart < best.0 {
             best = (apart, id(view, pixel));
@@ -124,7 +124,7 @@ fn shown_nearest(scene: &Scene, point: DVec3) -> u32 {
     best.1
 }
 
-/// The pixel that a point falls on, if any.
+/// The pixel of a point, if it is inside the image.
 pub fn pixel_of(camera: &weaver_geometry::Camera, point: DVec3) -> Option<usize> {
     let local = camera.pose.apply(point);
     let pixel = camera.intrinsics.project(local);

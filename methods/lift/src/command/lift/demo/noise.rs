@@ -1,4 +1,4 @@
-//! Wrong masks: two things that are taken for one in half of the views.
+//! Wrong masks: two things that share one mask in half of the views.
 
 use super::stage::Stage;
 use crate::metrics::cosine;
@@ -10,7 +10,7 @@ use weaver_kernels::random::Stream;
 
 /// Numbers of a thing's feature.
 const CHANNELS: usize = 64;
-/// Pixels below which a thing has no mask in a view.
+/// Least number of pixels of a thing's mask.
 const LEAST_PIXELS: usize = 8;
 /// Bounds on a mask's overlap with a cluster: the published one, and a lower one.
 pub const BOUNDS: [f64; 2] = [0.8, 0.7];
@@ -18,13 +18,13 @@ pub const BOUNDS: [f64; 2] = [0.8, 0.7];
 #[derive(Clone, Debug)]
 pub struct Noise {
     pub masks: Vec<Mask<f32>>,
-    /// True if each mask is of two things.
+    /// True for each mask of two things.
     pub wrong: Vec<bool>,
     /// Features of the splats before aggregation.
     pub features: Vec<f32>,
-    /// Mean cosine of the two things' splats to their own feature.
+    /// Mean cosine of the two things' splats to their own feature, before aggregation.
     pub lifted: f64,
-    /// By the [`BOUNDS`].
+    /// Results, one for each of the [`BOUNDS`].
     pub cleaned: Vec<Cleaned>,
 }
 
@@ -89,7 +89,7 @@ impl Noise {
     }
 }
 
-/// Feature maps of the masks; zeros where there is none.
+/// Feature maps of the masks; zeros elsewhere.
 fn maps(stage: &Stage, masks: &[Mask<f32>]) -> Maps<f32> {
     let mut views: Vec<Vec<f32>> = stage.training.ids.iter().map(|ids| vec![0.0; ids.len() * CHANNELS]).collect();
     for mask in masks {
@@ -101,7 +101,7 @@ fn maps(stage: &Stage, masks: &[Mask<f32>]) -> Maps<f32> {
 }
 
 /// Of the four largest things beside the ground the two neighbors by size that are most alike: a mask of both is then
-/// clearly more than either.
+/// clearly larger than either.
 fn largest_pair(stage: &Stage) -> [u32; 2] {
     let mut sizes = vec![0_u32; stage.classes];
     stage.training.ids.iter().flatten().for_each(|id| sizes[*id as usize] += 1);
@@ -112,7 +112,7 @@ fn largest_pair(stage: &Stage) -> [u32; 2] {
     pairs.max_by(|a, b| alike(a).total_cmp(&alike(b))).map_or([1, 2], |pair| [pair[0], pair[1]])
 }
 
-/// One mask per thing and view; in every second view, the pair has one mask, whose feature is the unit sum of theirs.
+/// One mask per thing and view; in every second view, the pair has one mask, with the unit sum of both features.
 fn masks(stage: &Stage, vectors: &[f32], pair: [u32; 2]) -> (Vec<Mask<f32>>, Vec<bool>) {
     let vector = |id: u32| vectors[id as usize * CHANNELS..][..CHANNELS].to_vec();
     let (mut masks, mut wrong) = (Vec::new(), Vec::new());

@@ -1,4 +1,4 @@
-//! Pictures of what was lifted, of one scene.
+//! Pictures of lifted features of one scene.
 
 use super::figures::drawn_labels;
 use super::noise::Noise;
@@ -9,7 +9,7 @@ use weaver_command::Failure;
 use weaver_geometry::Camera;
 use weaver_io::{Image, OutputFolder, label_color};
 
-/// The files that are written.
+/// Names of the written files.
 pub const NAMES: [&str; 7] = [
     "ids.png",
     "labels-row-sum.png",
@@ -20,7 +20,7 @@ pub const NAMES: [&str; 7] = [
     "masks-kept.png",
 ];
 
-/// Writes the pictures of a view that was held out, and of one with a wrong mask.
+/// Writes the pictures of a held-out view, and of one with a wrong mask.
 pub fn write(stage: &Stage, noise: &Noise, out: &OutputFolder) -> Result<(), Failure> {
     let save = |name: &str, image: &Image| image.write_png(out.file(format!("{name}.png"))?);
     let settings = stage.settings;
@@ -40,7 +40,7 @@ pub fn write(stage: &Stage, noise: &Noise, out: &OutputFolder) -> Result<(), Fai
         let colors = PcaColors::of(features, channels, &vec![1.0; stage.labels.len()]);
         save(&format!("pca-{name}"), &colors.draw(&mut held_out, 0, camera)?)?;
     }
-    // The masks of a view with a wrong one, and those of them that were kept.
+    // The masks of a view with a wrong one, and the kept ones among them.
     let view = noise.masks.iter().zip(&noise.wrong).find(|(_, wrong)| **wrong).map_or(0, |(mask, _)| mask.view);
     let camera = &stage.training.cameras[view];
     let of_masks = |counts: &dyn Fn(usize) -> bool| {

@@ -1,4 +1,4 @@
-//! A built-in scene as Gaussians, with everything known about it.
+//! A built-in scene as Gaussians, with its truth.
 
 use super::gaussians::{Labeled, fitted, id, predicted, surface};
 use crate::Maps;
@@ -14,7 +14,7 @@ use weaver_splat::RasterSettings;
 #[derive(Clone, Copy, Debug)]
 pub struct Size {
     pub photos: ProceduralOptions,
-    /// Every so many pixels of every second view there is a splat.
+    /// Stride of the splats in every second view, pixels.
     pub step: usize,
 }
 
@@ -23,7 +23,7 @@ impl Size {
     pub const DEMO: Self = Self { photos: ProceduralOptions { width: 192, height: 144, views: 12 }, step: 3 };
 }
 
-/// Where Gaussians come from.
+/// Source of the Gaussians.
 #[derive(Debug)]
 pub enum Source {
     /// The scene's surfaces.
@@ -34,7 +34,7 @@ pub enum Source {
     Fitted,
 }
 
-/// Cameras, and what their pixels show.
+/// Cameras, with the truth of their pixels.
 pub struct Views {
     pub cameras: Vec<Camera>,
     /// The thing at each pixel, 0 for the sky.
@@ -43,9 +43,9 @@ pub struct Views {
 
 pub struct Stage {
     pub splats: ActivatedGaussians,
-    /// The thing that each splat belongs to.
+    /// The thing of each splat.
     pub labels: Vec<u32>,
-    /// Things, and the sky.
+    /// Number of things, and the sky.
     pub classes: usize,
     pub training: Views,
     pub held_out: Views,
@@ -69,7 +69,7 @@ impl Stage {
         Ok(Self { splats, labels, classes: most as usize + 1, training, held_out, settings })
     }
 
-    /// One channel per thing, 1 where a pixel shows it.
+    /// One channel per thing, 1 at its pixels.
     pub fn one_hot(&self) -> Maps<f32> {
         let views = self.training.ids.iter().map(|ids| one_hot(ids, self.classes)).collect();
         Maps { views, channels: self.classes }
