@@ -105,6 +105,7 @@ impl Run {
         let started = Instant::now();
         folder.out().check(further(&settings))?;
         settings.check()?;
+        settings.fit.check_processes(ranks.size())?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
         let capture = load(&mut settings, given, rasterizer)?;
         let mut job = Fitting::new(settings, capture, judge, started);

@@ -158,6 +158,18 @@ impl FitSettings {
         self.halvings - stage.min(self.halvings - 1)
     }
 
+    /// Checks that a step has a photo for each of so many processes.
+    ///
+    /// # Errors
+    /// When [`views_per_step`](Self::views_per_step) is smaller.
+    pub fn check_processes(&self, count: usize) -> Result<(), FitError> {
+        if count > self.views_per_step {
+            let expected = format!("at least one photo for each of {count} processes");
+            return Err(FitError::setting("views_per_step", expected, self.views_per_step));
+        }
+        Ok(())
+    }
+
     /// Checks that every number is in its range.
     ///
     /// # Errors

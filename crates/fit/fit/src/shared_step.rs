@@ -54,11 +54,7 @@ impl Fit {
     /// # Ok::<(), weaver_fit::FitError>(())
     /// ```
     pub fn share(&mut self, ranks: Arc<dyn Ranks>) -> Result<(), FitError> {
-        let views = self.settings.views_per_step;
-        if ranks.size() > views {
-            let expected = format!("at least one photo for each of {} processes", ranks.size());
-            return Err(FitError::setting("views_per_step", expected, views));
-        }
+        self.settings.check_processes(ranks.size())?;
         let of = |text: String| fnv1a(text.bytes());
         let sizes = self.photos.iter().map(|photo| photo.level(0).0.camera).collect::<Vec<_>>();
         let parts = [
