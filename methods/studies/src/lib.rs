@@ -19,8 +19,11 @@ use std::error::Error;
 /// Result of a study.
 pub type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
+/// A study.
+type Study = fn(Arguments) -> Outcome;
+
 /// The studies by their names.
-const STUDIES: [(&str, fn(Arguments) -> Outcome); 5] = [
+const STUDIES: [(&str, Study); 5] = [
     ("ideal", ideal::run),
     ("motion", motion::run),
     ("ladder", ladder::run),

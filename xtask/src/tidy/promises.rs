@@ -33,7 +33,7 @@ Promises to users, each with the tests that fail where it does not hold. The pag
 /// Checks the page, or writes it if the environment has `UPDATE_PAGES`.
 pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     let packages = workspace.packages.iter().flat_map(|package| package.sources.iter().chain(&package.tests));
-    let mut marks: Vec<Mark> = packages.flat_map(|source| marks(source)).collect();
+    let mut marks: Vec<Mark> = packages.flat_map(marks).collect();
     marks.sort_by(|a, b| a.place.cmp(b.place));
     let page = page(&marks, faults);
     if std::env::var_os("UPDATE_PAGES").is_some() {
@@ -146,7 +146,7 @@ mod tests {
             "/// A sentence.\n///\n/// Promise (photos): one\n/// and one.\n/// Promise (kept): two.\n#[test]\nfn a() {}\n",
         );
         let python = source("b.py", "# Promise of `a`.\ndef test_b():\n");
-        let marks: Vec<_> = [&rust, &python].into_iter().flat_map(|source| marks(source)).collect();
+        let marks: Vec<_> = [&rust, &python].into_iter().flat_map(marks).collect();
         let mut faults = Vec::new();
         let page = page(&marks, &mut faults);
         assert!(page.contains("| one and one | `a.rs::a`, `b.py::test_b` |"), "{page}");

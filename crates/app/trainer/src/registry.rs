@@ -106,7 +106,7 @@ pub trait ModelEntry: Debug + Send + Sync {
     ///
     /// # Errors
     /// When the checkpoint is of another model, or its tensors do not fit.
-    fn from_checkpoint(&self, checkpoint: &Checkpoint) -> Result<Box<dyn Predictor>, Error>;
+    fn predictor_of(&self, checkpoint: &Checkpoint) -> Result<Box<dyn Predictor>, Error>;
 }
 
 /// The recipe `R` behind its name.
@@ -194,7 +194,7 @@ impl<R: Recipe> ModelEntry for Named<R> {
         })
     }
 
-    fn from_checkpoint(&self, checkpoint: &Checkpoint) -> Result<Box<dyn Predictor>, Error> {
+    fn predictor_of(&self, checkpoint: &Checkpoint) -> Result<Box<dyn Predictor>, Error> {
         R::from_checkpoint(checkpoint)
     }
 }
@@ -279,7 +279,7 @@ impl Registry {
         let checkpoint = Checkpoint::read(path)?;
         // The first model refuses the weights of an unknown one by name.
         let entry = self.find(Some(checkpoint.architecture())).or_else(|_| self.find(None))?;
-        let predictor = entry.from_checkpoint(&checkpoint)?;
+        let predictor = entry.predictor_of(&checkpoint)?;
         Ok(OpenRun::of_weights(predictor, checkpoint.step, checkpoint.defaults().seed))
     }
 }

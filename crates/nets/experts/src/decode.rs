@@ -266,8 +266,8 @@ impl<T: Real> Outputs<T> for PixelOf<'_, T> {
 /// The Gaussians with these means and raw parameters, as the rasterizer takes them; see [`Parametrization`] for the
 /// formulas.
 ///
-/// The result has standard deviations `[N, 3]` in world units, unit quaternions wxyz `[N, 4]`, opacities `[N]` in (0,
-/// 1) and spherical harmonics `[N, K, 3]`; the `means` `[N, 3]` are passed on as they are.
+/// The result has standard deviations `[N, 3]` in world units, unit quaternions wxyz `[N, 4]`, opacities `[N]` in
+/// (0, 1) and spherical harmonics `[N, K, 3]`; the `means` `[N, 3]` are passed on as they are.
 ///
 /// `theta` `[N, 8 + 3 K]` holds, per Gaussian, opacity 1, scale 3, quaternion xyzw 4 and harmonics 3 K (color-major),
 /// with K = (`sh_degree` + 1)^2. It and footprints are differentiable. Where a scale is clamped its gradient is 0;

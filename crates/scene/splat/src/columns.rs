@@ -40,8 +40,8 @@ pub(crate) fn prefetch_rows<T>(values: &[T], from: usize, count: usize) {
     values.iter().step_by(64 / size_of::<T>()).for_each(|x| prefetch(x));
 }
 
-/// Rows of `len` numbers as columns, 16 at a time in registers: column k goes to `out[k]`, up to the next multiple of
-/// 16. Lanes beyond the rows are zero.
+/// Rows of `len` numbers as columns, 16 at a time in registers: column k goes to `out[k]`, up to the next multiple
+/// of 16. Lanes beyond the rows are zero.
 #[inline(always)]
 pub(crate) fn wide_columns<V: Lanes>(rows: &[V::Scalar], len: usize, out: &mut [V]) {
     for (block, out) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate().take(len.div_ceil(LANES)) {

@@ -63,9 +63,9 @@ impl<T: Real> Op<T> for Resample {
 impl<'t, T: Real> Var<'t, T> {
     /// Bilinear resizing.
     ///
-    /// With `align_corners`, the centers of the corner pixels coincide, and row i is taken from the coordinate i (H -
-    /// 1) / (h - 1). Otherwise the corners of the images coincide, and it is taken from (i + 1/2) H / h - 1/2, clamped
-    /// to the image.
+    /// With `align_corners`, the centers of the corner pixels coincide, and row i is taken from the coordinate
+    /// i (H - 1) / (h - 1). Otherwise the corners of the images coincide, and it is taken from (i + 1/2) H / h - 1/2,
+    /// clamped to the image.
     ///
     /// x is `[N, C, H, W]`, with H and W at least 1; the result is `[N, C, h, w]`. Differentiable.
     ///
