@@ -70,6 +70,9 @@ fn check() -> Result<(), String> {
     cargo(&[&["clippy", "--workspace", "--all-targets", "--features", "weaver-cli/gpu"], &lints[..]].concat(), &[])?;
     // A fit is embedded without files, too.
     cargo(&[&["clippy", "-p", "weaver-fit", "--no-default-features"], &lints[..]].concat(), &[])?;
+    // The product is built without the methods, too.
+    let product = ["clippy", "-p", "weaver-cli", "--no-default-features", "--all-targets"];
+    cargo(&[&product, &lints[..]].concat(), &[])?;
     // As it is built by default, too. The whole workspace again: crates without the feature are checked already.
     cargo(&[&["clippy", "--workspace", "--all-targets"], &lints[..]].concat(), &[])?;
     cargo(&["doc", "--workspace", "--no-deps", "--locked"], &[("RUSTDOCFLAGS", "-D warnings")])?;
