@@ -16,6 +16,8 @@ use weaver_io::{Observe, Part, check_memory, duration};
 
 /// Name of the command in the record of a folder of estimated cameras, and of the stage.
 const COMMAND: &str = "cameras";
+/// The folder of estimated cameras within a result.
+pub(crate) const FOLDER: &str = "cameras";
 /// One photo in this many is held out.
 const HOLD_OUT: usize = 8;
 /// Bytes that a photo takes while it is matched with hundreds of others, as measured of 250 and of 1000.
@@ -118,7 +120,7 @@ pub(crate) fn held_out_of_estimated(hold_out: HoldOut) -> HoldOut {
 
 /// The folder `cameras` of a result, a capture of its own.
 fn cameras_folder(out: &OutputFolder, photos: &[PathBuf]) -> Result<OutputFolder, Error> {
-    Ok(OutputFolder::claim(out.path().join("cameras"), COMMAND, photos)?)
+    Ok(OutputFolder::claim(out.path().join(FOLDER), COMMAND, photos)?)
 }
 
 /// Estimates cameras, and writes a capture into a folder. A photo with `located` true is located alone, and finds no
