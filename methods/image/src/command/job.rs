@@ -35,7 +35,9 @@ impl Settings {
         for path in pictures {
             let path = std::path::absolute(path)?;
             path_in_utf8(&path)?;
-            if let Some((other, _)) = known.iter().find(|(other, _)| name(other) == name(&path)) {
+            // Disks that take no notice of case would hold one file of both.
+            let one_file = |other: &Path| name(other).to_lowercase() == name(&path).to_lowercase();
+            if let Some((other, _)) = known.iter().find(|(other, _)| one_file(other)) {
                 let (path, other) = (path.display(), other.display());
                 return Err(Failure::message(format!("{path}: expected a name of its own, found that of {other}")));
             }

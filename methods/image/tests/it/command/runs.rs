@@ -93,6 +93,8 @@ fn what_makes_no_run_is_refused() {
     refused(here, "fit @in -o @out --bytes 500", "expected one picture and a file to write");
     std::fs::copy(here.join("in/a.png"), here.join("a.png")).unwrap();
     refused(here, "fit @in @a.png -o @out", "expected a name of its own");
+    std::fs::copy(here.join("in/a.png"), here.join("A.png")).unwrap();
+    refused(here, "fit @in @A.png -o @out", "expected a name of its own");
     refused(here, "fit --resume @in", "in/run.json");
     refused(here, "fit --resume @out --steps 3", "cannot be used with");
 }
