@@ -193,7 +193,7 @@ impl PoseLosses {
         Self { l1: 2.0, absolute, rotation: 0.1, translation: 10.0, focal: 0.5, ..Self::default() }
     }
 
-    /// The sum of the weights: 0 where cameras learn nothing.
+    /// The sum of the weights; 0 trains no cameras.
     pub fn sum(&self) -> f64 {
         self.l1 + self.huber + self.absolute + self.rotation + self.translation + self.focal
     }

@@ -12,7 +12,8 @@ use weaver_kernels::parallel;
 /// The lists of all tiles of all pictures, one after the other.
 #[derive(Debug, Default)]
 pub(crate) struct Lists {
-    /// Entries of each part of the sorted sequence in each tile, then where the next of them goes: `[parts, tiles]`.
+    /// Number of entries of each part of the sorted sequence in each tile, then the place of its next entry there:
+    /// `[parts, tiles]`.
     cursors: Vec<u32>,
     /// Where each tile's list starts, `[V * K * tiles + 1]`.
     starts: Vec<u32>,

@@ -108,7 +108,7 @@ impl Accessors<'_> {
         })
     }
 
-    /// Numbers of the elements that are replaced.
+    /// Indices of the elements that a sparse accessor replaces.
     fn replaced(&self, index: usize, sparse: &Sparse, count: usize) -> Result<Vec<usize>> {
         let kind = sparse.indices.component_type;
         let read: fn(&[u8]) -> usize = match kind {

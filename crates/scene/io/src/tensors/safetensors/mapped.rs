@@ -305,7 +305,7 @@ impl Array {
         Ok(self.file[self.range.clone()].as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect())
     }
 
-    /// The numbers in place, where they lie as numbers of this type must.
+    /// The numbers in the mapped file, if their alignment allows that.
     fn slice<E: FromBytes + Immutable + KnownLayout>(&self) -> Option<Slice<E>> {
         let slice = Slice { file: self.file.clone(), range: self.range.clone(), kind: PhantomData };
         <[E]>::ref_from_bytes(&self.file[self.range.clone()]).is_ok().then_some(slice)
