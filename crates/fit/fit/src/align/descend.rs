@@ -55,7 +55,7 @@ pub struct Aligned<T> {
     pub loss: [f64; 2],
     /// Movement of the camera, degrees, and of its center, in parts of the mean depth that the guess sees.
     pub moved: [f64; 2],
-    /// Whether the camera was found, or why the guess stands.
+    /// End of the descent: a camera that was found, or the reason why the guess stands.
     pub outcome: Outcome,
 }
 
