@@ -44,8 +44,6 @@ pub fn fewer_threads(asked: Option<usize>) -> Option<String> {
 mod tests {
     use super::*;
 
-    /// promise: a number of threads that the machine cannot use is lowered, with a remark; any other is taken as it is.
-    ///
     /// Promise (fits): threads that the machine cannot use are left out with a word, and results are the same.
     #[test]
     fn threads_are_no_more_than_cores_can_use() {

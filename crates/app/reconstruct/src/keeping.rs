@@ -99,7 +99,7 @@ mod tests {
         assert!((11.0..13.3).contains(&seconds) && settings.left_out(1000) < 300, "{seconds}");
     }
 
-    /// promise: however slow a machine is, the least steps are taken.
+    /// However slow a machine is, the least steps are taken.
     ///
     /// Promise of `slower_machines_leave_out_steps`.
     #[test]

@@ -52,7 +52,7 @@ mod tests {
 
     #[test]
     fn pages_are_called_after_captures_and_results() {
-        let titles = ["/data/fox", "/data/fox/transforms.json", "/work/scene/cameras/transforms.json", "/"];
+        let titles = ["/data/fox", "/data/fox/transforms.json", "/data/scene/cameras/transforms.json", "/"];
         assert_eq!(titles.map(|capture| title(Path::new(capture))), ["fox", "fox", "scene", "scene"]);
     }
 }

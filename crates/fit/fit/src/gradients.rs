@@ -180,7 +180,7 @@ mod tests {
     use super::*;
     use weaver_scene::Gaussians;
 
-    /// promise: the last gradient counts with its weight beside Adam's mean, in every column with its own rate; at 0
+    /// The last gradient counts with its weight beside Adam's mean, in every column with its own rate; at 0
     /// steps are Adam's.
     ///
     /// Promise of `rates_fall_at_the_end`.
@@ -212,7 +212,7 @@ mod tests {
         }
     }
 
-    /// promise: as many Gaussians are dropped as said, the mean opacity stays, and gradients of logits belong to the
+    /// As many Gaussians are dropped as said, the mean opacity stays, and gradients of logits belong to the
     /// drawn opacities.
     #[test]
     fn dropped_gaussians() {

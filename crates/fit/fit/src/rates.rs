@@ -125,9 +125,6 @@ impl Rates {
 mod tests {
     use super::*;
 
-    /// promise: rates of shapes, opacities and colors stay for four fifths of a run and end at their part; means' rates
-    /// have a fall of their own.
-    ///
     /// Promise (kept): rates of a fit fall over its last fifth; the last gradient counts with its weight beside
     /// Adam's mean, bounded.
     #[test]

@@ -245,7 +245,7 @@ pub fn bytes_per_step(gaussians: usize, sh_degree: usize) -> u64 {
 mod tests {
     use super::*;
 
-    /// promise: statistics that are sums are added, and of others the largest stay, whichever row they come from.
+    /// Statistics that are sums are added, and of others the largest stay, whichever row they come from.
     #[test]
     fn rows_join_as_statistics_do() {
         let layout = Layout { views: 2, gaussians: 1, sh: 3, wanted: true };

@@ -37,9 +37,6 @@ fn psnr([a, b]: [&Gaussians; 2], cameras: &[Camera]) -> f64 {
     cameras.iter().map(of).sum::<f64>() / cameras.len() as f64
 }
 
-/// promise: the printed decibels are measured on pictures without a part in the choice of steps, whose number is
-/// printed; the decibels of the choosing pictures are printed apart.
-///
 /// Promise (fits): the decibels of `compress` come from pictures that took no part in the choice of steps.
 #[test]
 fn decibels_are_those_of_other_pictures() {
@@ -70,7 +67,7 @@ fn decibels_are_those_of_other_pictures() {
     assert!(said.starts_with("beside the scene ") && said.contains("no other to judge"), "{said}");
 }
 
-/// promise: without cameras, the pictures are of an orbit, as the output says, and choose and judge by turns.
+/// Without cameras, the pictures are of an orbit, as the output says, and choose and judge by turns.
 ///
 /// Promise of `decibels_are_those_of_other_pictures`.
 #[test]

@@ -158,8 +158,6 @@ fn a_scene_from_photos_alone() {
     assert!(fitted.status.success() && folder.join("fitted/cameras/sparse").exists(), "{}", said(&fitted));
 }
 
-/// promise: the time of a fit whose cameras are estimated includes the estimate.
-///
 /// Promise (fits): the time of a fit whose cameras are estimated includes the estimate.
 #[test]
 fn matching_is_part_of_the_time_of_a_fit() {

@@ -28,8 +28,6 @@ fn in_units(data: &Path, unit: f64) {
     transforms.write(path).unwrap();
 }
 
-/// promise: a fit ends with all its results, the page to look at it among them, in any units of its capture.
-///
 /// Promise (fits): a fit ends with all its results in whatever units its capture is.
 #[test]
 fn a_fit_in_large_units_has_all_results() {
@@ -44,8 +42,6 @@ fn a_fit_in_large_units_has_all_results() {
     }
 }
 
-/// promise: a further file that cannot hold the scene takes no other result with it.
-///
 /// Promise (fits): a further file that cannot hold the scene takes no other result with it.
 #[test]
 fn a_format_that_fails_leaves_all_else() {
@@ -61,8 +57,6 @@ fn a_format_that_fails_leaves_all_else() {
     }
 }
 
-/// promise: a foreign file in the folder of transients is found before any work, and when a fit goes on.
-///
 /// Promise (fits): a foreign file in `transients/` is found before any work, and when a fit goes on.
 #[test]
 fn foreign_transients_are_met_at_the_start() {
@@ -92,8 +86,6 @@ fn foreign_transients_are_met_at_the_start() {
     assert_eq!(std::fs::read(&foreign).unwrap(), b"mine");
 }
 
-/// promise: photos that masks cover altogether are left out by name.
-///
 /// Promise (fits): photos that masks cover altogether are left out by name.
 #[test]
 fn photos_masked_altogether_are_named() {
@@ -113,7 +105,7 @@ fn photos_masked_altogether_are_named() {
     assert!(!said.contains("03.png"), "{said}");
 }
 
-/// promise: a run whose steps turn out slower than rehearsed leaves out steps, says how many, and writes down which:
+/// A run whose steps turn out slower than rehearsed leaves out steps, says how many, and writes down which:
 /// these settings lead to the same bits.
 ///
 /// Promise of `slower_machines_leave_out_steps`.

@@ -197,8 +197,6 @@ fn a_time_that_is_too_short_is_spoken_of() {
     assert!(calm.settings().fit.steps > 8 && spoken(&calm).is_empty(), "{}", spoken(&calm));
 }
 
-/// promise: however much time there is, a run makes no more passes through its photos than it may, and can say so.
-///
 /// Promise (scenes): a reconstruction makes no more passes through its photos than pay, and its photos are as large
 /// as time allows.
 #[test]
@@ -220,7 +218,7 @@ fn rounds_bound_the_steps_of_a_time() {
     assert!(short.settings().fit.steps == 1 && !short.ends_early());
 }
 
-/// promise: photos are the larger the more time there is, between two bounds; where they are no larger, by the lower
+/// Photos are the larger the more time there is, between two bounds; where they are no larger, by the lower
 /// one.
 ///
 /// Promise of `rounds_bound_the_steps_of_a_time`.

@@ -114,9 +114,6 @@ fn a_dense_start_is_kept() {
     assert!(a == b, "a run that went on made another scene");
 }
 
-/// promise: where Gaussians begin on surfaces their means move the more slowly the larger photos are; elsewhere, and
-/// where a rate was named, they do not.
-///
 /// Promise (kept): where Gaussians begin on surfaces, their means move the more slowly the larger the photos are,
 /// unless a rate is named.
 #[test]

@@ -35,7 +35,7 @@ fn advance(mut run: Run, until: usize) {
     }
 }
 
-/// promise: the first process writes the same files as a single process, also where another number of them goes on; the
+/// The first process writes the same files as a single process, also where another number of them goes on; the
 /// others write nothing.
 ///
 /// Promise of `gradients_of_photos_are_averaged`.

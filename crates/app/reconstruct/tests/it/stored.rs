@@ -26,8 +26,6 @@ fn numbers(value: &Value, path: &str, found: &mut Vec<String>) {
     }
 }
 
-/// promise: with any number in a stored run.json, the run is refused with the key, or goes on; nothing panics.
-///
 /// Promise (fits): whatever number stands in a stored run.json, going on is refused with the key or goes on; nothing
 /// panics.
 #[test]

@@ -2,7 +2,7 @@
 
 use weaver_ranks::Processes;
 
-/// promise: A test process that no MPI launched gets no ranks.
+/// A test process that no MPI launched gets no ranks.
 #[test]
 fn without_a_launcher_there_are_no_processes() {
     let launched = std::env::vars_os().any(|(name, _)| name.to_string_lossy().starts_with("OMPI_COMM"));

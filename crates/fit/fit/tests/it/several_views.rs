@@ -31,7 +31,7 @@ fn by<R: Send>(count: usize, run: impl Fn(Arc<dyn Ranks>) -> R + Sync) -> Vec<R>
     })
 }
 
-/// promise: 1, 2, 3 and 4 processes come to the same bits, also where another number had begun.
+/// 1, 2, 3 and 4 processes come to the same bits, also where another number had begun.
 ///
 /// Promise of `gradients_of_photos_are_averaged`.
 #[test]
@@ -62,8 +62,6 @@ fn any_number_of_processes_comes_to_the_same_bits() {
     }
 }
 
-/// promise: a step goes down the mean of the gradients of its photos, and reports their mean loss.
-///
 /// Promise (kept): a fit's steps of several photos go down their mean gradient, and come to the same bits by any
 /// number of processes, also where another number had begun; processes that hold other fits are refused by name.
 #[test]
@@ -86,7 +84,7 @@ fn gradients_of_photos_are_averaged() {
     }
 }
 
-/// promise: processes that hold other fits are refused, all of them with the process and the part that differs.
+/// Processes that hold other fits are refused, all of them with the process and the part that differs.
 ///
 /// Promise of `gradients_of_photos_are_averaged`.
 #[test]
@@ -111,7 +109,7 @@ fn processes_hold_the_same_fit() {
     assert!(many.iter().all(|said| said.contains("at least one photo for each of 5 processes, found 4")), "{many:?}");
 }
 
-/// promise: processes of different speed make as many steps as the first one has time for.
+/// Processes of different speed make as many steps as the first one has time for.
 #[test]
 fn processes_agree_about_steps_in_a_time() {
     let found = by(2, |ranks| {

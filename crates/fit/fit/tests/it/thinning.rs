@@ -28,8 +28,6 @@ impl Strategy for Counting {
     }
 }
 
-/// promise: a run that leaves out steps takes as many as were kept, ends with its last number and has all its rounds.
-///
 /// Promise (fits): a run that leaves out steps has all its rounds, and its settings lead to the same bits after any
 /// stop.
 #[test]
@@ -57,7 +55,7 @@ fn thinned_runs_have_all_their_rounds() {
     }
 }
 
-/// promise: settings that name the steps that are left out lead to the same bits, after an interruption at any step as
+/// Settings that name the steps that are left out lead to the same bits, after an interruption at any step as
 /// well.
 ///
 /// Promise of `thinned_runs_have_all_their_rounds`.
@@ -88,8 +86,6 @@ fn thinned_runs_go_on_to_the_same_bits() {
     }
 }
 
-/// promise: steps that cannot be left out are refused, with the key.
-///
 /// Promise (fits): steps that cannot be left out are refused with the key.
 #[test]
 fn impossible_thinnings_are_refused() {

@@ -29,8 +29,6 @@ impl Strategy for Slow {
     }
 }
 
-/// promise: periodic work counts once for a run of any length, and no part of it as the steps'.
-///
 /// Promise (scenes): the time of density control and searches is counted apart from the time of steps, and a long run
 /// has more of it.
 #[test]

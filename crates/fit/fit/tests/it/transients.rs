@@ -64,9 +64,6 @@ fn error_behind(fit: &mut Fit) -> f64 {
     inside.iter().map(|d| d * d).sum::<f64>() / inside.len() as f64
 }
 
-/// promise: a thing before one photo is left out of it, its background comes from the other photos, and those lose
-/// nothing. A fit that was interrupted after the thing was found goes on to the same bits.
-///
 /// Promise (kept): an object before one photo is left out of it, and nothing of a clean capture; a stopped fit goes
 /// on with the objects it had found.
 #[test]
@@ -100,7 +97,7 @@ fn a_thing_before_one_photo_is_left_out() {
     assert!(with < 0.9 * without, "{with} behind the thing, {without} where it is not left out");
 }
 
-/// promise: where every photo shows the scene, nothing is left out.
+/// Where every photo shows the scene, nothing is left out.
 ///
 /// Promise of `a_thing_before_one_photo_is_left_out`.
 #[test]
@@ -111,7 +108,7 @@ fn nothing_is_left_out_of_a_clean_capture() {
     assert!(fit.counted(0).is_none() || !parts.is_empty());
 }
 
-/// promise: a run that is timed leaves no trace, and no transients.
+/// A run that is timed leaves no trace, and no transients.
 #[test]
 fn timing_leaves_nothing_behind() {
     let (mut timed, fresh) = (fit(true, true), fit(true, true));
@@ -120,7 +117,7 @@ fn timing_leaves_nothing_behind() {
     assert!(timed.population() == fresh.population());
 }
 
-/// promise: the mean color is taken over the pixels that count, white where none does.
+/// The mean color is taken over the pixels that count, white where none does.
 #[test]
 fn mean_colors() {
     let (mut photos, _) = world(false);

@@ -112,9 +112,6 @@ fn what_rounding_would_tear_apart_is_kept_as_it_is() {
     assert_eq!(size(&small, false), size(&small, true));
 }
 
-/// promise: a scene in units so small that the rounding format has no place for its positions has a page, which keeps
-/// it as it is.
-///
 /// Promise (fits): a scene in units so small that the rounding format has no place for its positions has a page,
 /// which keeps it as it is.
 #[test]

@@ -93,9 +93,6 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     found
 }
 
-/// promise: cameras that cannot be written leave those before them as they are, to the byte: no reader takes a mixture
-/// of both for one result.
-///
 /// Promise (fits): cameras that cannot be written leave those before them to the byte; no reader takes a mixture of
 /// both.
 #[test]
@@ -126,8 +123,6 @@ fn results_replace_those_before_whole_or_not() {
     assert_eq!(names, ["cameras.json", "points.png", "sparse", "transforms.json", "written.jsonl"]);
 }
 
-/// promise: a foreign file where upright copies would go is met before photos are matched.
-///
 /// Promise (fits): a foreign file in the place of an upright copy is found before photos are matched.
 #[test]
 fn foreign_upright_photos_are_met_at_the_start() {

@@ -109,7 +109,7 @@ fn decomposed(p: &[f64]) -> Option<(Intrinsics, Pose)> {
 mod tests {
     use super::*;
 
-    /// promise: a projection of any scale and sign comes apart into the camera that it was made of.
+    /// A projection of any scale and sign comes apart into the camera that it was made of.
     #[test]
     fn projections_come_apart() {
         let intrinsics = Intrinsics { fx: 2892.0, fy: 2883.5, cx: 823.2, cy: 619.1 };

@@ -39,7 +39,7 @@ fn cameras() -> Vec<Camera> {
     poses.map(|pose| Camera { pose, intrinsics, width: 96, height: 96 }).collect()
 }
 
-/// promise: the mesh of a scene lies on its surface, is closed where cameras see it, has its colors, and ends at the
+/// The mesh of a scene lies on its surface, is closed where cameras see it, has its colors, and ends at the
 /// distance that was given.
 #[test]
 fn a_ball_of_gaussians_becomes_a_ball() {

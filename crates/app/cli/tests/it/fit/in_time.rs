@@ -3,9 +3,6 @@
 use super::{captured, fit, json, small};
 use crate::in_process::splatweaver;
 
-/// promise: a time that is too short makes a scene of the least steps all the same; their time is printed, and the
-/// excess at the end.
-///
 /// Promise (fits): a time that is too short makes a scene of 200 steps; the time that these take is printed, and the
 /// excess at the end.
 #[test]
@@ -23,8 +20,6 @@ fn short_times_make_scenes_and_their_excess_is_said() {
     assert!(seconds < 3.6 || done.stderr.contains("more than was asked for"), "{seconds} s: {}", done.stderr);
 }
 
-/// promise: a scene without Gaussians to begin with is named before any work.
-///
 /// Promise (fits): an empty scene to begin with is named before any work.
 #[test]
 fn an_empty_scene_to_begin_with_is_named() {
@@ -40,7 +35,7 @@ fn an_empty_scene_to_begin_with_is_named() {
     assert!(!out.exists());
 }
 
-/// promise: a job script of a larger machine runs here with as many threads as help, and says so; results are the same.
+/// A job script of a larger machine runs here with as many threads as help, and says so; results are the same.
 ///
 /// Promise of `threads_are_no_more_than_cores_can_use`.
 #[test]

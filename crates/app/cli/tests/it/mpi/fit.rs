@@ -12,9 +12,6 @@ fn scene(folder: &Path, out: &str) -> Vec<u8> {
     std::fs::read(folder.join(out).join("scene.ply")).unwrap()
 }
 
-/// promise: 1, 2 and 4 processes come to the same scene, also where a fit goes on with another number of them, and as a
-/// unit of work.
-///
 /// Promise (kept): under `mpirun`, a fit of 1, 2 and 4 processes is the same scene, a killed process ends all and
 /// another number goes on; too many processes, other photos and a full disk end all with the reason.
 #[test]
@@ -49,7 +46,7 @@ fn fits_of_processes_are_the_same_bits() {
     assert!(scene(folder.path(), "parts") == scene(folder.path(), "whole"));
 }
 
-/// promise: too many processes, one that reads another photo and a full disk end all processes of a fit and say why.
+/// Too many processes, one that reads another photo and a full disk end all processes of a fit and say why.
 ///
 /// Promise of `fits_of_processes_are_the_same_bits`.
 #[test]
