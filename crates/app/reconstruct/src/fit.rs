@@ -1,5 +1,6 @@
 //! The course of a fit, from its request to its results.
 
+use crate::budget::{Budget, Work};
 use crate::cameras::{estimated_capture, held_out_of_estimated};
 use crate::live::advance;
 use crate::plan::planned;
@@ -34,7 +35,7 @@ pub struct FitRequest {
     /// The run, with the capture.
     pub settings: RunSettings,
     /// The most Gaussians, in place of the number in [`settings`](Self::settings); `None` follows the size of the
-    /// photos.
+    /// photos, and the time where there is one.
     pub gaussians: Option<usize>,
     /// Estimates the cameras of the capture's photos, with these options.
     pub estimate: Option<EstimatePhotosOptions>,
@@ -43,23 +44,34 @@ pub struct FitRequest {
 }
 
 impl FitRequest {
-    /// The settings of the run with its number of Gaussians, and its plan, by the capture's own cameras.
+    /// The settings of the run with its number of Gaussians, and its plan, by the capture's own cameras. Where the number
+    /// follows from a time, steps are timed with this rasterizer; without one it is the most that there may be.
     ///
     /// # Errors
     /// When the camera files cannot be read, or a setting is out of range.
-    pub fn plan(&self) -> Result<(RunSettings, Plan), Error> {
+    pub fn plan(&self, rasterizer: Option<Arc<dyn FitRasterizer>>) -> Result<(RunSettings, Plan), Error> {
         let mut settings = self.settings.clone();
         let cameras = CaptureCameras::read(&settings.capture, settings.hold_out)?;
-        self.take_budget(&mut settings, &cameras)?;
+        self.take_budget(&mut settings, &cameras, rasterizer)?;
         let plan = planned(&settings, &cameras)?;
         Ok((settings, plan))
     }
 
     /// Writes the number of Gaussians to the settings.
-    fn take_budget(&self, settings: &mut RunSettings, cameras: &CaptureCameras) -> Result<(), Error> {
-        settings.fit.gaussians = match self.gaussians {
-            Some(gaussians) => gaussians,
-            None => planned(settings, cameras)?.usual().gaussians,
+    fn take_budget(
+        &self,
+        settings: &mut RunSettings,
+        cameras: &CaptureCameras,
+        rasterizer: Option<Arc<dyn FitRasterizer>>,
+    ) -> Result<(), Error> {
+        settings.fit.gaussians = match (self.gaussians, settings.minutes, rasterizer) {
+            (Some(gaussians), ..) => gaussians,
+            (None, Some(minutes), Some(rasterizer)) => {
+                let [width, height] = planned(settings, cameras)?.size;
+                let side = width.max(height);
+                Budget::of(settings, cameras, &Work { sides: side..=side, minutes, rounds: 0 }, rasterizer)?.gaussians
+            }
+            _ => planned(settings, cameras)?.usual().gaussians,
         };
         Ok(settings.fit.check()?)
     }
@@ -126,7 +138,7 @@ pub fn fit(request: FitRequest, context: FitContext, observe: &mut dyn Observe) 
         }
     }
     let cameras = CaptureCameras::read(&settings.capture, settings.hold_out)?;
-    request.take_budget(&mut settings, &cameras)?;
+    request.take_budget(&mut settings, &cameras, Some(context.rasterizer.clone()))?;
     let outcome = begin(settings, &cameras, context, out, observe)?;
     if let Some(time) = time {
         time.note_excess(observe);

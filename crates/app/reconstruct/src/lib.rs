@@ -23,6 +23,7 @@
 //! | `written.jsonl` | the list of files that the fit wrote, and may replace |
 
 pub mod blocks;
+mod budget;
 mod cameras;
 mod compressed;
 mod coverage;
@@ -52,13 +53,14 @@ mod start;
 mod time_budget;
 mod view;
 
+pub use budget::{Budget, Work};
 pub use cameras::{CameraComparison, CamerasRequest, EstimatedCameras, cameras};
 pub use coverage::Coverage;
 pub use error::Error;
 pub use fit::{FitContext, FitRequest, GivenGaussians, fit, resume};
 pub use matching::Matching;
 pub use outcome::{Outcome, PoseChange, Views};
-pub use pace::{Pace, Sides};
+pub use pace::Pace;
 pub use photos::Photos;
 pub use plan::{Plan, plan};
 pub use reconstruct::{Quality, Request, reconstruct};

@@ -104,6 +104,11 @@ pub(crate) fn prepare(
     if undecided.dropout {
         settings.fit.dropout = FitSettings::dropout_for(training.len());
     }
+    let sides = training.iter().map(|photo| photo.camera.width.max(photo.camera.height));
+    let long_side = sides.max().unwrap_or_default();
+    if undecided.coarse {
+        (settings.fit.halvings, settings.fit.coarse_until) = FitSettings::coarse_for(long_side);
+    }
     // The file of a fisheye's photo with another focal length would have no distortion that can be written.
     let refocusable = |origin: &Origin| origin.frame.distortion.is_none_or(|d| d.refocused(1.0).is_some());
     let refocus = settings.focal && origins.iter().all(refocusable);
@@ -120,8 +125,7 @@ pub(crate) fn prepare(
     let seen = Seen { photos: &training, points: &capture.points, visible: &visible };
     let start = Start::of(settings, seen, given)?;
     if undecided.means && settings.init == Initial::Dense {
-        let sides = training.iter().map(|photo| photo.camera.width.max(photo.camera.height));
-        settings.fit.rates.means = Rates::means_on_surfaces(sides.max().unwrap_or_default());
+        settings.fit.rates.means = Rates::means_on_surfaces(long_side);
     }
     let mut remarks = capture.remarks;
     if !masked.is_empty() {

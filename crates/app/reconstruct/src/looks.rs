@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::fitting::Fitting;
 use crate::loaded::Loaded;
-use crate::results::{corrected, quality};
+use crate::results::corrected;
 use weaver_fit::Judge;
 use weaver_run::Job;
 
@@ -39,7 +39,7 @@ impl Fitting {
         let mut sum = 0.0;
         for photo in photos.iter().map(|photo| &held_out[*photo]) {
             let image = corrected(fit.render(&photo.camera)?, fit.exposure_at(&photo.camera));
-            sum += quality(&Judge::default(), &image, photo, photo.mask.as_deref()).psnr;
+            sum += Judge::psnr(&image, &photo.rgb, photo.mask.as_deref());
         }
         Ok(Some(sum / photos.len() as f64))
     }

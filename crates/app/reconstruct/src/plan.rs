@@ -69,6 +69,11 @@ impl Plan {
         Self { start: copies as u64 + Stereo::bytes(&sizes, &StereoSettings::default()), ..self }
     }
 
+    /// Pixels of the largest photo.
+    pub(crate) fn pixels(&self) -> f64 {
+        (self.size[0] * self.size[1]) as f64
+    }
+
     /// True if there are enough photos to find depth with the default start.
     pub(crate) fn asks_for_depth(&self) -> bool {
         self.training >= FEWEST
@@ -77,8 +82,7 @@ impl Plan {
     /// Settings of a fit when none are given: with a budget of Gaussians by the photos' size, and transients left out.
     pub fn usual(&self) -> FitSettings {
         let (per_pixel, least, most) = GAUSSIANS;
-        let pixels = (self.size[0] * self.size[1]) as f64;
-        let gaussians = ((per_pixel * pixels) as usize).clamp(least, most);
+        let gaussians = ((per_pixel * self.pixels()) as usize).clamp(least, most);
         FitSettings { gaussians, ..RunSettings::usual_fit() }
     }
 

@@ -1,11 +1,11 @@
 //! From photos to a scene.
 
+use crate::budget::{Budget, Work};
 use crate::cameras::{estimated_capture, held_out_of_estimated};
 use crate::fit::{FitContext, begin, remark_outcome};
-use crate::pace::Sides;
 use crate::plan::planned;
 use crate::time_budget::TimeBudget;
-use crate::{ByPhotos, Error, Outcome, Pace, Photos, Run, RunSettings, demo};
+use crate::{ByPhotos, Error, Outcome, Photos, Run, RunSettings, demo};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -106,6 +106,15 @@ impl Request {
         }
     }
 
+    /// The flag of a request that takes longer.
+    fn longer(&self) -> &'static str {
+        match (self.minutes, self.quality) {
+            (None, Quality::Draft) => "--quality normal",
+            (None, Quality::Normal) => "--quality fine",
+            (None, Quality::Fine) | (Some(_), _) => "--minutes",
+        }
+    }
+
     /// Checks what needs no photos.
     fn check(&self) -> Result<(), Error> {
         let fit = FitSettings::default();
@@ -135,29 +144,27 @@ pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe
     let time = TimeBudget::new(start, request.minutes.unwrap_or(request.quality.minutes()));
     time.note_share(observe);
     let cameras = CaptureCameras::read(&capture, hold_out)?;
-    let minutes = time.of_fit();
     let mut settings = RunSettings {
-        minutes: Some(minutes),
-        most_rounds: request.minutes.is_none().then_some(MOST_ROUNDS),
         hold_out,
         by_photos: ByPhotos::ALL,
         compress: request.compress,
         html: request.html,
         ..RunSettings::new(capture, FitSettings::default())
     };
-    let sides = Sides { range: request.quality.sides(), minutes, rounds: ENOUGH_ROUNDS };
-    let least = *sides.range.start();
-    let size = Pace::long_side(&settings, &cameras, sides, request.rasterizer.clone())?;
-    if size > least {
-        settings.most_rounds = settings.most_rounds.map(|_| ENOUGH_ROUNDS);
-    }
+    let work = Work { sides: request.quality.sides(), minutes: time.of_fit(), rounds: ENOUGH_ROUNDS };
+    let budget = Budget::of(&settings, &cameras, &work, request.rasterizer.clone())?;
+    let rounds = if budget.long_side > *work.sides.start() { ENOUGH_ROUNDS } else { MOST_ROUNDS };
+    settings.most_rounds = request.minutes.is_none().then_some(rounds);
     let minutes = time.of_fit();
-    (settings.long_side, settings.minutes) = (Some(size), Some(minutes));
+    (settings.long_side, settings.minutes) = (Some(budget.long_side), Some(minutes));
     let usual = planned(&settings, &cameras)?.usual();
-    settings.fit = FitSettings { gaussians: request.gaussians.unwrap_or(usual.gaussians), seed: request.seed, ..usual };
+    let gaussians = request.gaussians.unwrap_or(budget.gaussians);
+    settings.fit = FitSettings { gaussians, seed: request.seed, ..usual };
     settings.fit.check()?;
-    let shown = settings.capture.display();
-    observe.note(&format!("fit: {shown}, {minutes:.2} minutes, photos of at most {size} pixels"));
+    observe.note(&format!("fit: {}", settings.capture.display()));
+    let photos = planned(&settings, &cameras)?.training;
+    let steps = settings.most_rounds.map_or(budget.steps, |rounds| budget.steps.min(rounds * photos));
+    time.note_plan(&Budget { steps, gaussians, ..budget }, photos, request.longer(), observe);
     let live = request.live.as_ref().map(Listener::try_clone).transpose()?;
     let context = FitContext { rasterizer: request.rasterizer.clone(), live, ..FitContext::default() };
     let outcome = begin(settings, &cameras, context, out, observe)?;

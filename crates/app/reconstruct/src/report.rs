@@ -175,8 +175,8 @@ fn pictures(run: &Fitting, shown: &[Judged], training: bool, page: &mut Page) ->
     let gaussians = run.fit().gaussians().to_activated();
     let (settings, mut workspace) = (run.fit().raster_settings(), Workspace::new());
     for i in pictured(shown.len()) {
-        let Judged { name, camera, image: Some(image), quality } = &shown[i] else { continue };
-        let photo = if training { run.fit().photo(i) } else { &run.capture.held_out[i] };
+        let Judged { name, number, camera, image: Some(image), quality } = &shown[i] else { continue };
+        let photo = if training { run.fit().photo(*number) } else { &run.capture.held_out[*number] };
         let (count, most) = maps::count(&gaussians, camera, &settings, &mut workspace)?;
         let (density, densest) = maps::density(&gaussians, camera, settings.near);
         let given = Image::from_bytes(camera.width, camera.height, &photo.rgb);

@@ -7,6 +7,8 @@ use crate::loaded::{Loaded, Origin};
 use crate::outcome::{Outcome, PoseChange, Views};
 use crate::run::{MODEL, TRANSIENTS, file_of_scene};
 use crate::{Error, Run, report, view};
+use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -22,6 +24,10 @@ use weaver_sfm::carried;
 const OUTLIER: f64 = 8.0;
 /// Steps that locate a held-out photo.
 const LOCATE: usize = 30;
+/// Fitted photos that are judged, at most: more would say no more, and take time from the steps.
+pub(crate) const JUDGED: usize = 64;
+/// Views that are judged side by side.
+const BATCH: usize = 16;
 
 impl Run {
     /// Writes scene, cameras, summary and report, then the page to look at the scene and further formats, whose failure
@@ -49,7 +55,8 @@ impl Run {
         let seconds = job.seconds();
         let train = job.judge_training()?;
         let test = job.judge_held_out(&test_cameras)?;
-        let outcome = Outcome { missing: Vec::from_iter(missing), ..job.outcome(seconds, &train, &test) };
+        let outliers = job.outliers(&train)?;
+        let outcome = Outcome { missing: Vec::from_iter(missing), outliers, ..job.outcome(seconds, &train, &test) };
         job.write_transients(folder.out())?;
         folder.summarize(&outcome)?;
         let mut page = report::page(job, &outcome, look.as_deref(), (&train, &test))?;
@@ -101,9 +108,23 @@ impl Fitting {
             exposures: self.exposures(test),
             transients: self.transients(),
             coverage: self.capture.coverage.clone(),
-            outliers: outliers(train),
+            outliers: Vec::new(),
             missing: Vec::new(),
         }
+    }
+
+    /// Fitted photos that are met far worse than the others: those that were judged at their own size, and the others
+    /// at a glance.
+    fn outliers(&mut self, judged: &[Judged]) -> Result<Vec<String>, Error> {
+        let own: Vec<_> = judged.iter().map(|j| (j.name.as_str(), j.quality.psnr)).collect();
+        let mut found = outliers(&own);
+        let others: Vec<usize> =
+            (0..self.fit().photos()).filter(|photo| judged.iter().all(|j| j.number != *photo)).collect();
+        let glances = others.iter().map(|photo| self.capture.fit.glance(*photo));
+        let glances = glances.collect::<Result<Vec<f64>, _>>()?;
+        let others = others.iter().map(|photo| self.fit().photo(*photo).name.as_str()).zip(glances);
+        found.extend(outliers(&others.collect::<Vec<_>>()));
+        Ok(found)
     }
 
     fn exposures(&self, test: &[Judged]) -> BTreeMap<String, [f32; 12]> {
@@ -212,46 +233,88 @@ impl Fitting {
         (1..).zip(points.positions.iter().zip(&points.colors)).map(point).collect()
     }
 
+    /// Judges the photos that were fitted: all, or evenly spread ones of many.
     fn judge_training(&mut self) -> Result<Vec<Judged>, Error> {
         let photos = self.fit().photos();
-        let shown: Vec<usize> =
-            if self.capture.held_out.is_empty() { report::pictured(photos).collect() } else { Vec::new() };
-        let judge = |i: usize| {
-            let camera = self.fit().camera(i);
-            let image = corrected(self.capture.fit.render(&camera)?, self.fit().exposure(i).copied());
-            let photo = self.fit().photo(i);
-            let quality = quality(&self.judge, &image, photo, self.fit().counted(i).as_deref());
-            Ok(Judged { name: photo.name.clone(), camera, image: shown.contains(&i).then_some(image), quality })
+        let chosen = weaver_data::uniform(photos, photos.min(JUDGED));
+        let shown: Vec<usize> = match self.capture.held_out.is_empty() {
+            true => report::pictured(chosen.len()).map(|i| chosen[i]).collect(),
+            false => Vec::new(),
         };
-        (0..photos).map(judge).collect()
+        let Self { capture: Loaded { fit, .. }, judge, .. } = self;
+        let mut judged = Vec::with_capacity(chosen.len());
+        for batch in chosen.chunks(BATCH) {
+            let draw = |&i: &usize| Ok(corrected(fit.render(&fit.camera(i))?, fit.exposure(i).copied()));
+            let images = batch.iter().map(draw).collect::<Result<Vec<_>, Error>>()?;
+            let views = batch.iter().zip(images).map(|(&i, image)| View {
+                number: i,
+                photo: fit.photo(i),
+                camera: fit.camera(i),
+                mask: fit.counted(i),
+                image,
+                shown: shown.contains(&i),
+            });
+            View::judge(views.collect(), judge, &mut judged);
+        }
+        Ok(judged)
     }
 
     fn judge_held_out(&mut self, cameras: &[Camera]) -> Result<Vec<Judged>, Error> {
         let shown: Vec<usize> = report::pictured(cameras.len()).collect();
         let Self { capture: Loaded { fit, held_out, .. }, judge, .. } = self;
-        let judged = |(i, (photo, camera)): (usize, (&Photo, &Camera))| {
-            let image = corrected(fit.render(camera)?, fit.exposure_at(camera));
-            let quality = quality(judge, &image, photo, photo.mask.as_deref());
-            let image = shown.contains(&i).then_some(image);
-            Ok(Judged { name: photo.name.clone(), camera: *camera, image, quality })
-        };
-        held_out.iter().zip(cameras).enumerate().map(judged).collect()
+        let mut judged = Vec::with_capacity(cameras.len());
+        let all: Vec<usize> = (0..cameras.len()).collect();
+        for batch in all.chunks(BATCH) {
+            let view = |&i: &usize| {
+                let (photo, camera): (&Photo, Camera) = (&held_out[i], cameras[i]);
+                let image = corrected(fit.render(&camera)?, fit.exposure_at(&camera));
+                let mask = photo.mask.as_deref().map(Cow::Borrowed);
+                Ok(View { number: i, photo, camera, mask, image, shown: shown.contains(&i) })
+            };
+            View::judge(batch.iter().map(view).collect::<Result<_, Error>>()?, judge, &mut judged);
+        }
+        Ok(judged)
     }
 
     /// Seconds that looks and that results will take, from judging one photo now; with a full budget of Gaussians and
     /// pictures for the report it takes longer than with the few of now.
     pub(crate) fn seconds_of_results(&mut self) -> Result<[f64; 2], Error> {
         let camera = self.fit().camera(0);
-        let mut seconds = 0.0;
+        let mut seconds = [0.0; 2];
         // The first photo meets cold memory.
         for _ in 0..2 {
             let start = Instant::now();
             let image = self.capture.fit.render(&camera)?;
+            let drawn = start.elapsed().as_secs_f64();
             quality(&self.judge, &image, self.fit().photo(0), None);
-            seconds = start.elapsed().as_secs_f64();
+            seconds = [drawn, start.elapsed().as_secs_f64() - drawn];
         }
-        let views = self.fit().photos() + self.capture.held_out.len();
-        Ok([1.3 * seconds * self.looks() as f64, 0.3 + 1.3 * seconds * views as f64])
+        let [draw, compare] = seconds;
+        let views = self.fit().photos().min(JUDGED) + self.capture.held_out.len();
+        let of_view = draw + compare / rayon::current_num_threads() as f64;
+        Ok([1.3 * draw * self.looks() as f64, 0.3 + 1.3 * of_view * views as f64])
+    }
+}
+
+/// A view to judge: a photo, and the drawing from its camera.
+struct View<'a> {
+    number: usize,
+    photo: &'a Photo,
+    camera: Camera,
+    /// The pixels that count.
+    mask: Option<Cow<'a, [bool]>>,
+    image: Vec<f32>,
+    /// True if the report shows the drawing.
+    shown: bool,
+}
+
+impl View<'_> {
+    /// Judges views side by side: drawing has the processor to itself, and comparing takes one thread of it.
+    fn judge(views: Vec<Self>, judge: &Judge, to: &mut Vec<Judged>) {
+        to.par_extend(views.into_par_iter().map(|Self { number, photo, camera, mask, image, shown }| {
+            let quality = quality(judge, &image, photo, mask.as_deref());
+            Judged { name: photo.name.clone(), number, camera, image: shown.then_some(image), quality }
+        }));
     }
 }
 
@@ -268,12 +331,12 @@ pub(crate) fn quality(judge: &Judge, image: &[f32], photo: &Photo, mask: Option<
     judge.compare_inside(image, &photo.rgb, [photo.camera.height, photo.camera.width], mask)
 }
 
-/// Photos whose PSNR is far below the median.
-fn outliers(judged: &[Judged]) -> Vec<String> {
-    let mut all: Vec<f64> = judged.iter().map(|j| j.quality.psnr).collect();
+/// The names of those whose PSNR is far below the median.
+fn outliers(judged: &[(&str, f64)]) -> Vec<String> {
+    let mut all: Vec<f64> = judged.iter().map(|(_, psnr)| *psnr).collect();
     all.sort_unstable_by(f64::total_cmp);
     let Some(median) = all.get(all.len() / 2) else { return Vec::new() };
-    judged.iter().filter(|j| j.quality.psnr < median - OUTLIER).map(|j| j.name.clone()).collect()
+    judged.iter().filter(|(_, psnr)| *psnr < median - OUTLIER).map(|(name, _)| name.to_string()).collect()
 }
 
 #[cfg(test)]

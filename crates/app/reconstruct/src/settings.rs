@@ -37,6 +37,10 @@ pub struct RunSettings {
     pub by_photos: ByPhotos,
     /// Where the Gaussians begin.
     pub init: Initial,
+    /// Photos whose depth is found where Gaussians begin on surfaces, evenly spread; `None` before that is decided, which
+    /// follows from the time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_photos: Option<usize>,
     /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].
     pub minutes: Option<f64>,
     /// With [`minutes`](Self::minutes), the least number of steps, however long they take.
@@ -84,11 +88,14 @@ pub struct ByPhotos {
     /// Where Gaussians begin so, their means move the more slowly the larger the photos are
     /// ([`Rates::means_on_surfaces`](weaver_fit::Rates::means_on_surfaces)).
     pub means: bool,
+    /// Large photos are halved more often at the beginning, and for longer ([`FitSettings::coarse_for`]).
+    pub coarse: bool,
 }
 
 impl ByPhotos {
     /// Everything that photos can decide.
-    pub const ALL: Self = Self { exposure: true, background: true, dropout: true, start: true, means: true };
+    pub const ALL: Self =
+        Self { exposure: true, background: true, dropout: true, start: true, means: true, coarse: true };
 }
 
 /// Where Gaussians begin.
@@ -123,6 +130,7 @@ impl RunSettings {
             focal: false,
             by_photos: ByPhotos::default(),
             init: Initial::Auto,
+            depth_photos: None,
             minutes: None,
             least_steps: Self::LEAST_STEPS,
             most_rounds: None,

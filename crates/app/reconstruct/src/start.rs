@@ -45,8 +45,8 @@ impl Start {
     pub fn of(settings: &mut RunSettings, seen: Seen<'_>, given: Option<&Gaussians>) -> Result<Self, Error> {
         let fit = settings.fit.clone();
         if settings.init == Initial::Auto && settings.by_photos.start && !seen.points.is_empty() {
-            let asked = seen.photos.len() >= FEWEST && in_time(settings, seen);
-            let dense = if asked { Self::dense(seen, &fit)? } else { Self::default() };
+            let asked = seen.photos.len() >= FEWEST;
+            let dense = if asked { Self::dense(settings, seen)? } else { Self::default() };
             settings.init = if dense.coverage.mean() >= COVERAGE { Initial::Dense } else { Initial::Points };
             let gaussians = match settings.init {
                 Initial::Dense => dense.gaussians,
@@ -55,7 +55,7 @@ impl Start {
             return Ok(Self { gaussians, ..dense });
         }
         let gaussians = match (settings.init, given) {
-            (Initial::Dense, None) => return Self::dense(seen, &fit),
+            (Initial::Dense, None) => return Self::dense(settings, seen),
             (Initial::Dense | Initial::Given, given) => {
                 init::from_gaussians(given.unwrap_or(&Gaussians::default()), &fit)?
             }
@@ -66,9 +66,11 @@ impl Start {
         Ok(Self { gaussians, ..Self::default() })
     }
 
-    /// On the surface that photos agree about, and on the points that it does not show.
-    fn dense(seen: Seen<'_>, fit: &FitSettings) -> Result<Self, Error> {
-        let chosen = weaver_data::uniform(seen.photos.len(), seen.photos.len().min(PHOTOS));
+    /// On the surface that photos agree about, evenly spread ones, and on the points that it does not show.
+    fn dense(settings: &mut RunSettings, seen: Seen<'_>) -> Result<Self, Error> {
+        let count = *settings.depth_photos.get_or_insert_with(|| photos_in_time(settings.minutes, seen));
+        let fit = &settings.fit;
+        let chosen = weaver_data::uniform(seen.photos.len(), seen.photos.len().min(count));
         let photos: Vec<&Photo> = chosen.iter().map(|n| &seen.photos[*n]).collect();
         let visible: Vec<Vec<u32>> = chosen.iter().map(|n| seen.visible[*n].clone()).collect();
         let settings = StereoSettings { seed: fit.seed, ..StereoSettings::default() };
@@ -92,16 +94,19 @@ impl Start {
     }
 }
 
-/// True if finding depth takes no more than its share of the run's time, as extrapolated from small photos.
-fn in_time(settings: &RunSettings, seen: Seen<'_>) -> bool {
-    let Some(minutes) = settings.minutes else { return true };
+/// Photos whose depth is found in its share of the run's time, as extrapolated from small photos: fewer than all show
+/// fewer surfaces, and any surfaces are better than points where steps are few.
+fn photos_in_time(minutes: Option<f64>, seen: Seen<'_>) -> usize {
+    let Some(minutes) = minutes else { return PHOTOS };
     let usual = StereoSettings::default();
     let start = Instant::now();
     let rehearsal = StereoSettings { long_side: REHEARSAL, ..usual };
-    let photos = seen.photos.len().min(PHOTOS);
+    // Photos that follow one another show the same, so that their depth is searched for.
+    let photos = seen.photos.len().min(FEWEST);
     Stereo::of(&seen.photos[..photos], seen.points, &seen.visible[..photos], &rehearsal);
     let camera = &seen.photos[0].camera;
     let side = |most: usize| camera.width.max(camera.height).min(most) as f64;
     let larger = side(usual.long_side) / side(REHEARSAL);
-    larger * larger * start.elapsed().as_secs_f64() <= SHARE * 60.0 * minutes
+    let of_photo = larger * larger * start.elapsed().as_secs_f64() / photos as f64;
+    ((SHARE * 60.0 * minutes / of_photo.max(1e-9)) as usize).clamp(FEWEST, PHOTOS)
 }

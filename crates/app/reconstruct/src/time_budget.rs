@@ -1,12 +1,16 @@
 //! Time of a reconstruction, shared by matching and fit.
 
+use crate::Budget;
 use std::time::Instant;
 use weaver_io::{Observe, duration};
 
 /// The shortest time that a fit takes, minutes.
 const SHORTEST: f64 = 0.05;
 /// The least share of the time for the fit, however long matching took.
-const SHARE: f64 = 0.5;
+const SHARE: f64 = 0.25;
+/// Passes through the photos below which more time is worth a remark, and those that are enough.
+const FEW_PASSES: f64 = 15.0;
+const ENOUGH: f64 = 40.0;
 /// Excess of a time that is worth a remark, seconds.
 const SHOWN: f64 = 0.5;
 
@@ -33,6 +37,20 @@ impl TimeBudget {
         let (spent, fit) = (self.start.elapsed().as_secs_f64(), 60.0 * self.of_fit());
         if spent + fit > 60.0 * self.minutes + SHOWN {
             observe.note(&format!("cameras took {spent:.0} s; the fit gets {fit:.0} s all the same"));
+        }
+    }
+
+    /// Remarks how the time of a fit to so many photos will be spent, and where more of it would help by which `longer`
+    /// request.
+    pub fn note_plan(&self, budget: &Budget, photos: usize, longer: &str, observe: &mut dyn Observe) {
+        let Budget { long_side, gaussians, steps } = *budget;
+        let passes = steps as f64 / photos.max(1) as f64;
+        let (all, gone) = (60.0 * self.minutes, self.start.elapsed().as_secs_f64());
+        observe.note(&format!(
+            "plan: {all:.0} s in all, {gone:.0} of them gone; about {steps} steps, {passes:.1} passes through {photos} photos of at most {long_side} pixels; {gaussians} Gaussians"
+        ));
+        if passes < FEW_PASSES {
+            observe.note(&format!("a longer time, of {longer}, makes a sharper scene: up to {ENOUGH:.0} passes pay"));
         }
     }
 

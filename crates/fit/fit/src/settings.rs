@@ -63,6 +63,8 @@ pub struct FitSettings {
     pub thinned: Vec<Thinning>,
 }
 
+/// Longest side of photos at the beginning of a run, about, pixels.
+const COARSEST: f64 = 200.0;
 /// The most steps, which the command line takes, too.
 const MOST_STEPS: usize = u32::MAX as usize;
 /// The most Gaussians, whose bytes can be counted.
@@ -133,6 +135,18 @@ impl FitSettings {
     /// from its own side alone. From 12 photos on it is nothing.
     pub fn dropout_for(photos: usize) -> f64 {
         if photos < 12 { (1.2 / photos.max(1) as f64).min(0.2) } else { 0.0 }
+    }
+
+    /// [`halvings`](Self::halvings) and [`coarse_until`](Self::coarse_until) that pay for photos of this longest side,
+    /// pixels: a run begins at some 200 pixels, where steps cost least and move Gaussians farthest.
+    ///
+    /// ```
+    /// use weaver_fit::FitSettings;
+    /// assert_eq!([384, 800, 1600].map(FitSettings::coarse_for), [(1, 0.4), (2, 0.6), (3, 0.6)]);
+    /// ```
+    pub fn coarse_for(long_side: usize) -> (usize, f64) {
+        let halvings = (long_side as f64 / COARSEST).log2().round().clamp(1.0, 3.0) as usize;
+        (halvings, if halvings > 1 { 0.6 } else { 0.4 })
     }
 
     /// Number of the step after number `step`.

@@ -10,7 +10,7 @@ const PART: f64 = 0.05;
 /// A rehearsal of no more than this times the least steps is not worth a second run.
 const ENOUGH: usize = 2;
 /// Part of the time that is held back, for no machine is equally fast all the time.
-const RESERVE: f64 = 0.04;
+const RESERVE: f64 = 0.02;
 /// Parts of a run whose times are kept apart.
 const PARTS: usize = 10;
 

@@ -2,7 +2,9 @@
 
 use crate::FitError;
 use crate::fit::Fit;
-use crate::transients::{LEAST_OTHERS, MOMENTS, Seen, Transients, counted, hidden, residuals, thing_residual};
+use crate::transients::{
+    LEAST_OTHERS, LEAST_PASSES, MOMENTS, Seen, Transients, counted, hidden, residuals, thing_residual,
+};
 use std::borrow::Cow;
 use weaver_geometry::Camera;
 use weaver_kernels::parallel;
@@ -22,7 +24,9 @@ impl Fit {
     /// Searches the photos where that is due at this step.
     pub(crate) fn search_transients(&mut self) -> Result<(), FitError> {
         let due = |part: f64| (self.since..=self.step).contains(&((part * self.settings.steps as f64).ceil() as usize));
-        if self.settings.transients && MOMENTS.into_iter().any(due) && self.photos.len() > LEAST_OTHERS {
+        let passes = self.step * self.settings.views_per_step / self.photos.len();
+        let young = passes < LEAST_PASSES || self.photos.len() <= LEAST_OTHERS;
+        if self.settings.transients && MOMENTS.into_iter().any(due) && !young {
             self.transients = self.find_transients()?;
         }
         Ok(())

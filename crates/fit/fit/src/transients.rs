@@ -23,6 +23,9 @@ pub(crate) const MOMENTS: [f64; 6] = [0.15, 0.25, 0.35, 0.45, 0.55, 0.65];
 const NEIGHBORS: usize = 12;
 /// Fewer other photos say nothing about a photo.
 pub(crate) const LEAST_OTHERS: usize = 3;
+/// Passes through the photos before the first search: a scene that has seen its photos less often misses places of each
+/// of them, and fine ones look like things.
+pub(crate) const LEAST_PASSES: usize = 12;
 /// Largest difference of depths, relative, at which two photos are taken to show the same place.
 const SAME_DEPTH: f64 = 0.1;
 /// Bounds of the mean residual between a thing and its background; where colors are alike all over, it is far below the

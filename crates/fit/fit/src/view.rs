@@ -3,7 +3,8 @@
 use crate::cameras::{Alignment, Views, moved};
 use crate::fit::Fit;
 use crate::photos::{Pyramid, at_level};
-use crate::{Exposure, FitError};
+use crate::transients::counted;
+use crate::{Exposure, FitError, Judge};
 use weaver_geometry::Camera;
 use weaver_scene::CameraRows;
 use weaver_scene::Photo;
@@ -67,6 +68,21 @@ impl Fit {
     /// When the rasterizer refuses.
     pub fn render(&mut self, camera: &Camera) -> Result<Vec<f32>, FitError> {
         self.draw(camera).map(|[image, ..]| image)
+    }
+
+    /// The PSNR of a photo at a glance, dB: of the pixels that count, halved until it has 160 pixels at most.
+    ///
+    /// # Errors
+    /// When the rasterizer refuses.
+    pub fn glance(&mut self, index: usize) -> Result<f64, FitError> {
+        let (photo, camera) = self.small(index);
+        let mut image = self.render(&camera)?;
+        if let Some(exposure) = self.exposure(index) {
+            let drawn = image.clone();
+            exposure.apply(&drawn, &mut image);
+        }
+        let mask = counted(&photo, self.transients(index));
+        Ok(Judge::psnr(&image, &photo.rgb, mask.as_deref()))
     }
 
     /// A photo, halved until it is small enough for a first look, and its camera as refined so far.

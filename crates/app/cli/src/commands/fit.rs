@@ -47,7 +47,7 @@ pub struct Fit {
     /// Folder for the results [default: the first free fits/NAME-N]
     #[arg(short, long, value_name = "DIR", help_heading = RUN, value_parser = Output::folder())]
     pub out: Option<Output>,
-    /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
+    /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000; with a time, at most as many as it can put in place]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = RUN)]
     pub gaussians: Option<u32>,
     /// Time for all of it, matching included; the number of steps follows from the measured speed, and steps are left out where the machine turns out slower [default: 2]
@@ -275,7 +275,7 @@ pub fn estimate(arguments: &Fit, measure: bool) -> Result<(Option<f64>, Option<u
         return Ok((minutes, None));
     }
     let initial = Start::of(arguments.init.as_deref())?;
-    let (settings, plan) = request(arguments, &initial)?.plan()?;
+    let (settings, plan) = request(arguments, &initial)?.plan(None)?;
     let bytes = Some(plan.total());
     if minutes.is_some() || !measure {
         return Ok((minutes, bytes));
@@ -307,6 +307,7 @@ fn fit_settings(arguments: &Fit) -> Result<Named, Failure> {
         dropout: !layers.gives("dropout"),
         start: arguments.init.is_none(),
         means: !layers.gives("rates.means"),
+        coarse: !layers.gives("halvings") && !layers.gives("coarse_until"),
     };
     let given = arguments.gaussians.is_some() || layers.gives("gaussians");
     let mut fit = layers.finish(&source(file, sets))?;
@@ -338,7 +339,7 @@ fn free_folder(capture: &Path) -> PathBuf {
 
 fn tell(arguments: &Fit, console: &mut Console) -> Result<(), Failure> {
     let initial = Start::of(arguments.init.as_deref())?;
-    let (settings, plan) = request(arguments, &initial)?.plan()?;
+    let (settings, plan) = request(arguments, &initial)?.plan(Some(device::rasterizer(&arguments.device)?))?;
     let mb = |bytes: u64| format!("{:>9.1} MB", bytes as f64 / 1e6);
     let time = settings.minutes.map_or(format!("{} steps", settings.fit.steps), |m| format!("{m} minutes"));
     let [width, height] = plan.size;

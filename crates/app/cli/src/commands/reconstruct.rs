@@ -37,13 +37,13 @@ pub struct Reconstruct {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
     pub out: Output,
-    /// Time for all of it, and size of the photos; a fit ends early once it has used each photo 200 times, or 40 times where they are larger than the least. It takes longer where matching leaves less than half of the time, which the fit gets all the same, or where 200 steps do
-    #[arg(long, value_enum, default_value_t = Quality::Normal, default_value_if("demo", ArgPredicate::IsPresent, "draft"), help_heading = FIT)]
+    /// Time for all of it, and size of the photos; a fit ends early once it has used each photo 200 times, or 40 times where they are larger than the least. It takes longer where matching leaves less than a quarter of the time, which the fit gets all the same, or where 200 steps do
+    #[arg(long, value_enum, default_value_t = Quality::Normal, default_value_if("demo", ArgPredicate::Equals("true".into()), "draft"), help_heading = FIT)]
     pub quality: Quality,
-    /// Time for all of it, matching included, which is used up; the fit gets at least half of it and 200 steps, whatever matching took [default: the quality's]
+    /// Time for all of it, matching included, which is used up; the fit gets at least a quarter of it and 200 steps, whatever matching took [default: the quality's]
     #[arg(long, value_name = "M", value_parser = minutes, help_heading = FIT)]
     pub minutes: Option<f64>,
-    /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
+    /// The most Gaussians there may be [default: as many as the time can put in place, at most 0.4 for each pixel of a photo]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = FIT)]
     pub gaussians: Option<u32>,
     /// Which photos are not shown to the fit, which is judged by them: none; those that a capture lists, or every eighth where none are
@@ -128,4 +128,27 @@ fn make(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -
     let outcome = reconstruct(&photos, &request, &mut ConsoleObserver::interruptible(console, interrupt))?;
     fit::conclude(&outcome, interrupt);
     fit::print(&outcome, &arguments.out, arguments.json, console)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: Reconstruct,
+    }
+
+    /// Promise (scenes): a reconstruction has the quality that its help names: five minutes, and half a minute of the
+    /// photos that come with the program.
+    #[test]
+    fn photos_of_ones_own_get_the_usual_quality() {
+        let quality = |line: &str| Line::parse_from(line.split(' ')).arguments.quality;
+        assert_eq!(quality("reconstruct photos -o scene"), Quality::Normal);
+        assert_eq!(quality("reconstruct photos -o scene --minutes 3"), Quality::Normal);
+        assert_eq!(quality("reconstruct --demo -o scene"), Quality::Draft);
+        assert_eq!(quality("reconstruct --demo -o scene --quality fine"), Quality::Fine);
+    }
 }

@@ -18,7 +18,7 @@ use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Distortion, Pose, Similarity, so3};
 use weaver_io::Transforms;
 use weaver_procedural::{ProceduralOptions, scene};
-use weaver_reconstruct::{Error, Initial, Pace, Run, RunSettings, Sides, plan};
+use weaver_reconstruct::{Budget, Error, Initial, Run, RunSettings, Work, plan};
 use weaver_scene::Frame;
 use weaver_splat::CpuRasterizer;
 
@@ -228,13 +228,15 @@ fn photos_are_as_large_as_time_allows() {
     capture(&folder.path().join("data"), 10);
     let settings = settings(&folder.path().join("data"));
     let cameras = CaptureCameras::read(&settings.capture, settings.hold_out).unwrap();
-    let side = |range, minutes| {
-        let sides = Sides { range, minutes, rounds: 50 };
-        Pace::long_side(&settings, &cameras, sides, Arc::new(CpuRasterizer)).unwrap()
+    let budget = |sides, minutes| {
+        let work = Work { sides, minutes, rounds: 50 };
+        Budget::of(&settings, &cameras, &work, Arc::new(CpuRasterizer)).unwrap()
     };
+    let side = |sides, minutes| budget(sides, minutes).long_side;
     assert_eq!(side(16..=32, 1e-6), 16);
     assert_eq!(side(16..=32, 1e6), 32);
     // The photos have 40 pixels.
+    assert_eq!(side(16..=100, 1e6), 40);
     assert_eq!(side(40..=100, 1e6), 40);
 }
 
