@@ -94,7 +94,8 @@ impl Bundle {
     /// has blocks only for cameras with points in common. If these can be numbered near each other, as along a walk, it
     /// is solved directly, too, and up to 700 as if it were dense where that is faster; else by conjugate gradients. A
     /// fall of the cost by less than 1e-7 ends it, or a step in which all cameras and lenses together move by less than
-    /// a hundredth of their standard deviation: points without depth would go on for long without any effect on cameras.
+    /// a hundredth of their standard deviation: points without depth would go on for long without any effect on
+    /// cameras.
     ///
     /// Sources: Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 6; Agarwal et al., Bundle
     /// adjustment in the large, 2010; Nielsen, Damping parameter in Marquardt's method, 1999.
@@ -123,9 +124,9 @@ impl Bundle {
         (self.fixed, self.lenses) = (fixed, lenses);
     }
 
-    /// Adjusts few cameras to the end, and many roughly.
+    /// Adjusts to the end or, where there is [plenty](Self::has_plenty), roughly.
     pub(crate) fn adjust_as_needed(&mut self, scale: f64, most_steps: usize) {
-        if self.cameras.len() > LARGE {
+        if self.has_plenty() {
             self.adjust_roughly(scale, most_steps);
         } else {
             self.adjust(scale, most_steps);

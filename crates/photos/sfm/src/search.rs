@@ -3,7 +3,7 @@
 mod many;
 mod settle;
 
-use crate::bundle::{Bundle, LARGE};
+use crate::bundle::Bundle;
 use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
 use crate::focal;
@@ -94,8 +94,9 @@ impl<'a> Search<'a> {
     pub fn scene(mut self) -> Scene {
         self.run();
         let different = self.different();
-        // A single explanation of many photos is not settled: there is nothing to compare it with.
-        let compared = different.len() > 1 || self.taken.len() <= LARGE;
+        // A single explanation of many photos is not settled if their matches are many more than they need: there is
+        // nothing to compare it with.
+        let compared = different.len() > 1 || different.iter().any(|i| !self.found[*i].bundle.has_plenty());
         let settled = |i: usize| if compared { self.settled(&self.found[i]) } else { self.found[i].clone() };
         let mut settled: Vec<Grown> = different.into_iter().map(settled).collect();
         let Some(best) = best(&settled) else { return self.without_cameras() };

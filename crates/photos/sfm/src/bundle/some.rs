@@ -15,6 +15,11 @@ const SEVERAL: usize = 3;
 const SCATTER: u32 = 2_654_435_761;
 
 impl Bundle {
+    /// True if there are many cameras, and many more observations than they need.
+    pub(crate) fn has_plenty(&self) -> bool {
+        self.some().is_some()
+    }
+
     /// Many cameras with some of the observations, adjusted to them; few as they are.
     pub(crate) fn by_some(&self, scale: f64, most_steps: usize) -> Cow<'_, Self> {
         let Some(observations) = self.some() else { return Cow::Borrowed(self) };
@@ -62,7 +67,7 @@ mod tests {
     use weaver_geometry::{Camera, Intrinsics, Pose, so3};
     use weaver_kernels::random::Stream;
 
-    /// Cameras around a ball of points, each of which two in five of them see, a fifth of a pixel off.
+    /// Cameras around a ball of points. Two in five of them see each point, a fifth of a pixel off.
     fn around(cameras: usize) -> Bundle {
         let stream = Stream::new(7, 0, "test.some");
         let draw = |k: usize| stream.normal::<f64>(k as u64);

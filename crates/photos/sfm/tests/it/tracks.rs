@@ -13,7 +13,9 @@ proptest! {
     fn hold_a_photo_once(found in proptest::collection::vec((0..4usize, 0..4usize, 0..6u32, 0..6u32, 0.0..1.0f32), 0..60)) {
         let mut pairs: Vec<([usize; 2], Vec<Match>)> = (found.iter())
             .filter(|(a, b, ..)| a < b)
-            .map(|(a, b, first, second, ratio)| ([PHOTOS[*a], PHOTOS[*b]], vec![Match { first: *first, second: *second, ratio: *ratio }]))
+            .map(|(a, b, first, second, ratio)| {
+                ([PHOTOS[*a], PHOTOS[*b]], vec![Match { first: *first, second: *second, ratio: *ratio }])
+            })
             .collect();
         let found = tracks(&[6; 66], &pairs);
         let mut all: Vec<(usize, usize)> = found.concat();
