@@ -29,7 +29,7 @@ impl Bundle {
     }
 
     /// Observations that determine many cameras, enough for each; `None` where there are few cameras, or most
-    /// observations would be needed.
+    /// observations would be needed: because there are few, or because few points have them all.
     ///
     /// Source of the factor: Knuth, The art of computer programming, volume 3, 1973, section 6.4.
     pub(super) fn some(&self) -> Option<Vec<Observation>> {
@@ -55,7 +55,8 @@ impl Bundle {
             some.extend(seen);
         }
         some.sort_unstable_by_key(|o| (o.point, o.camera));
-        (2 * some.len() <= self.observations.len()).then_some(some)
+        let [some_of_all, least] = [2 * some.len(), 3 * moving * ENOUGH as usize / 2];
+        (least..=self.observations.len()).contains(&some_of_all).then_some(some)
     }
 }
 
