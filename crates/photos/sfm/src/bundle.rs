@@ -7,6 +7,7 @@ mod lens;
 mod linear;
 mod profile;
 mod reduced;
+mod some;
 mod sparse;
 mod structure;
 mod sums;
@@ -17,6 +18,7 @@ mod tests;
 pub use covariance::Covariance;
 use descent::{Descent, Limits};
 pub use lens::Lens;
+pub(crate) use some::LARGE;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::order::median_high;
@@ -90,9 +92,10 @@ impl Bundle {
     /// Only cameras that are not fixed, and lenses that are free, take part: a few free cameras among many fixed ones
     /// cost as much as they would alone. Up to 200 of them, the reduced matrix is dense and solved directly; beyond, it
     /// has blocks only for cameras with points in common. If these can be numbered near each other, as along a walk, it
-    /// is solved directly, too; else by conjugate gradients. A fall of the cost by less than 1e-7 ends it, or a step in
-    /// which all cameras and lenses together move by less than a hundredth of their standard deviation: points without
-    /// depth would go on for long without any effect on cameras.
+    /// is solved directly, too, and up to 700 as if it were dense where that is faster; else by conjugate gradients. A
+    /// fall of the cost by less than 1e-7 ends it, or a step in which all cameras and lenses together move by less than
+    /// a hundredth of their standard deviation: points without depth would go on for long without any effect on
+    /// cameras.
     ///
     /// Sources: Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 6; Agarwal et al., Bundle
     /// adjustment in the large, 2010; Nielsen, Damping parameter in Marquardt's method, 1999.
@@ -104,9 +107,30 @@ impl Bundle {
     }
 
     /// The same until a step moves cameras and lenses by less than a third of their standard deviation, which leaves
-    /// them within one deviation of the minimum: for bundles that are adjusted again later.
-    pub(crate) fn adjust_roughly(&mut self, scale: f64, most_steps: usize) -> Solved {
-        self.adjust_within(scale, most_steps, &Limits::ROUGH)
+    /// them within one deviation of the minimum: for bundles that are adjusted again later. Many cameras are adjusted
+    /// by [some](Self::some) of the observations alone, and all points then follow.
+    pub(crate) fn adjust_roughly(&mut self, scale: f64, most_steps: usize) {
+        let Some(some) = self.some() else {
+            self.adjust_within(scale, most_steps, &Limits::ROUGH);
+            return;
+        };
+        let all = std::mem::replace(&mut self.observations, some);
+        self.adjust_within(scale, most_steps, &Limits::ROUGH);
+        self.observations = all;
+        let (fixed, lenses) = (self.fixed.clone(), self.lenses.clone());
+        self.fixed.fill(true);
+        self.lenses.iter_mut().for_each(|lens| *lens = lens.held());
+        self.adjust_within(scale, most_steps, &Limits::ROUGH);
+        (self.fixed, self.lenses) = (fixed, lenses);
+    }
+
+    /// Adjusts to the end or, where there is [plenty](Self::has_plenty), roughly.
+    pub(crate) fn adjust_as_needed(&mut self, scale: f64, most_steps: usize) {
+        if self.has_plenty() {
+            self.adjust_roughly(scale, most_steps);
+        } else {
+            self.adjust(scale, most_steps);
+        }
     }
 
     fn adjust_within(&mut self, scale: f64, most_steps: usize, limits: &Limits) -> Solved {

@@ -6,7 +6,7 @@ use crate::features::Features;
 use crate::grow::Grown;
 use crate::lenses::{Taken, tau};
 use crate::pairs::{self, Pairs, linked};
-use crate::passes::{Pass, near};
+use crate::passes::{Pass, compared, near};
 use crate::photo::EstimateOptions;
 use crate::retrieval::candidates;
 
@@ -57,7 +57,7 @@ pub(crate) fn locate(
     found.bundle.fixed = before;
     // Pairs alone can put a photo a few degrees off: right matches are then far from epipolar lines.
     let passes = std::iter::once(Pass::wide(ASTRAY)).chain(Pass::FINE);
-    passes.for_each(|pass| found.bundle.pass(features, &near, &located, &pass));
+    passes.for_each(|pass| found.bundle.pass(features, compared(&near), &located, &pass));
     bundle.cameras = found.bundle.cameras;
     (bundle, found.placed, pairs)
 }

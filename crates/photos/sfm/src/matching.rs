@@ -5,7 +5,7 @@ mod near;
 use crate::descriptor::{DESCRIPTOR, LENGTH};
 use crate::epipolar::Epipolar;
 use crate::features::Features;
-use near::Near;
+pub(crate) use near::Near;
 use weaver_kernels::byte_products::{TopTwo, chosen_products, top_products};
 
 /// Largest distance to the best keypoint over the distance to the second best.
@@ -50,30 +50,36 @@ pub fn matches(first: &Features, second: &Features) -> Vec<Match> {
 /// Matches as [`matches()`] finds them, among the keypoints near each other's epipolar lines alone: keypoints that the
 /// cameras rule out are no rivals.
 pub fn matches_along(first: &Features, second: &Features, epipolar: &Epipolar) -> Vec<Match> {
-    let near = Near::new(second);
-    let mut best = vec![TopTwo::default(); first.keypoints.len()];
-    let mut of_second = vec![0; second.keypoints.len()];
-    let mut candidates = Vec::new();
-    let mut products = vec![0; second.keypoints.len()];
-    let descriptors = first.descriptors.chunks_exact(DESCRIPTOR);
-    for ((keypoint, descriptor), best) in first.keypoints.iter().zip(descriptors).zip(&mut best) {
-        let count = near.band(epipolar.line(keypoint.pixel), epipolar.farthest(), &mut candidates);
-        let candidates = &candidates[..count];
-        let products = &mut products[..count];
-        chosen_products(descriptor, &near.descriptors, candidates, products);
-        // The larger of two keys belongs to the larger product, or to the first of equal ones.
-        let mut top = [0_u64; 2];
-        for (at, product) in candidates.iter().zip(products) {
-            let number = near.numbers[*at as usize];
-            let key = u64::from(*product) << 32 | u64::from(u32::MAX - number);
-            top = [top[0].max(key), top[1].max(top[0].min(key))];
-            let most: &mut u32 = &mut of_second[number as usize];
-            *most = (*most).max(*product);
+    Near::new(second).matches(first, epipolar)
+}
+
+impl Near {
+    /// Matches of a photo with this one, as [`matches_along`] finds them.
+    pub fn matches(&self, first: &Features, epipolar: &Epipolar) -> Vec<Match> {
+        let mut best = vec![TopTwo::default(); first.keypoints.len()];
+        let mut of_second = vec![0; self.numbers.len()];
+        let mut candidates = Vec::new();
+        let mut products = vec![0; self.numbers.len()];
+        let descriptors = first.descriptors.chunks_exact(DESCRIPTOR);
+        for ((keypoint, descriptor), best) in first.keypoints.iter().zip(descriptors).zip(&mut best) {
+            let count = self.band(epipolar.line(keypoint.pixel), epipolar.farthest(), &mut candidates);
+            let candidates = &candidates[..count];
+            let products = &mut products[..count];
+            chosen_products(descriptor, &self.descriptors, candidates, products);
+            // The larger of two keys belongs to the larger product, or to the first of equal ones.
+            let mut top = [0_u64; 2];
+            for (at, product) in candidates.iter().zip(products) {
+                let number = self.numbers[*at as usize];
+                let key = u64::from(*product) << 32 | u64::from(u32::MAX - number);
+                top = [top[0].max(key), top[1].max(top[0].min(key))];
+                let most: &mut u32 = &mut of_second[number as usize];
+                *most = (*most).max(*product);
+            }
+            let column = if candidates.is_empty() { 0 } else { u32::MAX - top[0] as u32 };
+            *best = TopTwo { column, first: (top[0] >> 32) as u32, second: (top[1] >> 32) as u32 };
         }
-        let column = if candidates.is_empty() { 0 } else { u32::MAX - top[0] as u32 };
-        *best = TopTwo { column, first: (top[0] >> 32) as u32, second: (top[1] >> 32) as u32 };
+        mutual(&best, of_second)
     }
-    mutual(&best, of_second)
 }
 
 /// The clear ones among the best of the first photo, which are best for the second photo's keypoints, too.

@@ -89,14 +89,15 @@ impl Pair {
 
 /// The relative poses of pairs; only the intrinsics of the cameras are used. `tau` is the exactness of keypoints,
 /// pixels.
-pub(crate) fn posed(
+pub(crate) fn posed<'a>(
     features: &[Features],
     cameras: &[Camera],
-    matched: &[([usize; 2], Vec<Match>)],
+    matched: impl IntoIterator<Item = &'a ([usize; 2], Vec<Match>)>,
     tau: f64,
 ) -> Vec<Pair> {
+    let matched: Vec<&([usize; 2], Vec<Match>)> = matched.into_iter().collect();
     let mut pairs: Vec<Option<Pair>> = vec![None; matched.len()];
-    parallel::for_chunks(&mut pairs, 1, |i, pair| pair[0] = pose(features, cameras, &matched[i], tau));
+    parallel::for_chunks(&mut pairs, 1, |i, pair| pair[0] = pose(features, cameras, matched[i], tau));
     pairs.into_iter().flatten().collect()
 }
 

@@ -4,7 +4,7 @@ use crate::bundle::{Bundle, Observation};
 use crate::epipolar::Epipolar;
 use crate::evidence::EXACT;
 use crate::features::Features;
-use crate::matching::{Match, matches, matches_along};
+use crate::matching::{Match, Near, matches};
 use crate::tracks::tracks;
 use std::borrow::Cow;
 use weaver_geometry::Camera;
@@ -35,8 +35,11 @@ pub(crate) fn sharpest(camera: &Camera) -> f64 {
     SHARPEST * (camera.width.max(camera.height) as f64 / WIDTH).clamp(NARROWEST, 1.0)
 }
 
-/// A way to match the keypoints of two photos.
-type Find = fn(&Features, &Features, &Epipolar) -> Vec<Match>;
+/// A way to match the keypoints of two photos, the second also sorted by place; and the way along epipolar lines.
+type Find = fn(&Features, (&Features, &Near), &Epipolar) -> Vec<Match>;
+const ALONG: Find = |first, (_, second), epipolar| second.matches(first, epipolar);
+/// Two photos that are compared, with their matches if they have some already.
+pub(crate) type Compared = ([usize; 2], Vec<Match>);
 
 /// Matches, triangulates and adjusts once.
 #[derive(Clone, Copy, Debug)]
@@ -47,26 +50,33 @@ pub(crate) struct Pass {
     /// True if cameras were adjusted before: then only the last adjustment must be exact, as the earlier ones only
     /// choose the outliers.
     adjusted: bool,
+    /// True if cameras are adjusted once more afterward.
+    again: bool,
 }
 
 impl Pass {
     /// For cameras as wrong as this, in deviations of keypoints: a match that is unambiguous in a whole photo is more
     /// certain than one within a wide band.
     pub fn wide(farthest: f64) -> Self {
-        Self { scales: &WIDE, farthest, find: |a, b, _| matches(a, b), adjusted: false }
+        Self { scales: &WIDE, farthest, find: |a, (b, _), _| matches(a, b), adjusted: false, again: false }
     }
 
     /// For cameras that were adjusted.
     pub const FINE: [Self; 2] = [
-        Self { scales: &NARROW, farthest: 2.0 * CERTAIN, find: matches_along, adjusted: true },
-        Self { scales: &LAST, farthest: CERTAIN, find: matches_along, adjusted: true },
+        Self { scales: &NARROW, farthest: 2.0 * CERTAIN, find: ALONG, adjusted: true, again: false },
+        Self { scales: &LAST, farthest: CERTAIN, find: ALONG, adjusted: true, again: false },
     ];
+
+    /// The same before another adjustment.
+    pub fn once_more(self) -> Self {
+        Self { again: true, ..self }
+    }
 }
 
 impl Bundle {
     /// Finds points anew with the cameras as they are, and adjusts both. Cameras that are `located` find no points:
     /// they move to fit the points of the others.
-    pub(crate) fn pass(&mut self, features: &[Features], near: &[[usize; 2]], located: &[bool], pass: &Pass) {
+    pub(crate) fn pass(&mut self, features: &[Features], near: Vec<Compared>, located: &[bool], pass: &Pass) {
         let straight = self.straight(features);
         let pairs = paired(self, &straight, near, pass);
         drop(straight);
@@ -78,10 +88,12 @@ impl Bundle {
         self.observations = all.iter().filter(|o| !located[o.camera]).copied().collect();
         for scale in pass.scales {
             if pass.adjusted && *scale > LAST[1] {
-                self.adjust_roughly(*scale, STEPS)
+                self.adjust_roughly(*scale, STEPS);
+            } else if pass.again {
+                self.adjust_as_needed(*scale, STEPS);
             } else {
-                self.adjust(*scale, STEPS)
-            };
+                self.adjust(*scale, STEPS);
+            }
             self.leave_out(FARTHEST * scale);
         }
         self.locate(located, all);
@@ -135,22 +147,35 @@ impl Bundle {
     }
 }
 
-/// Matches of pairs of photos that are near their epipolar lines.
-fn paired(bundle: &Bundle, features: &[Features], near: &[[usize; 2]], pass: &Pass) -> Vec<([usize; 2], Vec<Match>)> {
-    let mut pairs: Vec<_> = near.iter().map(|pair| (*pair, Vec::new())).collect();
-    parallel::for_chunks(&mut pairs, 1, |_, pairs| {
-        for ([a, b], found) in pairs {
-            let [from, to] = [bundle.camera(*a), bundle.camera(*b)];
-            let epipolar = Epipolar::new(&from, &to, pass.farthest * sharpest(&to));
-            let (first, second) = (&features[*a], &features[*b]);
-            *found = (pass.find)(first, second, &epipolar);
-            found.retain(|m| {
-                let [a, b] = m.numbers();
-                epipolar.allows(first.keypoints[a].pixel, second.keypoints[b].pixel)
-            });
+/// Matches of pairs of photos that are near their epipolar lines, also of the ones that are known.
+fn paired(bundle: &Bundle, features: &[Features], mut pairs: Vec<Compared>, pass: &Pass) -> Vec<Compared> {
+    pairs.sort_unstable_by_key(|([a, b], _)| [*b, *a]);
+    // The keypoints of a photo are sorted once for all others.
+    let mut of_second: Vec<&mut [Compared]> = pairs.chunk_by_mut(|one, other| one.0[1] == other.0[1]).collect();
+    parallel::for_chunks(&mut of_second, 1, |_, of_second| {
+        for pairs in of_second {
+            let second = &features[pairs[0].0[1]];
+            let near = Near::new(second);
+            for ([a, b], found) in pairs.iter_mut() {
+                let [from, to] = [bundle.camera(*a), bundle.camera(*b)];
+                let epipolar = Epipolar::new(&from, &to, pass.farthest * sharpest(&to));
+                let first = &features[*a];
+                if found.is_empty() {
+                    *found = (pass.find)(first, (second, &near), &epipolar);
+                }
+                found.retain(|m| {
+                    let [a, b] = m.numbers();
+                    epipolar.allows(first.keypoints[a].pixel, second.keypoints[b].pixel)
+                });
+            }
         }
     });
     pairs
+}
+
+/// Pairs without known matches.
+pub(crate) fn compared(pairs: &[[usize; 2]]) -> Vec<Compared> {
+    pairs.iter().map(|pair| (*pair, Vec::new())).collect()
 }
 
 /// Pairs of placed cameras that look in similar directions, each with the nearest others.

@@ -2,7 +2,7 @@
 
 use crate::bundle::{Bundle, Lens, Observation};
 use crate::features::{Features, gray};
-use crate::passes::{Pass, neighbors, sharpest};
+use crate::passes::{Pass, compared, neighbors, sharpest};
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec3};
 
@@ -85,7 +85,7 @@ pub fn refine(views: &[View<'_>], settings: &RefineSettings) -> Refined {
     let mut bundle = settings.bundle(views);
     let wide = views.iter().map(|v| BELIEVED * settings.pixels(&v.camera) / sharpest(&v.camera)).fold(0.0, f64::max);
     for pass in std::iter::once(Pass::wide(wide)).chain(Pass::FINE) {
-        bundle.pass(&features, &near, &located, &pass);
+        bundle.pass(&features, compared(&near), &located, &pass);
     }
     bundle.finish();
     Refined {

@@ -93,13 +93,18 @@ impl<'a> Search<'a> {
     /// The scene with the largest support.
     pub fn scene(mut self) -> Scene {
         self.run();
-        let mut settled: Vec<Grown> = self.different().into_iter().map(|i| self.settled(&self.found[i])).collect();
+        let different = self.different();
+        // A single explanation of many photos is not settled if their matches are many more than they need: there is
+        // nothing to compare it with.
+        let compared = different.len() > 1 || different.iter().any(|i| !self.found[*i].bundle.has_plenty());
+        let settled = |i: usize| if compared { self.settled(&self.found[i]) } else { self.found[i].clone() };
+        let mut settled: Vec<Grown> = different.into_iter().map(settled).collect();
         let Some(best) = best(&settled) else { return self.without_cameras() };
         // Settling can bring different beginnings to the same end.
         let others = settled.iter().filter(|other| settled[best].differs(other, DIFFERENT));
         let rival = others.map(|other| other.support / settled[best].support).fold(self.given_up, f64::max);
         let Grown { mut bundle, mut placed, .. } = settled.swap_remove(best);
-        self.finish(&mut bundle, &placed);
+        self.finish(&mut bundle, &placed, compared);
         // Photos from one place can make a scene, too, but its depths are undetermined.
         if self.one_place(&bundle, &placed) {
             return Scene { one_place: true, ..Scene::none(self.pairs) };

@@ -32,19 +32,25 @@ pub(crate) fn joined<'a>(counts: &[usize], pairs: impl Iterator<Item = ([usize; 
         (counts.iter().enumerate()).flat_map(|(photo, count)| std::iter::repeat_n(photo as u32, *count)).collect();
     let mut parent: Vec<u32> = (0..photos.len() as u32).collect();
     let mut next = parent.clone();
-    let mut of_first = Vec::new();
-    for (_, a, b) in links {
+    // The photos of the keypoints joined with a root, modulo 64: without a common one, no photo is there twice.
+    let mut some: Vec<u64> = photos.iter().map(|photo| 1 << (photo % 64)).collect();
+    // The last link for which each photo was found in the first track.
+    let mut found = vec![usize::MAX; counts.len()];
+    for (number, (_, a, b)) in links.into_iter().enumerate() {
         let (a, b) = (root(&mut parent, a), root(&mut parent, b));
         if a == b {
             continue;
         }
-        let photo = |keypoint: u32| photos[keypoint as usize];
-        of_first.clear();
-        of_first.extend(ring(&next, a).map(photo));
-        let twice = ring(&next, b).any(|keypoint| of_first.contains(&photo(keypoint)));
+        let photo = |keypoint: u32| photos[keypoint as usize] as usize;
+        let both = [some[a as usize], some[b as usize]];
+        let twice = both[0] & both[1] != 0 && {
+            ring(&next, a).for_each(|keypoint| found[photo(keypoint)] = number);
+            ring(&next, b).any(|keypoint| found[photo(keypoint)] == number)
+        };
         if !twice {
             next.swap(a as usize, b as usize);
             parent[a.max(b) as usize] = a.min(b);
+            some[a.min(b) as usize] = both[0] | both[1];
         }
     }
     let begins = |keypoint: &u32| parent[*keypoint as usize] == *keypoint && next[*keypoint as usize] != *keypoint;

@@ -119,6 +119,8 @@ struct LeftOut {
 /// Source: Efron, The jackknife, the bootstrap and other resampling plans, 1982, chapter 3.
 fn left_out(bundle: &Bundle) -> LeftOut {
     let n = bundle.cameras.len();
+    let plenty = bundle.has_plenty();
+    let bundle: &Bundle = &bundle.by_some(1.0, STEPS);
     let groups = n.min(GROUPS);
     let mut without: Vec<Option<Ended>> = vec![None; groups];
     parallel::for_chunks(&mut without, 1, |group, without| {
@@ -126,7 +128,11 @@ fn left_out(bundle: &Bundle) -> LeftOut {
         rest.observations.retain(|o| o.camera % groups != group);
         let agreed = rest.agreed();
         rest.observations.retain(|o| agreed[o.point]);
-        rest.adjust(1.0, STEPS);
+        if plenty {
+            rest.adjust_roughly(1.0, STEPS);
+        } else {
+            rest.adjust(1.0, STEPS);
+        }
         // With hundreds of photos, eight copies of everything would not fit in memory.
         without[0] = Some((rest.cameras, rest.lenses));
     });
@@ -204,7 +210,7 @@ impl Bundle {
             }
             let mut tried = self.clone();
             tried.free(coefficients, &used);
-            tried.adjust(1.0, STEPS);
+            tried.adjust_as_needed(1.0, STEPS);
             let Some(covariance) = tried.of_placed(placed).covariance(1.0) else { continue };
             let told = |lens: usize| {
                 let Some(camera) = (0..placed.len()).find(|i| placed[*i] && self.lens_of[*i] == lens) else {

@@ -10,6 +10,7 @@ use super::structure::{Blocks, NONE, Part};
 use super::sums::{BLOCK, PADDED};
 use super::system::{Row, System, expectations};
 use super::{Bundle, Solved};
+use std::ops::RangeInclusive;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Pose, se3};
 use weaver_kernels::parallel;
@@ -47,6 +48,10 @@ impl Limits {
     /// The stored part of the matrix from which on a dense solver pays off; and blocks up to which it always does.
     const FULL: f64 = 0.1;
     const FEW: usize = 16;
+    /// Numbers of blocks for which products of blocks decide between a profile and a dense matrix, and the factor by
+    /// which each is faster in a dense one.
+    const COUNTED: RangeInclusive<usize> = 201..=700;
+    const FASTER: usize = 3;
 }
 
 #[derive(Debug)]
@@ -64,7 +69,11 @@ impl Solver {
         if n <= limits.dense && (full || n <= Limits::FEW) {
             Self::Dense(Dense::new(BLOCK * n))
         } else if let Some(profile) = Profile::new(reduced, limits.profile) {
-            Self::Profile(profile)
+            if Limits::COUNTED.contains(&n) && Limits::FASTER * profile.products() >= n.pow(3) / 6 {
+                Self::Dense(Dense::new(BLOCK * n))
+            } else {
+                Self::Profile(profile)
+            }
         } else {
             Self::Sparse(Box::new(Sparse::new(reduced, limits.tolerance, limits.iterations)))
         }

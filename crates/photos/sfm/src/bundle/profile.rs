@@ -47,15 +47,18 @@ impl Profile {
                 *low = (*low).min(a.min(b));
             }
         }
-        let width = |at: usize| at + 1 - first[at] as usize;
-        let work: usize = (0..n).map(|at| width(at) * width(at) / 2).sum();
-        if work > most {
+        let mut profile = Self { place, first, start: vec![0], values: Vec::new(), x: vec![0.0; BLOCK * n] };
+        if profile.products() > most {
             return None;
         }
-        let mut start = vec![0];
-        (0..n).for_each(|at| start.push(start[at] + BLOCK * BLOCK * width(at)));
-        let values = vec![0.0; start[n]];
-        Some(Self { place, first, start, values, x: vec![0.0; BLOCK * n] })
+        (0..n).for_each(|at| profile.start.push(profile.start[at] + BLOCK * profile.width(at)));
+        profile.values = vec![0.0; profile.start[n]];
+        Some(profile)
+    }
+
+    /// Products of blocks that a factor takes.
+    pub fn products(&self) -> usize {
+        (0..self.first.len()).map(|at| (self.width(at) / BLOCK).pow(2) / 2).sum()
     }
 
     fn width(&self, at: usize) -> usize {

@@ -4,12 +4,26 @@ use crate::descriptor::DESCRIPTOR;
 use crate::features::Features;
 use std::ops::Range;
 use weaver_geometry::glam::{DVec2, DVec3};
+use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 
 /// Keypoints of a cell, on average: smaller cells are more to go through, larger ones hold more keypoints that are not
 /// near.
-const PER_CELL: f64 = 2.0;
+const PER_CELL: f64 = 4.0;
 /// Lines whose normals have a smaller component across or down are taken to be level or upright.
 const LEVEL: f64 = 1e-3;
+/// The numbers of the bits that are set in each byte.
+const SET: [[u8; 8]; 256] = {
+    let mut all = [[0; 8]; 256];
+    let mut at = 0;
+    while at < 8 * 256 {
+        let (byte, bit) = (at / 8, at % 8);
+        if byte >> bit & 1 == 1 {
+            all[byte][(byte & ((1 << bit) - 1)).count_ones() as usize] = bit as u8;
+        }
+        at += 1;
+    }
+    all
+};
 
 /// The keypoints of a photo in a grid of square cells.
 #[derive(Debug)]
@@ -18,8 +32,8 @@ pub(crate) struct Near {
     pub numbers: Vec<u32>,
     /// The descriptors in this order.
     pub descriptors: Vec<u8>,
-    /// The places in this order, pixels.
-    places: Vec<[f32; 2]>,
+    /// The places in this order, pixels: across, and down. A vector beyond the last has no place.
+    places: [Vec<f32>; 2],
     /// The first corner of the first cell, pixels.
     corner: DVec2,
     /// A cell's side, pixels.
@@ -62,30 +76,18 @@ impl Near {
         for number in &numbers {
             descriptors.extend_from_slice(&features.descriptors[*number as usize * DESCRIPTOR..][..DESCRIPTOR]);
         }
-        let places = numbers.iter().map(|i| keypoints[*i as usize].pixel.as_vec2().to_array()).collect();
+        let places = [0, 1].map(|k| {
+            let of = numbers.iter().map(|i| keypoints[*i as usize].pixel.as_vec2()[k]);
+            of.chain([f32::NAN; LANES]).collect()
+        });
         Self { numbers, descriptors, places, corner, side, columns, rows, starts }
     }
 
     /// The keypoints, by their place in this order, within `farthest` pixels of the line a u + b v + c = 0 with a^2 +
     /// b^2 = 1; all if a = b = c = 0. They are the first numbers of `found`, as many as are returned.
     pub fn band(&self, line: DVec3, farthest: f64, found: &mut Vec<u32>) -> usize {
-        found.resize(self.places.len(), 0);
-        let [a, b, c] = line.as_vec3().to_array();
-        let near = farthest as f32;
-        let across = self.across(line, farthest);
-        let mut count = 0;
-        for row in self.down(line, farthest) {
-            let (first, last) = across.columns(row as f32);
-            let (first, last) = (first.min(self.columns), last.min(self.columns));
-            let row = row * self.columns;
-            let cells = self.starts[row + first] as usize..self.starts[row + last] as usize;
-            for (i, [u, v]) in cells.clone().zip(&self.places[cells]) {
-                // A number too far away is overwritten by the next.
-                found[count] = i as u32;
-                count += usize::from((a * u + b * v + c).abs() <= near);
-            }
-        }
-        count
+        found.resize(self.numbers.len() + LANES, 0);
+        lanes::run(Band { near: self, line, farthest, found })
     }
 
     /// The rows of cells that a band may pass through.
@@ -114,6 +116,50 @@ impl Near {
         let reach = (farthest / self.side + 1e-2) / line.x.abs();
         let start = -offset / line.x + slope.min(0.0) - reach;
         Across { slope: slope as f32, start: start as f32, width: (2.0 * reach + slope.abs()) as f32 }
+    }
+}
+
+/// The keypoints near a line.
+struct Band<'a> {
+    near: &'a Near,
+    line: DVec3,
+    farthest: f64,
+    found: &'a mut [u32],
+}
+
+impl LaneKernel<f32> for Band<'_> {
+    type Output = usize;
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = f32>>(self) -> usize {
+        let Self { near, line, farthest, found } = self;
+        let [a, b, c] = line.as_vec3().to_array().map(V::splat);
+        let most = V::splat(farthest as f32);
+        let across = near.across(line, farthest);
+        let [us, vs] = [&near.places[0][..], &near.places[1][..]];
+        let mut count = 0;
+        for row in near.down(line, farthest) {
+            let (first, last) = across.columns(row as f32);
+            let (first, last) = (first.min(near.columns), last.min(near.columns));
+            let row = row * near.columns;
+            let (mut at, end) = (near.starts[row + first] as usize, near.starts[row + last] as usize);
+            while at < end {
+                let [u, v] = [us, vs].map(|of| V::load(of[at..].first_chunk().expect("a vector")));
+                let mut bits = most.ge((a * u + b * v + c).abs()).bits();
+                if end - at < LANES {
+                    bits &= (1 << (end - at)) - 1;
+                }
+                for byte in bits.to_le_bytes() {
+                    // Without branches, which would often be predicted wrong. Numbers beyond the last are overwritten.
+                    let to: &mut [u32; 8] = found[count..].first_chunk_mut().expect("room for a vector");
+                    for (to, bit) in to.iter_mut().zip(SET[usize::from(byte)]) {
+                        *to = at as u32 + u32::from(bit);
+                    }
+                    count += byte.count_ones() as usize;
+                    at += 8;
+                }
+            }
+        }
+        count
     }
 }
 

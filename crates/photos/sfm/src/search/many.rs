@@ -4,7 +4,7 @@
 mod tests;
 
 use super::{BEGINNINGS, CERTAIN, GROWN_APART, Search};
-use crate::bundle::Bundle;
+use crate::bundle::{Bundle, LARGE};
 use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
 use crate::grow::{Grown, beginnings};
@@ -37,16 +37,26 @@ impl Search<'_> {
         let mut best: Option<(Grown, Bundle, Ranked)> = None;
         let mut others: Vec<Grown> = Vec::new();
         let mut expanded = false;
+        // Of many photos, the ones by which further focal lengths are compared with the first.
+        let mut compared: Option<Vec<bool>> = None;
         for factor in self.focal_lengths(tau) {
             let bundle = self.settings.bundle(self.taken, factor);
-            let mut posed = pairs::posed(self.features, &bundle.cameras, &self.pairs.matched, tau);
+            let within = |photos: &[usize; 2]| {
+                compared.as_ref().is_none_or(|compared| photos.iter().all(|photo| compared[*photo]))
+            };
+            let matched = self.pairs.matched.iter().filter(|(photos, _)| within(photos));
+            let mut posed = pairs::posed(self.features, &bundle.cameras, matched, tau);
             // Matching does not depend on the focal length, so that further pairs are matched once.
             if !expanded {
                 expanded = true;
                 posed.extend(self.expanded(&posed, &bundle, tau));
             }
-            let posed = Ranked::new(posed, self.taken.len());
+            let part = compared.is_some();
+            let posed = Ranked { part, ..Ranked::new(posed, self.taken.len()) };
             let mut trials = self.trials(&bundle, &posed.pairs[..posed.ends[0]]);
+            if self.taken.len() > LARGE && compared.is_none() && !trials.is_empty() {
+                compared = Some(around(&trials, &posed.pairs[..posed.ends[2]], self.taken.len()));
+            }
             trials.sort_by(|a, b| b.each().total_cmp(&a.each()));
             let mut trials = trials.into_iter();
             if let Some(first) = trials.next() {
@@ -58,11 +68,15 @@ impl Search<'_> {
                 }
             }
         }
-        let Some((trial, bundle, posed)) = best else { return };
+        let Some((trial, bundle, mut posed)) = best else { return };
         let rivals = others.iter().filter(|other| trial.differs(other, GROWN_APART));
         self.given_up = UNSETTLED * rivals.map(|other| other.each() / trial.each()).fold(0.0, f64::max);
         // Scenes of many photos take much memory: only the kept one grows on.
         drop(others);
+        if posed.part {
+            let all = pairs::posed(self.features, &bundle.cameras, &self.pairs.matched, tau);
+            posed = Ranked::new(all, self.taken.len());
+        }
         // Matches that agree with no pose are not read any more.
         self.pairs.matched.iter_mut().for_each(|(_, matches)| *matches = Vec::new());
         let mut begun = Some(trial);
@@ -165,12 +179,24 @@ impl Search<'_> {
     }
 }
 
+/// The photos of trials, and the ones that have a certain pair with one of these.
+fn around(trials: &[Grown], certain: &[Pair], photos: usize) -> Vec<bool> {
+    let of_trials: Vec<bool> = (0..photos).map(|photo| trials.iter().any(|grown| grown.placed[photo])).collect();
+    let mut around = of_trials.clone();
+    for pair in certain.iter().filter(|pair| pair.photos.iter().any(|photo| of_trials[*photo])) {
+        pair.photos.iter().for_each(|photo| around[*photo] = true);
+    }
+    around
+}
+
 /// Pairs with a pose, the least likely to be chance first.
 struct Ranked {
     pairs: Vec<Pair>,
     /// Ends of the ranks in `pairs`: strong pairs with the larger share of [`CERTAIN`], all pairs with the larger
     /// share, and all pairs with the smaller share.
     ends: [usize; 3],
+    /// True if they are only the pairs by which focal lengths are compared.
+    part: bool,
 }
 
 impl Ranked {
@@ -191,7 +217,7 @@ impl Ranked {
         let ranks: Vec<usize> = pairs.iter().map(rank).collect();
         let ends = [1, 2, 3].map(|end| ranks.iter().filter(|rank| **rank < end).count());
         pairs.sort_by_key(rank);
-        Self { pairs, ends }
+        Self { pairs, ends, part: false }
     }
 }
 

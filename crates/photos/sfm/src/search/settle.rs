@@ -4,8 +4,8 @@ use super::{FEW, SEVERAL, Search};
 use crate::bundle::Bundle;
 use crate::evidence::{Evidence, Trust};
 use crate::grow::{Grown, explained};
-use crate::pairs::linked;
-use crate::passes::{Pass, near};
+use crate::pairs::{Pair, linked};
+use crate::passes::{Pass, compared, near};
 use weaver_geometry::Pose;
 
 /// Most explanations that are settled, for few photos and for more; and the least support and the least number of
@@ -54,34 +54,39 @@ impl Search<'_> {
         let Grown { bundle, placed, support } = &mut grown;
         let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();
         bundle.free_focal(&free, placed);
-        self.pass(bundle, placed, &Pass::FINE[0]);
+        self.pass(bundle, placed, &Pass::FINE[0], false);
         self.align(bundle);
         *support = explained(bundle);
         grown
     }
 
-    /// Finds the distortion, and all points that photos share once it is known.
-    pub(super) fn finish(&self, bundle: &mut Bundle, placed: &[bool]) {
-        if bundle.free_distortion(self.settings.distortion, placed) {
+    /// Finds the distortion, and all points that photos share once it is known; also before, if a scene was not
+    /// settled.
+    pub(super) fn finish(&self, bundle: &mut Bundle, placed: &[bool], settled: bool) {
+        let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();
+        bundle.free_focal(&free, placed);
+        if bundle.free_distortion(self.settings.distortion, placed) || !settled {
             // An observation rejected at the margins may be right.
-            self.pass(bundle, placed, &Pass::FINE[0]);
+            self.pass(bundle, placed, &Pass::FINE[0], !settled);
         }
-        self.pass(bundle, placed, &Pass::FINE[1]);
+        self.pass(bundle, placed, &Pass::FINE[1].once_more(), false);
         bundle.finish();
         self.align(bundle);
         bundle.adjust(ALIGNING[1].0, STEPS);
         bundle.finish();
     }
 
-    /// Matches and adjusts once: photos whose cameras stand near each other, and the photos of certain pairs.
-    fn pass(&self, bundle: &mut Bundle, placed: &[bool], pass: &Pass) {
+    /// Matches and adjusts once: photos whose cameras stand near each other, and the photos of certain pairs. If their
+    /// matches are `known`, these pairs are not matched again.
+    fn pass(&self, bundle: &mut Bundle, placed: &[bool], pass: &Pass, known: bool) {
         let missing: Vec<bool> = placed.iter().map(|placed| !placed).collect();
-        let mut pairs = near(bundle, placed, self.settings.candidates);
-        let certain = self.pairs.posed.iter().filter(|pair| pair.certain(CERTAIN)).map(|pair| pair.photos);
-        pairs.extend(certain.filter(|pair| pair.iter().all(|photo| placed[*photo])));
-        pairs.sort_unstable();
-        pairs.dedup();
-        bundle.pass(self.features, &pairs, &missing, pass);
+        let mut pairs = compared(&near(bundle, placed, self.settings.candidates));
+        let of_placed = |pair: &&Pair| pair.certain(CERTAIN) && pair.photos.iter().all(|photo| placed[*photo]);
+        let matches = |pair: &Pair| if known { pair.matches.clone() } else { Vec::new() };
+        pairs.extend(self.pairs.posed.iter().filter(of_placed).map(|pair| (pair.photos, matches(pair))));
+        pairs.sort_by_key(|(photos, matches)| (*photos, matches.is_empty()));
+        pairs.dedup_by_key(|(photos, _)| *photos);
+        bundle.pass(self.features, pairs, &missing, pass);
     }
 
     /// Aligns the surroundings of keypoints, and adjusts to their new places.
