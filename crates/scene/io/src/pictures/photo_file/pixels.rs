@@ -1,7 +1,7 @@
 //! The pixels of a file, all of them or fewer.
 
 /// Contents of a file, of 8 bits.
-pub(super) struct Pixels {
+pub(crate) struct Pixels {
     /// Width and height of the file.
     pub whole: (usize, usize),
     /// Factor by which its pixels became one, each way.
