@@ -84,7 +84,7 @@ pub struct Request {
     /// Masks of the photos: their black pixels are neither matched nor fitted; `None` uses all of each photo. A
     /// capture has its masks beside it, and no folder is given.
     pub masks: Option<MaskOptions>,
-    /// What masked pixels say about the scene.
+    /// Meaning of masked pixels for the scene.
     pub masked: Masked,
     /// Draws.
     pub rasterizer: Arc<dyn FitRasterizer>,

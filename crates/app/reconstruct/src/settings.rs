@@ -32,7 +32,7 @@ pub struct RunSettings {
     /// True if black counts in masks.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub invert_masks: bool,
-    /// What masked pixels say about the scene.
+    /// Meaning of masked pixels for the scene.
     #[serde(default, skip_serializing_if = "is_unknown")]
     pub masked: Masked,
     /// True if the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor

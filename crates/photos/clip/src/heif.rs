@@ -1,8 +1,8 @@
 //! HEIC and AVIF photos become JPEGs; a program on the PATH decodes them.
 
 use crate::Error;
+use crate::error::some_of;
 use crate::frames::{QUALITY, write_jpeg};
-use crate::photo_files::some_of;
 use crate::program::Program;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -53,17 +53,23 @@ const DECODERS: [Decoder; 5] = [
     },
 ];
 
-/// Writes JPEGs of all HEIC and AVIF photos into a folder of results. Returns the photos, those that take their places,
-/// and the names of the written ones, `None` if there was nothing to convert. Photos that cannot be decoded are named in
-/// a warning and left out. Where no program decodes them, they stay.
-pub(crate) fn convert(
-    photos: Vec<PathBuf>,
-    out: &OutputFolder,
-    observe: &mut dyn Observe,
-) -> Result<(Vec<PathBuf>, Vec<PathBuf>, Option<Vec<String>>), Error> {
+/// Photos, some of them in place of others.
+pub(crate) struct Converted {
+    /// The photos that were given.
+    pub originals: Vec<PathBuf>,
+    /// The files that take their places, as many.
+    pub paths: Vec<PathBuf>,
+    /// Names of the files that were written; `None` if there was nothing to convert.
+    pub written: Option<Vec<String>>,
+}
+
+/// Writes JPEGs of all HEIC and AVIF photos into a folder of results.
+///
+/// Photos that cannot be decoded are named in a warning and left out. Where no program decodes them, they stay.
+pub(crate) fn convert(photos: Vec<PathBuf>, out: &OutputFolder, observe: &mut dyn Observe) -> Result<Converted, Error> {
     let to_convert: Vec<usize> = (0..photos.len()).filter(|i| HeifPhoto::is_at(&photos[*i])).collect();
     if to_convert.is_empty() {
-        return Ok((photos.clone(), photos, None));
+        return Ok(Converted { originals: photos.clone(), paths: photos, written: None });
     }
     let total = to_convert.len();
     observe.begin(&Stage { label: LABEL, done: 0, total, stops_after: None });
@@ -90,7 +96,7 @@ pub(crate) fn convert(
         observe.note(&format!("photos: {} of HEIC or AVIF converted, in {}", written.len(), folder.display()));
     }
     if faults.is_empty() {
-        return Ok((photos, paths, Some(written)));
+        return Ok(Converted { originals: photos, paths, written: Some(written) });
     }
     let (bad, all) = (faults.len(), photos.len());
     let reasons = some_of(faults.iter().map(|(_, fault)| fault.clone()), "; ");
@@ -102,7 +108,7 @@ pub(crate) fn convert(
         let readable = |i: &usize| faults.iter().all(|(bad, _)| bad != i);
         photos.into_iter().enumerate().filter(|(i, _)| readable(i)).map(|(_, photo)| photo).collect()
     };
-    Ok((kept(photos), kept(paths), Some(written)))
+    Ok(Converted { originals: kept(photos), paths: kept(paths), written: Some(written) })
 }
 
 /// The JPEG of a photo; `None` if there is no program that might decode it.

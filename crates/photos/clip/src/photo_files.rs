@@ -1,13 +1,11 @@
 //! The photos that paths stand for: files, files in folders, and frames of clips.
 
 use crate::Error;
+use crate::error::some_of;
 use crate::frames::{FRAMES, FrameFolder, is_clip, write_frames};
-use crate::heif::{CONVERTED, convert};
+use crate::heif::{CONVERTED, Converted, convert};
 use std::path::{Path, PathBuf};
 use weaver_io::{Observe, OutputFolder, PhotoFolder, ShellCommand};
-
-/// Names in a line, at most.
-const NAMED: usize = 8;
 
 /// Files of photos.
 #[derive(Clone, Debug)]
@@ -61,7 +59,7 @@ impl PhotoFiles {
             written.extend(names);
         }
         let sequence = 2 * written.len() > photos.len();
-        let (originals, paths, converted) = convert(photos, out, observe)?;
+        let Converted { originals, paths, written: converted } = convert(photos, out, observe)?;
         Ok(Self { paths, originals, sequence, frames: (clips > 0).then_some(written), converted })
     }
 
@@ -111,11 +109,4 @@ fn in_folder(path: &Path, given: &[PathBuf], observe: &mut dyn Observe) -> Resul
         let remedy = "pictures of other formats are converted first, for instance with `magick IN OUT.jpg`";
         format!("{here}: {expected} among {kinds}; {remedy}, and clips are given by their own names")
     }))
-}
-
-/// The first of some names, and how many more there are.
-pub(crate) fn some_of(names: impl ExactSizeIterator<Item = String>, between: &str) -> String {
-    let more = names.len().saturating_sub(NAMED);
-    let named = names.take(NAMED).collect::<Vec<_>>().join(between);
-    if more > 0 { format!("{named} and {more} more") } else { named }
 }

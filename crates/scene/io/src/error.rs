@@ -63,7 +63,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// How photos are converted whose format needs a program of its own.
+    /// Conversion of photos whose format needs a program of its own.
     pub const CONVERSION: &str = if cfg!(target_os = "macos") {
         "convert it to JPEG, for instance with `sips -s format jpeg IN --out OUT.jpg`; where cameras are estimated, this \
          is done for you"

@@ -103,7 +103,7 @@ pub struct Fit {
     /// Leaves out what is white in masks in place of what is black
     #[arg(long, requires = "masks", help_heading = PHOTOS)]
     pub invert_masks: bool,
-    /// What masked pixels say about the scene [default: unknown]
+    /// Meaning of masked pixels: unknown, or empty space [default: unknown]
     #[arg(long, value_parser = choice(&MASKED), requires = "masks", help_heading = PHOTOS)]
     pub masked: Option<Masked>,
     /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: the mean color of

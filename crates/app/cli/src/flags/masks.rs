@@ -41,7 +41,7 @@ impl MaskFlags {
 /// The meaning of masked pixels.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
 pub struct MaskedFlag {
-    /// What masked pixels say about the scene [default: unknown]
+    /// Meaning of masked pixels: unknown, or empty space [default: unknown]
     #[arg(long, value_parser = choice(&MASKED), requires = "masks", help_heading = MATCHING)]
     pub masked: Option<Masked>,
 }

@@ -13,7 +13,7 @@ use weaver_geometry::Camera;
 use weaver_io::PhotoFile;
 use weaver_scene::{Frame, Photo, PointCloud};
 
-/// What masked pixels say about the scene.
+/// Meaning of masked pixels for the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Masked {
@@ -42,7 +42,7 @@ pub struct PosedOptions {
     pub masks: bool,
     /// White is masked in these files, and black counts.
     pub invert_masks: bool,
-    /// What masked pixels say about the scene.
+    /// Meaning of masked pixels for the scene.
     pub masked: Masked,
     /// The color behind transparent pixels.
     pub background: [f32; 3],

@@ -2,16 +2,15 @@
 
 mod boxes;
 
-use crate::files::file::read_bytes;
+use crate::files::file::{read_bytes, read_part};
 use crate::pictures::exif::{exif_of_focal, focal_35mm};
-use crate::pictures::photo_file::decoding::{Decoded, decode_bytes};
+use crate::pictures::photo_file::decoding::{Decoded, decode_bytes, heif_kind};
 use crate::pictures::photo_file::orientation;
 use crate::{Bitmap, Error, Result};
 use boxes::Properties;
-use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::metadata::Orientation;
-use image::{ExtendedColorType, ImageResult};
+use image::{ExtendedColorType, ImageEncoder, ImageResult};
 use std::path::{Path, PathBuf};
 
 /// Everything of a HEIC or an AVIF photo but its pixels.
@@ -29,7 +28,7 @@ pub struct HeifPhoto {
     profile: Option<Vec<u8>>,
 }
 
-/// What a program that decodes a photo does about its rotation.
+/// Rotation of a photo by a program that decodes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turned {
     /// It turns the pixels.
@@ -43,8 +42,7 @@ pub enum Turned {
 impl HeifPhoto {
     /// True if a file begins as such a photo does, under any name.
     pub fn is_at(path: impl AsRef<Path>) -> bool {
-        let start = crate::files::file::read_part(path, 0..12);
-        start.is_ok_and(|start| kind(&start).is_some())
+        read_part(path, 0..12).is_ok_and(|start| heif_kind(&start).is_some())
     }
 
     /// Reads the container of a photo.
@@ -54,7 +52,7 @@ impl HeifPhoto {
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let bytes = read_bytes(path)?;
-        let found = kind(&bytes).zip(Properties::of_primary(&bytes)).filter(|(_, found)| found.size().0 > 0);
+        let found = heif_kind(&bytes).zip(Properties::of_primary(&bytes)).filter(|(_, found)| found.size().0 > 0);
         let Some((kind, properties)) = found else {
             let expected = "a HEIC or AVIF photo with a size";
             return Err(Error::invalid(path, "container", expected, "none that can be read; was it copied whole?"));
@@ -117,14 +115,5 @@ impl HeifPhoto {
             Ok(bytes)
         };
         encode().map_err(|error| Error::invalid(&self.path, "image", "pixels that fit a JPEG", error))
-    }
-}
-
-/// Name of the format whose file begins with these bytes, if it is one of HEIF.
-pub(crate) fn kind(start: &[u8]) -> Option<&'static str> {
-    match start.get(4..12)? {
-        b"ftypavif" | b"ftypavis" => Some("AVIF"),
-        b"ftypheic" | b"ftypheix" | b"ftyphevc" | b"ftyphevx" | b"ftypheim" | b"ftypheis" | b"ftypmif1" => Some("HEIC"),
-        _ => None,
     }
 }

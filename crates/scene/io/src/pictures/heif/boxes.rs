@@ -13,7 +13,7 @@ pub(super) struct Properties {
     extents: (usize, usize),
     /// Width and height of the part of them that is shown.
     aperture: Option<(usize, usize)>,
-    /// How the stored pixels become upright.
+    /// The turn that makes stored pixels upright.
     pub orientation: Orientation,
     icc: Option<Vec<u8>>,
     primaries: Option<u64>,
@@ -27,7 +27,7 @@ impl Properties {
         let mut primary = Reader(child(meta, b"pitm")?);
         let primary = if primary.full_box()? == 0 { primary.number(2)? } else { primary.number(4)? };
         let all = child(meta, b"iprp")?;
-        let known: Vec<Box<'_>> = boxes(child(all, b"ipco")?).collect();
+        let known: Vec<Part<'_>> = boxes(child(all, b"ipco")?).collect();
         let mut found = Self { extents: (0, 0), aperture: None, orientation: NoTransforms, icc: None, primaries: None };
         for index in associated(child(all, b"ipma")?, primary)? {
             if let Some((kind, content)) = index.checked_sub(1).and_then(|index| known.get(index)) {
@@ -126,7 +126,7 @@ fn associated(content: &[u8], item: u64) -> Option<Vec<usize>> {
 }
 
 /// Kind and content of a box.
-type Box<'a> = (&'a [u8; 4], &'a [u8]);
+type Part<'a> = (&'a [u8; 4], &'a [u8]);
 
 /// The content of the first box of a kind.
 fn child<'a>(content: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
@@ -134,7 +134,7 @@ fn child<'a>(content: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
 }
 
 /// The boxes in a file or in another box, as far as they are whole.
-fn boxes(content: &[u8]) -> impl Iterator<Item = Box<'_>> {
+fn boxes(content: &[u8]) -> impl Iterator<Item = Part<'_>> {
     let mut rest = Reader(content);
     std::iter::from_fn(move || {
         let whole = rest.0.len() as u64;

@@ -1,11 +1,10 @@
 //! From the bytes of a file to pixels.
 
 use super::jpeg::{self, Segments};
-use super::pixels::Pixels;
+use super::pixels::{Pixels, values8};
 use super::profile::Profile;
 use super::{Layer, orientation};
 use crate::files::file::read_bytes;
-use crate::pictures::heif;
 use crate::{Error, Result};
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
@@ -95,12 +94,7 @@ pub(crate) fn decode_bytes(path: &Path, bytes: &[u8], icc: Option<&[u8]>) -> Res
     Ok((Pixels { whole: size, shrink: 1, size, values, channels: if has_alpha { 4 } else { 3 } }, orientation))
 }
 
-/// The values of a picture of 8 bits, of 3 channels or 4 with alpha. Values that have the form already are not copied.
-pub(super) fn values8(picture: DynamicImage) -> Vec<u8> {
-    if picture.color().has_alpha() { picture.into_rgba8().into_raw() } else { picture.into_rgb8().into_raw() }
-}
-
-/// Likewise in sRGB. Inks of a CMYK JPEG are read from its file, since its decoder makes colors of them.
+/// The values of a picture of 8 bits in sRGB. Inks of a CMYK JPEG are read from its file, since its decoder makes colors of them.
 fn in_srgb(picture: DynamicImage, profile: &Profile, file: &[u8]) -> Vec<u8> {
     profile.to_srgb(picture).unwrap_or_else(|picture| {
         let values = values8(picture);
@@ -153,9 +147,18 @@ fn check_values(path: &Path, file: &mut (impl Read + Seek)) -> Result<()> {
 
 /// Says how to convert formats whose pixels other programs decode.
 fn check_kind(path: &Path, bytes: &[u8]) -> Result<()> {
-    match heif::kind(bytes) {
+    match heif_kind(bytes) {
         Some(kind) => Err(Error::ToConvert { path: path.to_path_buf(), kind }),
         None => Ok(()),
+    }
+}
+
+/// Name of the format whose file begins with these bytes, if it is one of HEIF.
+pub(crate) fn heif_kind(start: &[u8]) -> Option<&'static str> {
+    match start.get(4..12)? {
+        b"ftypavif" | b"ftypavis" => Some("AVIF"),
+        b"ftypheic" | b"ftypheix" | b"ftyphevc" | b"ftyphevx" | b"ftypheim" | b"ftypheis" | b"ftypmif1" => Some("HEIC"),
+        _ => None,
     }
 }
 

@@ -67,7 +67,7 @@ impl Profile {
         }
         let channels = if color.has_alpha() { 4 } else { 3 };
         if color.bytes_per_pixel() == color.channel_count() {
-            let mut values = super::decoding::values8(picture);
+            let mut values = super::pixels::values8(picture);
             let _ = self.convert8(&mut values, channels);
             return Ok(values);
         }
