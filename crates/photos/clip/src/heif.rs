@@ -24,15 +24,22 @@ struct Decoder {
     /// Its arguments, with the names of the files it reads and writes as IN and OUT.
     arguments: &'static [&'static str],
     turned: Turned,
+    /// True if many installations of it decode no such photos, so that its failure tells nothing about a photo.
+    partial: bool,
 }
 
 /// The programs that are tried, in this order: of libheif by its names, of macOS, ImageMagick, and ffmpeg, which joins
 /// the tiles of a photo from version 7 on.
 const DECODERS: [Decoder; 5] = [
-    Decoder { name: "heif-convert", arguments: &["IN", "OUT"], turned: Turned::Always },
-    Decoder { name: "heif-dec", arguments: &["IN", "OUT"], turned: Turned::Always },
-    Decoder { name: "sips", arguments: &["-s", "format", "png", "IN", "--out", "OUT"], turned: Turned::AsTagged },
-    Decoder { name: "magick", arguments: &["IN[0]", "OUT"], turned: Turned::Always },
+    Decoder { name: "heif-convert", arguments: &["IN", "OUT"], turned: Turned::Always, partial: false },
+    Decoder { name: "heif-dec", arguments: &["IN", "OUT"], turned: Turned::Always, partial: false },
+    Decoder {
+        name: "sips",
+        arguments: &["-s", "format", "png", "IN", "--out", "OUT"],
+        turned: Turned::AsTagged,
+        partial: false,
+    },
+    Decoder { name: "magick", arguments: &["IN[0]", "OUT"], turned: Turned::Always, partial: true },
     Decoder {
         name: "ffmpeg",
         arguments: &[
@@ -50,6 +57,7 @@ const DECODERS: [Decoder; 5] = [
             "OUT",
         ],
         turned: Turned::Never,
+        partial: true,
     },
 ];
 
@@ -99,7 +107,10 @@ pub(crate) fn convert(photos: Vec<PathBuf>, out: &OutputFolder, observe: &mut dy
         return Ok(Converted { originals: photos, paths, written: Some(written) });
     }
     let (bad, all) = (faults.len(), photos.len());
-    let reasons = some_of(faults.iter().map(|(_, fault)| fault.clone()), "; ");
+    // One reason is enough: most often it is the same.
+    let others = faults[1..].iter().map(|(i, _)| photos[*i].display().to_string());
+    let others = (bad > 1).then(|| format!("; likewise {}", some_of(others, ", "))).unwrap_or_default();
+    let reasons = format!("{}{others}", faults[0].1);
     if ONE_IN * bad > all {
         return Err(Error::input(format!("photos: {bad} of {all} cannot be decoded: {reasons}")));
     }
@@ -111,7 +122,7 @@ pub(crate) fn convert(photos: Vec<PathBuf>, out: &OutputFolder, observe: &mut dy
     Ok(Converted { originals: kept(photos), paths: kept(paths), written: Some(written) })
 }
 
-/// The JPEG of a photo; `None` if there is no program that might decode it.
+/// The JPEG of a photo; `None` if there is no program that would decode it if it is whole.
 fn decode(path: &Path) -> Result<Option<Vec<u8>>, Error> {
     let photo = HeifPhoto::read(path)?;
     let failed = |source| weaver_io::Error::Io { path: std::env::temp_dir(), source };
@@ -122,20 +133,22 @@ fn decode(path: &Path) -> Result<Option<Vec<u8>>, Error> {
     atomic_write(folder.path().join(&input), |w| w.write_all(&bytes))?;
     let mut faults = Vec::new();
     for decoder in &DECODERS {
-        match decoder.run(folder.path(), &input) {
-            Ok(None) => {}
+        let fault = match decoder.run(folder.path(), &input) {
+            Ok(None) => continue,
             Ok(Some(file)) => match photo.decoded(&file, decoder.turned) {
                 Ok(pixels) => return Ok(Some(photo.to_jpeg(&pixels, QUALITY)?)),
-                Err(error) => faults.push(format!("{}: {error}", decoder.name)),
+                Err(error) => format!("{}: {error}", decoder.name),
             },
-            Err(error) => faults.push(error.to_string()),
-        }
+            Err(error) => error.to_string(),
+        };
+        faults.push((decoder.partial, fault));
     }
-    if faults.is_empty() {
+    if faults.iter().all(|(partial, _)| *partial) {
         return Ok(None);
     }
-    let expected = format!("expected a whole {} photo, which these programs decode", photo.kind());
-    Err(Error::input(format!("{}: {expected}, found {}", path.display(), faults.join("; "))))
+    let faults: Vec<String> = faults.into_iter().map(|(_, fault)| fault).collect();
+    let expected = format!("expected a whole {} photo", photo.kind());
+    Err(Error::input(format!("{}: {expected}, found one that is not decoded; {}", path.display(), faults.join("; "))))
 }
 
 impl Decoder {

@@ -273,7 +273,7 @@ fn masks_may_say_that_nothing_stands_there() {
     mask.pixels.chunks_mut(3 * 192).for_each(|row| row[..3 * 150].fill(1.0));
     (0..6).for_each(|i| mask.write_png(folder.join(format!("segments/{i:02}.png"))).unwrap());
     let masks = "--masks segments --masked empty";
-    let output = run(folder, &format!("reconstruct photos -o out --minutes 0.01 --gaussians 300 {masks}"));
+    let output = run(folder, &format!("reconstruct photos -o out --minutes 0.05 --gaussians 300 {masks}"));
     assert!(output.status.success(), "{}", said(&output));
     let output = run(folder, "fit out/cameras -o fitted --steps 2 --gaussians 300 --masks --masked empty");
     assert!(output.status.success(), "{}", said(&output));
