@@ -94,7 +94,8 @@ pub(crate) fn decode_bytes(path: &Path, bytes: &[u8], icc: Option<&[u8]>) -> Res
     Ok((Pixels { whole: size, shrink: 1, size, values, channels: if has_alpha { 4 } else { 3 } }, orientation))
 }
 
-/// The values of a picture of 8 bits in sRGB. Inks of a CMYK JPEG are read from its file, since its decoder makes colors of them.
+/// The values of a picture of 8 bits in sRGB. Inks of a CMYK JPEG are read from its file, since its decoder makes
+/// colors of them.
 fn in_srgb(picture: DynamicImage, profile: &Profile, file: &[u8]) -> Vec<u8> {
     profile.to_srgb(picture).unwrap_or_else(|picture| {
         let values = values8(picture);
