@@ -109,7 +109,7 @@ pub(crate) fn convert(photos: Vec<PathBuf>, out: &OutputFolder, observe: &mut dy
     let (bad, all) = (faults.len(), photos.len());
     // One reason is enough: most often it is the same.
     let others = faults[1..].iter().map(|(i, _)| photos[*i].display().to_string());
-    let others = (bad > 1).then(|| format!("; likewise {}", some_of(others, ", "))).unwrap_or_default();
+    let others = if bad > 1 { format!("; likewise {}", some_of(others, ", ")) } else { String::new() };
     let reasons = format!("{}{others}", faults[0].1);
     if ONE_IN * bad > all {
         return Err(Error::input(format!("photos: {bad} of {all} cannot be decoded: {reasons}")));
