@@ -80,10 +80,10 @@ fn rotated(first: Orientation, quarters: u64) -> Orientation {
         [Rotate270, Rotate180],
         [Rotate180, Rotate90],
         [Rotate90, NoTransforms],
-        [FlipHorizontal, Rotate270FlipH],
-        [FlipVertical, Rotate90FlipH],
-        [Rotate90FlipH, FlipHorizontal],
-        [Rotate270FlipH, FlipVertical],
+        [FlipHorizontal, Rotate90FlipH],
+        [Rotate90FlipH, FlipVertical],
+        [FlipVertical, Rotate270FlipH],
+        [Rotate270FlipH, FlipHorizontal],
     ];
     let one = |from: Orientation| ONE.iter().find(|[known, _]| *known == from).map_or(from, |[_, to]| *to);
     (0..quarters).fold(first, |orientation, _| one(orientation))
