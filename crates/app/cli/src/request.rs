@@ -56,7 +56,7 @@ impl Request {
                 (Some(_), Value::Text(value)) => places.push(value),
                 (_, value) => {
                     let argument = arguments.iter().find(|argument| argument.get_long() == Some(&flag));
-                    words.extend(flag_words(&flag, argument.map(|argument| argument.get_action()), value));
+                    words.extend(flag_words(&flag, argument.copied(), value));
                 }
             }
         }
@@ -86,13 +86,19 @@ impl Request {
 }
 
 /// The words of a flag with this value.
-fn flag_words(flag: &str, action: Option<&ArgAction>, value: Value) -> Vec<OsString> {
+fn flag_words(flag: &str, argument: Option<&Arg>, value: Value) -> Vec<OsString> {
+    let action = argument.map(Arg::get_action);
     let with = |value: OsString| {
         let mut word = OsString::from(format!("--{flag}="));
         word.push(value);
         word
     };
-    let switch = matches!(action, Some(ArgAction::SetTrue));
+    // A flag whose value may be left out is a switch, too, unless the value is yes or no.
+    let alone = |argument: &Arg| {
+        let takes = argument.get_num_args().is_some_and(|number| number.min_values() == 0 && number.takes_values());
+        takes && argument.get_value_names().is_some_and(|names| names[0] != "BOOL")
+    };
+    let switch = matches!(action, Some(ArgAction::SetTrue)) || argument.is_some_and(alone);
     match value {
         Value::Flag(false) if switch => vec![],
         Value::Flag(true) if switch => vec![format!("--{flag}").into()],
@@ -126,6 +132,12 @@ mod tests {
             (vec![("capture", text("a")), ("refine_cameras", Value::Flag(true))], "fit --refine-cameras a"),
             (vec![("capture", text("a")), ("masks", Value::Flag(false))], "fit a"),
             (vec![("capture", text("a")), ("exposure", Value::Flag(false))], "fit --exposure=false a"),
+            (
+                vec![("photos", text("a")), ("out", text("c")), ("masks", Value::Flag(true))],
+                "cameras -o c --masks -- a",
+            ),
+            (vec![("photos", text("a")), ("out", text("c")), ("masks", text("m"))], "cameras -o c --masks=m -- a"),
+            (vec![("photos", text("a")), ("out", text("c")), ("masks", Value::Flag(false))], "cameras -o c -- a"),
             (vec![("capture", text("a")), ("background", list(&["1", "0.5", "0"]))], "fit --background 1,0.5,0 a"),
             (vec![("capture", text("a")), ("set", list(&["seed=1", "steps=2"]))], "fit --set seed=1 --set steps=2 a"),
             (vec![("photos", list(&["a", "b"])), ("out", text("c"))], "cameras a b -o c"),

@@ -11,7 +11,7 @@ use weaver_run::Folder;
 use weaver_run::unit::{MARK, recorded, results};
 
 /// Beginnings of names of results that a fit reads: one that goes on cannot make them again.
-const READ_BY_FITS: [&str; 2] = ["cameras/", "frames/"];
+const READ_BY_FITS: [&str; 3] = ["cameras/", "frames/", "converted/"];
 
 /// The content of a folder's mark.
 #[derive(Deserialize, Serialize)]

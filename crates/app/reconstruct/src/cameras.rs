@@ -10,8 +10,8 @@ use remarks::{refusal, remark, sureness};
 use std::path::PathBuf;
 use std::time::Instant;
 use weaver_clip::PhotoFiles;
-use weaver_data::capture::HoldOut;
-use weaver_data::{EstimatePhotosOptions, EstimatedPhotos, OutputFolder, estimate_photos};
+use weaver_data::capture::{HoldOut, MaskOptions, PhotoMasks};
+use weaver_data::{EstimatePhotosOptions, EstimatedPhotos, OutputFolder, estimate_masked_photos};
 use weaver_io::{Observe, Part, check_memory, duration};
 
 /// Name of the command in the record of a folder of estimated cameras, and of the stage.
@@ -33,6 +33,8 @@ pub struct CamerasRequest {
     /// Options of matching; clips override [`sequence`](EstimatePhotosOptions::sequence), since their frames follow one
     /// another.
     pub matching: EstimatePhotosOptions,
+    /// Masks of the photos: their black pixels are not matched. `None` matches all of each photo.
+    pub masks: Option<MaskOptions>,
     /// Further files that are read, and that no result may replace.
     pub read: Vec<PathBuf>,
 }
@@ -40,7 +42,8 @@ pub struct CamerasRequest {
 impl CamerasRequest {
     /// Cameras into a folder, with everything else as usual.
     pub fn new(out: impl Into<PathBuf>) -> Self {
-        Self { out: out.into(), frames: None, matching: EstimatePhotosOptions::default(), read: Vec::new() }
+        let matching = EstimatePhotosOptions::default();
+        Self { out: out.into(), frames: None, matching, masks: None, read: Vec::new() }
     }
 }
 
@@ -48,16 +51,19 @@ impl CamerasRequest {
 /// [`EstimatedPhotos::write`] does.
 ///
 /// # Errors
-/// When photos or clips cannot be read, fewer than two photos get a camera, or a file cannot be written.
+/// When photos, clips or masks cannot be read, fewer than two photos get a camera, or a file cannot be written.
 pub fn cameras(
     photos: &[PathBuf],
     request: &CamerasRequest,
     observe: &mut dyn Observe,
 ) -> Result<EstimatedPhotos, Error> {
-    let out = OutputFolder::claim(&request.out, COMMAND, photos.iter().chain(&request.read))?;
+    let masks = request.masks.as_ref();
+    let read = photos.iter().chain(&request.read).chain(masks.and_then(|masks| masks.folder.as_ref()));
+    let out = OutputFolder::claim(&request.out, COMMAND, read)?;
     let photos = PhotoFiles::collect(photos, request.frames, &out, observe)?;
     let located = vec![false; photos.paths.len()];
-    let EstimatedCameras { found, .. } = estimate(&photos, &located, &request.matching, &out, observe)?;
+    let matched = Matched { photos: &photos, located: &located, masks };
+    let EstimatedCameras { found, .. } = estimate(matched, &request.matching, &out, observe)?;
     photos.remove_earlier_frames(&out)?;
     Ok(found)
 }
@@ -84,7 +90,8 @@ impl EstimatedCameras {
     ) -> Result<(Self, PathBuf), Error> {
         let located = vec![false; photos.paths.len()];
         let folder = cameras_folder(out, &photos.paths)?;
-        let estimated = estimate(photos, &located, matching, &folder, observe)?;
+        let matched = Matched { photos, located: &located, masks: None };
+        let estimated = estimate(matched, matching, &folder, observe)?;
         photos.remove_earlier_frames(out)?;
         Ok((estimated, folder.path().join("transforms.json")))
     }
@@ -93,7 +100,7 @@ impl EstimatedCameras {
 /// Estimates cameras into the folder `cameras` of a result, where photos may be held out, and returns the capture.
 pub(crate) fn estimated_capture(
     photos: &PhotoFiles,
-    hold_out: HoldOut,
+    (hold_out, masks): (HoldOut, Option<&MaskOptions>),
     matching: &EstimatePhotosOptions,
     out: &OutputFolder,
     observe: &mut dyn Observe,
@@ -105,7 +112,7 @@ pub(crate) fn estimated_capture(
     };
     let located: Vec<bool> = (0..photos.paths.len()).map(|i| step < usize::MAX && i % step == 0).collect();
     let folder = cameras_folder(out, &photos.paths)?;
-    estimate(photos, &located, matching, &folder, observe)?;
+    estimate(Matched { photos, located: &located, masks }, matching, &folder, observe)?;
     photos.remove_earlier_frames(out)?;
     Ok(folder.path().join("transforms.json"))
 }
@@ -123,22 +130,31 @@ fn cameras_folder(out: &OutputFolder, photos: &[PathBuf]) -> Result<OutputFolder
     Ok(OutputFolder::claim(out.path().join(FOLDER), COMMAND, photos)?)
 }
 
-/// Estimates cameras, and writes a capture into a folder. A photo with `located` true is located alone, and finds no
-/// points.
+/// Photos to match.
+#[derive(Clone, Copy)]
+struct Matched<'a> {
+    photos: &'a PhotoFiles,
+    /// True for photos that are located alone, and find no points.
+    located: &'a [bool],
+    masks: Option<&'a MaskOptions>,
+}
+
+/// Estimates cameras, and writes a capture into a folder.
 fn estimate(
-    photos: &PhotoFiles,
-    located: &[bool],
+    Matched { photos, located, masks }: Matched<'_>,
     matching: &EstimatePhotosOptions,
     out: &OutputFolder,
     observe: &mut dyn Observe,
 ) -> Result<EstimatedCameras, Error> {
     let start = Instant::now();
-    let PhotoFiles { paths: photos, sequence, .. } = photos;
+    let PhotoFiles { paths: photos, originals, sequence, .. } = photos;
+    let masks = masks.map(|masks| PhotoMasks::find(originals, masks)).transpose()?;
     EstimatedPhotos::check(out, photos)?;
+    masks.as_ref().map_or(Ok(()), |masks| masks.check(out))?;
     check_memory(MATCHED * photos.len() as u64, "fewer photos at once take less")?;
     observe.note(&format!("cameras: matching {} photos", photos.len()));
     let options = EstimatePhotosOptions { sequence: *sequence, ..*matching };
-    let found = estimate_photos(photos, located, &options)?;
+    let found = estimate_masked_photos(photos, located, masks.as_ref(), &options)?;
     found.remarks.iter().for_each(|remark| observe.warning(remark));
     let placed = found.placed().len();
     if placed < 2 {

@@ -12,8 +12,8 @@ use std::sync::Arc;
 use std::time::Instant;
 use weaver_clip::PhotoFiles;
 use weaver_data::EstimatePhotosOptions;
-use weaver_data::capture::HoldOut;
-use weaver_data::posed::CaptureCameras;
+use weaver_data::capture::{HoldOut, MaskOptions};
+use weaver_data::posed::{CaptureCameras, Masked};
 use weaver_fit::{FitRasterizer, FitSettings};
 use weaver_io::{Advice, Observe, OutputFolder, ShellCommand};
 use weaver_splat::CpuRasterizer;
@@ -81,6 +81,11 @@ pub struct Request {
     pub frames: Option<usize>,
     /// Options of estimated cameras.
     pub matching: EstimatePhotosOptions,
+    /// Masks of the photos: their black pixels are neither matched nor fitted; `None` uses all of each photo. A
+    /// capture has its masks beside it, and no folder is given.
+    pub masks: Option<MaskOptions>,
+    /// Meaning of masked pixels for the scene.
+    pub masked: Masked,
     /// Draws.
     pub rasterizer: Arc<dyn FitRasterizer>,
     /// Port of a page that follows the fit.
@@ -101,6 +106,8 @@ impl Request {
             html: true,
             frames: None,
             matching: EstimatePhotosOptions::default(),
+            masks: None,
+            masked: Masked::default(),
             rasterizer: Arc::new(CpuRasterizer),
             live: None,
         }
@@ -136,7 +143,9 @@ impl Request {
 pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe) -> Result<Outcome, Error> {
     let start = Instant::now();
     request.check()?;
-    let out = match Run::claim(&request.out, photos.paths()) {
+    let masks = request.masks.as_ref();
+    let read = photos.paths().iter().chain(masks.and_then(|masks| masks.folder.as_ref()));
+    let out = match Run::claim(&request.out, read) {
         Err(Error::Run(weaver_run::Error::RunExists { folder, .. })) => return Err(already_there(&folder)),
         claimed => claimed?,
     };
@@ -146,6 +155,10 @@ pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe
     let cameras = CaptureCameras::read(&capture, hold_out)?;
     let mut settings = RunSettings {
         hold_out,
+        masks: masks.is_some(),
+        // Cameras that were estimated come with masks whose white counts.
+        invert_masks: matches!(photos, Photos::Capture(_)) && masks.is_some_and(|masks| masks.inverted),
+        masked: request.masked,
         by_photos: ByPhotos::ALL,
         compress: request.compress,
         html: request.html,
@@ -184,6 +197,11 @@ fn capture_of(
     let demo;
     let paths = match photos {
         Photos::Capture(capture) => {
+            if let Some(folder) = request.masks.as_ref().and_then(|masks| masks.folder.as_ref()) {
+                let found = format!("those in {}", folder.display());
+                let expected = "masks that the capture names, or in a folder masks in it";
+                return Err(Error::Photos { capture: capture.clone(), key: "masks", expected: expected.into(), found });
+            }
             observe.note(&format!("cameras: those of {}", capture.display()));
             return Ok((capture.clone(), request.hold_out));
         }
@@ -194,7 +212,8 @@ fn capture_of(
         Photos::Files(paths) => paths.as_slice(),
     };
     let photos = PhotoFiles::collect(paths, request.frames, out, observe)?;
-    let capture = estimated_capture(&photos, request.hold_out, &request.matching, out, observe)?;
+    let chosen = (request.hold_out, request.masks.as_ref());
+    let capture = estimated_capture(&photos, chosen, &request.matching, out, observe)?;
     Ok((capture, held_out_of_estimated(request.hold_out)))
 }
 

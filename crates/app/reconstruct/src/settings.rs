@@ -5,7 +5,7 @@ use crate::{Coverage, Error};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_data::capture::HoldOut;
-use weaver_data::posed::PosedOptions;
+use weaver_data::posed::{Masked, PosedOptions};
 use weaver_fit::{FitError, FitSettings};
 use weaver_io::SceneFormat;
 
@@ -29,6 +29,12 @@ pub struct RunSettings {
     pub views: Option<usize>,
     /// True if masks are read.
     pub masks: bool,
+    /// True if black counts in masks.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub invert_masks: bool,
+    /// Meaning of masked pixels for the scene.
+    #[serde(default, skip_serializing_if = "is_unknown")]
+    pub masked: Masked,
     /// True if the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor
     /// for all photos; it stays as given where a lens is a fisheye.
     pub focal: bool,
@@ -68,6 +74,10 @@ pub struct RunSettings {
 /// The choice of runs that are older than the key.
 fn written() -> bool {
     true
+}
+
+fn is_unknown(masked: &Masked) -> bool {
+    *masked == Masked::Unknown
 }
 
 /// Settings of the fit that follow from the photos, for lack of a choice by the user. Once they are decided, they are
@@ -127,6 +137,8 @@ impl RunSettings {
             hold_out: HoldOut::Listed,
             views: None,
             masks: false,
+            invert_masks: false,
+            masked: Masked::Unknown,
             focal: false,
             by_photos: ByPhotos::default(),
             init: Initial::Auto,
@@ -184,6 +196,8 @@ impl RunSettings {
             long_side: self.long_side,
             hold_out: self.hold_out,
             masks: self.masks,
+            invert_masks: self.invert_masks,
+            masked: self.masked,
             background: self.fit.background,
             ..PosedOptions::default()
         }

@@ -2,6 +2,9 @@
 
 use weaver_io::Advice;
 
+/// Names in a line, at most.
+const NAMED: usize = 8;
+
 /// Why photos or a clip cannot be read, or a file of moving pictures cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -35,4 +38,11 @@ impl Error {
     pub(crate) fn setting(setting: &'static str, message: impl Into<String>) -> Self {
         Self::Setting { setting, message: message.into(), source: Advice::Setting(setting) }
     }
+}
+
+/// The first of some names, and how many more there are.
+pub(crate) fn some_of(names: impl ExactSizeIterator<Item = String>, between: &str) -> String {
+    let more = names.len().saturating_sub(NAMED);
+    let named = names.take(NAMED).collect::<Vec<_>>().join(between);
+    if more > 0 { format!("{named} and {more} more") } else { named }
 }

@@ -27,8 +27,8 @@ const APART: f32 = 0.04;
 const CLOSEST: f32 = 0.01;
 /// From this movement on two frames hardly have enough in common.
 const FAR: f32 = 0.25;
-/// Quality of the frames that are written, of 100: nothing of what a clip holds is lost.
-const QUALITY: u8 = 95;
+/// Quality of the JPEGs that are written, of 100: nothing that a clip or a HEIC holds is lost.
+pub(crate) const QUALITY: u8 = 95;
 
 /// True if a path is that of a clip: by its extension, or by its first bytes where it has none that photos have.
 pub fn is_clip(path: &Path) -> bool {
@@ -185,12 +185,17 @@ fn write(
 /// cameras may be of.
 fn write_frame(bitmap: &Bitmap, name: &str, out: &OutputFolder) -> Result<String, Error> {
     let bytes = bitmap.to_jpeg(QUALITY).map_err(|error| Error::input(format!("{name}: {error}")))?;
+    write_jpeg(&bytes, name, &[], out)
+}
+
+/// Writes a JPEG, and returns its name: one that is not `given` away, and that no file with other content has.
+pub(crate) fn write_jpeg(bytes: &[u8], name: &str, given: &[String], out: &OutputFolder) -> Result<String, Error> {
     let stem = name.strip_suffix(".jpg").unwrap_or(name);
     let names = std::iter::once(name.to_string()).chain((2..).map(|i| format!("{stem}-{i}.jpg")));
-    for name in names {
+    for name in names.filter(|name| !given.contains(name)) {
         let path = out.path().join(&name);
         if !is_taken(&path) {
-            weaver_io::atomic_write(out.file(&name)?, |w| w.write_all(&bytes))?;
+            weaver_io::atomic_write(out.file(&name)?, |w| w.write_all(bytes))?;
             return Ok(name);
         }
         // A link that leads nowhere is somebody's, too.

@@ -1,12 +1,11 @@
 //! The photos that paths stand for: files, files in folders, and frames of clips.
 
 use crate::Error;
+use crate::error::some_of;
 use crate::frames::{FRAMES, FrameFolder, is_clip, write_frames};
+use crate::heif::{CONVERTED, Converted, convert};
 use std::path::{Path, PathBuf};
 use weaver_io::{Observe, OutputFolder, PhotoFolder, ShellCommand};
-
-/// Names in a line, at most.
-const NAMED: usize = 8;
 
 /// Files of photos.
 #[derive(Clone, Debug)]
@@ -15,17 +14,26 @@ pub struct PhotoFiles {
     pub paths: Vec<PathBuf>,
     /// True if most of them are frames of clips, which follow one another.
     pub sequence: bool,
+    /// The files that were given or were in folders that were given, one for each: other ones where photos were
+    /// converted.
+    pub originals: Vec<PathBuf>,
     /// The frames, relative to the folder of the result; `None` without a clip.
     frames: Option<Vec<String>>,
+    /// The converted photos, likewise.
+    converted: Option<Vec<String>>,
 }
 
 impl PhotoFiles {
     /// Photos by their files, folders of photos, and clips, of which frames are written to the folder `frames` of a
     /// result: `most` of each, spread over the way of its camera, or as many as show something new.
     ///
+    /// HEIC and AVIF photos become JPEGs in the folder `converted` of the result, upright, in sRGB and with their focal
+    /// length. Without a program that decodes them they stay in the list, for their reader to say how to convert them.
+    ///
     /// # Errors
     /// When a path is not there or a folder has no photos; when a clip cannot be decoded, or its camera stands still;
-    /// when a number of frames is given and there is no clip.
+    /// when a number of frames is given and there is no clip; when more than a quarter of the photos are HEIC or AVIF
+    /// that cannot be decoded.
     pub fn collect(
         paths: &[PathBuf],
         most: Option<usize>,
@@ -51,16 +59,20 @@ impl PhotoFiles {
             written.extend(names);
         }
         let sequence = 2 * written.len() > photos.len();
-        Ok(Self { paths: photos, sequence, frames: (clips > 0).then_some(written) })
+        let Converted { originals, paths, written: converted } = convert(photos, out, observe)?;
+        Ok(Self { paths, originals, sequence, frames: (clips > 0).then_some(written), converted })
     }
 
-    /// Removes the frames of an earlier choice. To be called once cameras are written: until then the earlier ones
-    /// name them.
+    /// Removes the frames of an earlier choice, and photos that were converted for it. To be called once cameras are
+    /// written: until then the earlier ones name them.
     ///
     /// # Errors
     /// When a file cannot be removed.
     pub fn remove_earlier_frames(&self, out: &OutputFolder) -> Result<(), Error> {
-        Ok(self.frames.as_ref().map_or(Ok(()), |frames| out.remove_others(FRAMES, frames))?)
+        for (folder, written) in [(FRAMES, &self.frames), (CONVERTED, &self.converted)] {
+            written.as_ref().map_or(Ok(()), |written| out.remove_others(folder, written))?;
+        }
+        Ok(())
     }
 }
 
@@ -87,7 +99,7 @@ fn in_folder(path: &Path, given: &[PathBuf], observe: &mut dyn Observe) -> Resul
         }
         return Ok(photos);
     }
-    let expected = "expected photos (JPEG, PNG, TIFF or WebP), found none";
+    let expected = "expected photos (JPEG, PNG, TIFF, WebP, HEIC or AVIF), found none";
     Err(Error::input(if in_all > 0 {
         format!("{here}: {expected} but {in_all} in folders below it; give these in its place: {folders}")
     } else if others.is_empty() {
@@ -97,11 +109,4 @@ fn in_folder(path: &Path, given: &[PathBuf], observe: &mut dyn Observe) -> Resul
         let remedy = "pictures of other formats are converted first, for instance with `magick IN OUT.jpg`";
         format!("{here}: {expected} among {kinds}; {remedy}, and clips are given by their own names")
     }))
-}
-
-/// The first of some names, and how many more there are.
-fn some_of(names: impl ExactSizeIterator<Item = String>, between: &str) -> String {
-    let more = names.len().saturating_sub(NAMED);
-    let named = names.take(NAMED).collect::<Vec<_>>().join(between);
-    if more > 0 { format!("{named} and {more} more") } else { named }
 }

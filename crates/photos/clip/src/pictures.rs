@@ -1,7 +1,7 @@
 //! The pictures of a clip, one after the other, as an ffmpeg beside this process decodes them.
 
 use crate::Error;
-use crate::ffmpeg::{Ended, Ffmpeg, INSTALL};
+use crate::program::{Ended, INSTALL, Program};
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ const CONTAINERS: &str =
 #[derive(Debug)]
 pub struct Pictures {
     clip: PathBuf,
-    ffmpeg: Ffmpeg,
+    ffmpeg: Program,
     pipe: BufReader<ChildStdout>,
 }
 
@@ -55,7 +55,7 @@ impl Pictures {
             .args(["-map", "0:V:0", "-vf", filter, "-r", "25", "-c:v", codec, "-f", "image2pipe", "pipe:1"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped());
-        let ffmpeg = Ffmpeg::start(command, &missing(clip))?;
+        let ffmpeg = Program::start(command, &missing(clip))?;
         let pipe = ffmpeg.stdout().ok_or_else(|| Error::input("ffmpeg: no pipe"))?;
         Ok(Self { clip: clip.into(), ffmpeg, pipe: BufReader::with_capacity(1 << 16, pipe) })
     }

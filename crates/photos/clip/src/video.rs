@@ -1,8 +1,8 @@
 //! Encodes pictures into a video with the installed ffmpeg.
 
 use crate::Error;
-use crate::ffmpeg::{Ffmpeg, INSTALL};
 use crate::film::Film;
+use crate::program::{INSTALL, Program};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdin, Command, Stdio};
@@ -18,7 +18,7 @@ const FORMATS: [&str; 6] = ["mp4", "mp4", "mov", "matroska", "webm", "avi"];
 pub struct Video {
     path: PathBuf,
     // Before the file: what ffmpeg still writes is removed after it has ended.
-    ffmpeg: Ffmpeg,
+    ffmpeg: Program,
     unfinished: UnfinishedFile,
     /// Where ffmpeg reads, until all is written.
     pipe: Option<ChildStdin>,
@@ -47,7 +47,7 @@ impl Video {
         let missing = format!(
             "--video needs the program ffmpeg, and there is none on the PATH; {INSTALL}; without --video, pictures are written"
         );
-        let ffmpeg = Ffmpeg::start(command, &missing)?;
+        let ffmpeg = Program::start(command, &missing)?;
         let pipe = ffmpeg.stdin();
         Ok(Self { path: path.to_owned(), ffmpeg, unfinished, pipe })
     }

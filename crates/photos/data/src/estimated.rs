@@ -4,16 +4,19 @@ mod context;
 mod doubt;
 mod focal_lengths;
 mod loading;
+mod masks;
 mod model;
 mod order;
 mod picture;
 mod summary;
 
+use crate::capture::PhotoMasks;
 use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, remarks};
 pub use context::EstimatedContext;
 pub use doubt::Doubt;
 use loading::{Loaded, Small, lenses_of, load};
+use masks::PhotoMask;
 use model::UPRIGHT;
 use order::is_sequence;
 use rayon::prelude::*;
@@ -74,6 +77,8 @@ pub struct EstimatedPhotos {
     sizes: Vec<(usize, usize)>,
     /// Photos whose size leaves the EXIF rotation ambiguous.
     ambiguous: Vec<bool>,
+    /// The masks of photos that have one in a file.
+    masks: Vec<Option<PhotoMask>>,
     /// True for photos that are only located.
     located: Vec<bool>,
     /// True if any was to be only located, also one that cannot be read.
@@ -110,13 +115,33 @@ pub fn estimate_photos(
     located: &[bool],
     options: &EstimatePhotosOptions,
 ) -> Result<EstimatedPhotos, Error> {
+    estimate_masked_photos(paths, located, None, options)
+}
+
+/// Estimates the cameras of photo files as [`estimate_photos`] does, from nothing that masks leave out.
+///
+/// # Errors
+/// As [`estimate_photos`]; also when a photo has no mask, or one of another size, and when masks leave nothing of any
+/// photo.
+///
+/// # Panics
+/// If `located` or the masks are not as many as `paths`.
+pub fn estimate_masked_photos(
+    paths: &[PathBuf],
+    located: &[bool],
+    masks: Option<&PhotoMasks>,
+    options: &EstimatePhotosOptions,
+) -> Result<EstimatedPhotos, Error> {
     assert_eq!(paths.len(), located.len(), "as many photos as flags");
     let holds_out = located.contains(&true);
-    let loaded: Vec<Result<Loaded, Fault>> = paths.par_iter().map(|path| load(path, options)).collect();
+    let load = |(i, path): (usize, &PathBuf)| load(path, masks.map(|masks| &masks.masks[i]), options);
+    let loaded: Vec<Result<Loaded, Fault>> = paths.par_iter().enumerate().map(load).collect();
     let needed = Needed { least: 2, all: paths.len() };
     let (loaded, unreadable) = without_unreadable(paths.iter().map(PathBuf::as_path), loaded, needed)?;
     let of_readable = |i: usize| loaded[i].is_some();
     let located: Vec<bool> = (0..paths.len()).filter(|i| of_readable(*i)).map(|i| located[i]).collect();
+    let of_mask = |i: usize| masks.and_then(|masks| PhotoMask::of(&masks.masks[i]));
+    let mask_files: Vec<Option<PhotoMask>> = (0..paths.len()).filter(|i| of_readable(*i)).map(of_mask).collect();
     let paths: Vec<PathBuf> = (0..paths.len()).filter(|i| of_readable(*i)).map(|i| paths[i].clone()).collect();
     let loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
     let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
@@ -124,13 +149,15 @@ pub fn estimate_photos(
     let (focals, outliers) = focal_lengths::without_outliers(&names, &focals);
     let transparent = loaded.iter().zip(&names).filter(|(loaded, _)| loaded.transparent);
     let transparent = remarks::transparent(&transparent.map(|(_, name)| name.clone()).collect::<Vec<_>>());
+    let transparent = transparent.filter(|_| masks.is_none());
+    let covered = masks::covered(&names, &loaded)?;
     let lens_of = lenses_of(&loaded, &focals, options.shared);
     let photos: Vec<Photo<'_>> = (loaded.iter().zip(&focals).zip(located.iter().zip(&lens_of)))
-        .map(|((Loaded { image, .. }, focal), (located, lens))| {
+        .map(|((Loaded { image, mask, .. }, focal), (located, lens))| {
             let photo = Photo::new(&image.bytes[..], [image.height, image.width]);
             let (w, h) = (image.width as f64, image.height as f64);
             let focal = options.focal.map(|f| f * w.max(h)).or(focal.map(|mm| mm / FILM * w.hypot(h)));
-            Photo { focal, located: *located, lens: *lens, ..photo }
+            Photo { focal, located: *located, lens: *lens, mask: mask.as_deref(), ..photo }
         })
         .collect();
     let focal_deviation = if options.focal.is_some() { 0.0 } else { TOLD };
@@ -138,11 +165,13 @@ pub fn estimate_photos(
     let settings =
         EstimateOptions { focal_deviation, sequence, distortion: options.distortion, ..EstimateOptions::default() };
     let (estimate, contradicted) = focal_lengths::estimate(&photos, &settings);
-    let remarks = [unreadable, outliers, transparent, contradicted].into_iter().flatten().collect();
+    let unused = masks.and_then(|masks| masks.remark.clone());
+    let remarks = [unreadable, outliers, transparent, unused, covered, contradicted].into_iter().flatten().collect();
     let sizes = loaded.iter().map(|loaded| loaded.size).collect();
     let ambiguous = loaded.iter().map(|loaded| loaded.ambiguous).collect();
     let images = loaded.into_iter().map(|loaded| loaded.image).collect();
-    Ok(EstimatedPhotos { paths, remarks, images, sizes, ambiguous, located, holds_out, lens_of, estimate })
+    let masks = mask_files;
+    Ok(EstimatedPhotos { paths, remarks, images, sizes, ambiguous, masks, located, holds_out, lens_of, estimate })
 }
 
 impl EstimatedPhotos {
@@ -197,8 +226,8 @@ impl EstimatedPhotos {
     /// content.
     ///
     /// Photos stay where they are and are named relative to the folder, so that both can be moved together; a
-    /// distortion that was found is named with their cameras. Photos whose size leaves the EXIF rotation ambiguous are
-    /// written to upright/.
+    /// distortion that was found is named with their cameras, and so are masks. Photos whose size leaves the EXIF
+    /// rotation ambiguous are written to upright/, and masks whose black counts to masks/, as others read them.
     ///
     /// # Errors
     /// When a file cannot be written, or is not to be replaced; when photos cannot be read again.
@@ -208,6 +237,10 @@ impl EstimatedPhotos {
         for (number, frame) in &frames {
             if self.written_to(*number).is_some() {
                 PhotoFile::at(&self.paths[*number])?.read()?.write_png(staged.file(&frame.name)?)?;
+            }
+            if let (Some(PhotoMask { file, inverted: true }), Some(name)) = (&self.masks[*number], &frame.mask) {
+                let name = name.to_string_lossy();
+                PhotoFile::at(file)?.over([0.0; 3]).inverted().read()?.write_png(staged.file(name)?)?;
             }
         }
         self.model(&frames).write_binary(staged.files(SPARSE, Model::FILES)?)?;

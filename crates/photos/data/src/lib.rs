@@ -22,7 +22,8 @@ mod unreadable;
 pub use capture::posed;
 pub use error::Error;
 pub use estimated::{
-    CameraSummary, CamerasSummary, Doubt, EstimatePhotosOptions, EstimatedContext, EstimatedPhotos, estimate_photos,
+    CameraSummary, CamerasSummary, Doubt, EstimatePhotosOptions, EstimatedContext, EstimatedPhotos,
+    estimate_masked_photos, estimate_photos,
 };
 pub use layout::Layout;
 pub use remarks::some_of;

@@ -168,12 +168,11 @@ mod tests {
             done.map(|(_, remark)| remark.unwrap()).map_err(|error| error.to_string())
         };
         let remark = said(3, 1, 8).unwrap();
-        let begins =
-            "4 of 12 photos cannot be read and are left out: HEIC: convert it to JPEG, for instance with `magick ";
+        let begins = "4 of 12 photos cannot be read and are left out: HEIC: convert it to JPEG, for instance with `";
         assert!(remark.starts_with(begins) && remark.contains("(1.x, 2.x, 3.x); image: expected a photo"), "{remark}");
         let message = said(200, 0, 8).unwrap_err();
         assert!(message.starts_with("photos: 200 of 208 cannot be read: HEIC: convert it to JPEG"), "{message}");
-        assert!(message.contains("7.x and 192 more)") && message.len() < 500, "{message}");
+        assert!(message.contains("7.x and 192 more)") && message.len() < 600, "{message}");
         assert!(said(5, 0, 4).is_err() && said(4, 0, 4).is_ok() && said(0, 3, 8).is_err());
     }
 

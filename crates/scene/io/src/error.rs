@@ -32,7 +32,7 @@ pub enum Error {
         /// The value found.
         found: String,
     },
-    /// A photo of a format that is not read.
+    /// A photo of a format that another program decodes.
     #[error("{}: image: expected a JPEG, PNG, TIFF or WebP image, found {kind}: {}", path.display(), Self::CONVERSION)]
     ToConvert {
         /// The file.
@@ -63,9 +63,18 @@ pub enum Error {
 }
 
 impl Error {
-    /// Programs that convert photos of formats that are not read.
-    pub const CONVERSION: &str = "convert it to JPEG, for instance with `magick IN OUT.jpg`, `heif-convert IN OUT.jpg` or, on \
-         a Mac, `sips -s format jpeg IN --out OUT.jpg`";
+    /// Conversion of photos whose format needs a program of its own.
+    pub const CONVERSION: &str = if cfg!(target_os = "macos") {
+        "convert it to JPEG, for instance with `sips -s format jpeg IN --out OUT.jpg`; where cameras are estimated, this \
+         is done for you"
+    } else if cfg!(windows) {
+        "convert it to JPEG, for instance with `magick IN OUT.jpg` (to install it: winget install \
+         ImageMagick.ImageMagick); where cameras are estimated, this is done for you once it is installed"
+    } else {
+        "convert it to JPEG, for instance with `heif-convert IN OUT.jpg` (to install it: sudo apt install \
+         libheif-examples, or sudo dnf install libheif-tools); where cameras are estimated, this is done for you once it \
+         is installed"
+    };
 
     /// For `map_err` on operations on `path`.
     pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> Self + use<> {

@@ -52,6 +52,7 @@ pub use observe::{Observe, Part, Stage, duration};
 pub use pictures::bitmap::Bitmap;
 pub use pictures::color::{false_color, label_color};
 pub use pictures::exif::focal_35mm;
+pub use pictures::heif::{HeifPhoto, Turned};
 pub use pictures::image::{Background, Image};
 pub use pictures::photo_file::{PhotoFile, list_photos};
 pub use pictures::photo_folder::PhotoFolder;

@@ -3,6 +3,7 @@
 pub(crate) mod bitmap;
 pub(crate) mod color;
 pub(crate) mod exif;
+pub(crate) mod heif;
 pub(crate) mod image;
 pub(crate) mod photo_file;
 pub(crate) mod photo_folder;

@@ -1,6 +1,6 @@
 //! `splatweaver cameras`.
 
-use crate::flags::{ClipFlags, CompleteFlag, MatchingFlags};
+use crate::flags::{ClipFlags, CompleteFlag, MaskFlags, MatchingFlags};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, ConsoleObserver, Failure, Output, Threads, in_pool};
@@ -17,9 +17,10 @@ use weaver_reconstruct::{CameraComparison, CamerasRequest, cameras};
   splatweaver cameras photos -o capture
   splatweaver cameras clip.mp4 -o capture --frames 60
   splatweaver cameras a.jpg b.jpg c.jpg -o capture --focal 1.2
+  splatweaver cameras photos -o capture --masks masks          masks/a.png is of photos/a.jpg; black is left out
   splatweaver cameras capture/images -o mine --compare capture/transforms.json")]
 pub struct Cameras {
-    /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, or clips
+    /// Photos (JPEG, PNG, TIFF, WebP, HEIC, AVIF), folders of photos, or clips
     #[arg(required = true)]
     pub photos: Vec<PathBuf>,
     /// Folder for the results
@@ -36,6 +37,8 @@ pub struct Cameras {
     #[command(flatten)]
     pub matching: MatchingFlags,
     #[command(flatten)]
+    pub masks: MaskFlags,
+    #[command(flatten)]
     pub complete: CompleteFlag,
     #[command(flatten)]
     pub threads: Threads,
@@ -49,6 +52,7 @@ fn estimate(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
     let request = CamerasRequest {
         frames: arguments.clip.most(),
         matching: arguments.matching.into(),
+        masks: arguments.masks.options(),
         read: Vec::from_iter(arguments.compare.clone()),
         ..CamerasRequest::new(&*arguments.out)
     };

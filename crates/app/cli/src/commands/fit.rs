@@ -6,7 +6,7 @@ mod outcome;
 pub use outcome::{conclude, print};
 
 use super::convert::scene_format;
-use crate::flags::{CameraChoice, CompleteFlag, MatchingFlags, hold_out, level, minutes};
+use crate::flags::{CameraChoice, CompleteFlag, MASKED, MatchingFlags, hold_out, level, minutes};
 use crate::processes::{network, together};
 use clap::Args;
 use initial::Start;
@@ -17,6 +17,7 @@ use weaver_command::{
     device, in_pool,
 };
 use weaver_data::capture::HoldOut;
+use weaver_data::posed::Masked;
 use weaver_fit::{FitSettings, Judge, StrategyKind, bytes_per_step};
 use weaver_io::SceneFormat;
 use weaver_ranks::{Alone, Ranks};
@@ -68,7 +69,7 @@ pub struct Fit {
     #[arg(long, value_name = "S", help_heading = RUN)]
     pub seed: Option<u64>,
     /// Goes on with this run, with its own settings
-    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run", "if_complete"])]
+    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "invert_masks", "masked", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run", "if_complete"])]
     pub resume: Option<PathBuf>,
     /// Says what the run would take, measures a few seconds of it, and writes nothing
     #[arg(long, help_heading = RUN, conflicts_with = "live")]
@@ -99,6 +100,12 @@ pub struct Fit {
     /// Leaves out what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
     #[arg(long, help_heading = PHOTOS)]
     pub masks: bool,
+    /// Leaves out what is white in masks in place of what is black
+    #[arg(long, requires = "masks", help_heading = PHOTOS)]
+    pub invert_masks: bool,
+    /// Meaning of masked pixels: unknown, or empty space [default: unknown]
+    #[arg(long, value_parser = choice(&MASKED), requires = "masks", help_heading = PHOTOS)]
+    pub masked: Option<Masked>,
     /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: the mean color of
     /// the photos; white where photos are transparent]
     #[arg(long, value_name = "COLOR", value_parser = background, help_heading = PHOTOS)]
@@ -251,6 +258,8 @@ fn request(arguments: &Fit, initial: &Start) -> Result<FitRequest, Failure> {
         hold_out: arguments.hold_out.unwrap_or_default(),
         views: arguments.max_photos.map(|views| views as usize),
         masks: arguments.masks,
+        invert_masks: arguments.invert_masks,
+        masked: arguments.masked.unwrap_or_default(),
         focal: arguments.refine_focal,
         by_photos,
         init: initial.kind(),

@@ -1,7 +1,7 @@
 //! `splatweaver reconstruct`.
 
 use super::fit;
-use crate::flags::{ClipFlags, CompleteFlag, MatchingFlags, hold_out, level, minutes};
+use crate::flags::{ClipFlags, CompleteFlag, MaskFlags, MaskedFlag, MatchingFlags, hold_out, level, minutes};
 use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ const FIT: &str = "Fit";
   splatweaver reconstruct a.jpg b.jpg c.jpg d.jpg -o scene --minutes 1
   splatweaver reconstruct photos -o scene --hold-out 8         how good it is from elsewhere")]
 pub struct Reconstruct {
-    /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, clips, or one capture
+    /// Photos (JPEG, PNG, TIFF, WebP, HEIC, AVIF), folders of photos, clips, or one capture
     #[arg(required_unless_present = "demo")]
     pub photos: Vec<PathBuf>,
     /// Photos that come with the program, for a first look: half a minute, unless a quality or a time is given
@@ -68,6 +68,10 @@ pub struct Reconstruct {
     pub clip: ClipFlags,
     #[command(flatten)]
     pub matching: MatchingFlags,
+    #[command(flatten)]
+    pub masks: MaskFlags,
+    #[command(flatten)]
+    pub masked: MaskedFlag,
     #[command(flatten)]
     pub complete: CompleteFlag,
     #[command(flatten)]
@@ -122,6 +126,8 @@ fn make(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -
         html: !arguments.no_html,
         frames: arguments.clip.most(),
         matching: arguments.matching.into(),
+        masks: arguments.masks.options(),
+        masked: arguments.masked.masked.unwrap_or_default(),
         live: Listener::of(arguments.live)?,
         ..Request::new(&*arguments.out)
     };

@@ -5,7 +5,7 @@ use weaver_command::{Failure, choice};
 use weaver_data::{EstimatePhotosOptions, Find};
 
 /// Heading of these flags.
-const MATCHING: &str = "Estimated cameras";
+pub(super) const MATCHING: &str = "Estimated cameras";
 
 /// Radial distortions that may be found.
 const DISTORTIONS: [(&str, Find, &str); 3] = [

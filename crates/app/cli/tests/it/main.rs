@@ -20,6 +20,8 @@ mod figures;
 mod fit;
 mod given_cameras;
 #[cfg(unix)]
+mod heif;
+#[cfg(unix)]
 mod image;
 mod in_process;
 mod info;

@@ -253,10 +253,43 @@ fn what_is_not_used_is_said() {
     let text = said(&output);
     assert!(output.status.success(), "{text}");
     assert_eq!(placed(&json(&output))[0], 6, "{text}");
-    assert!(text.contains("warning: 1 of 7 photos") && text.contains("(capture/images/06.heic)"), "{text}");
+    assert!(text.contains("warning: 1 of 7 photos") && text.contains("capture/images/06.heic"), "{text}");
     let output = run(folder, "cameras capture/images/00.png capture/images/06.heic -o found");
     let text = said(&output);
-    assert!(output.status.code() == Some(1) && text.contains("06.heic") && text.contains("convert it"), "{text}");
+    assert!(
+        output.status.code() == Some(1) && text.contains("06.heic") && text.contains("cannot be decoded"),
+        "{text}"
+    );
+}
+
+/// Promise (photos): `reconstruct` and `fit` take masks of empty space, which shows the background.
+#[test]
+fn masks_may_say_that_nothing_stands_there() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 12);
+    std::fs::create_dir(folder.join("segments")).unwrap();
+    let mut mask = Image::filled(192, 144, [0.0; 3]);
+    mask.pixels.chunks_mut(3 * 192).for_each(|row| row[..3 * 150].fill(1.0));
+    (0..6).for_each(|i| mask.write_png(folder.join(format!("segments/{i:02}.png"))).unwrap());
+    let masks = "--masks segments --masked empty";
+    let output = run(folder, &format!("reconstruct photos -o out --minutes 0.05 --gaussians 300 {masks}"));
+    assert!(output.status.success(), "{}", said(&output));
+    let output = run(folder, "fit out/cameras -o fitted --steps 2 --gaussians 300 --masks --masked empty");
+    assert!(output.status.success(), "{}", said(&output));
+    for run in ["out", "fitted"] {
+        let settings = std::fs::read_to_string(folder.join(run).join("run.json")).unwrap();
+        let settings: serde_json::Value = serde_json::from_str(&settings).unwrap();
+        assert_eq!((&settings["masks"], &settings["masked"]), (&true.into(), &"empty".into()), "{run}");
+        assert_eq!(settings["fit"]["background"], serde_json::json!([1.0, 1.0, 1.0]), "{run}");
+    }
+    // A capture names its masks.
+    let output = run(folder, "reconstruct out/cameras -o again --masks segments");
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert!(said(&output).contains("masks that the capture names") && said(&output).contains("segments"));
+    for wrong in ["--masked empty", "--invert-masks", "--masks segments --masked full"] {
+        assert_eq!(run(folder, &format!("reconstruct photos -o again {wrong}")).status.code(), Some(2), "{wrong}");
+    }
 }
 
 /// Photos that were cropped have a focal length of their own.

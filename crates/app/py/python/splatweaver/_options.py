@@ -27,6 +27,9 @@ class _Matching(_Shared, total=False):
 
 
 class CamerasOptions(_Matching, total=False):
+    #: Folder of masks, or True for masks beside the photos.
+    masks: Union[bool, Path]
+    invert_masks: bool
     #: "skip": complete results stay as they are, what was begun goes on.
     if_complete: str
     frames: int
@@ -34,6 +37,11 @@ class CamerasOptions(_Matching, total=False):
 
 
 class ReconstructOptions(_Matching, total=False):
+    #: Folder of masks, or True for masks beside the photos.
+    masks: Union[bool, Path]
+    invert_masks: bool
+    #: "unknown" or "empty".
+    masked: str
     #: Photos that come with the program, in place of an empty list of photos.
     demo: bool
     #: "skip": complete results stay as they are, what was begun goes on.
@@ -62,6 +70,9 @@ class FitOptions(_Matching, total=False):
     hold_out: Union[str, int]
     max_photos: int
     masks: bool
+    invert_masks: bool
+    #: "unknown" or "empty".
+    masked: str
     background: Color
     exposure: bool
     cameras: str

@@ -8,10 +8,32 @@ use weaver_io::{Image, PhotoFile};
 
 /// A photo's mask.
 #[derive(Clone, Debug)]
-pub(super) struct Mask {
+pub(crate) struct Mask {
     /// Its file; `None` if only the photo's alpha can be one.
     pub file: Option<PathBuf>,
-    folder: PathBuf,
+    /// True if black counts in the file.
+    pub inverted: bool,
+    place: Place,
+}
+
+/// A folder of masks.
+#[derive(Clone, Debug)]
+pub(crate) struct Place {
+    /// The folder that paths of photos are relative to.
+    base: PathBuf,
+    masks: PathBuf,
+}
+
+impl Place {
+    /// The folder `masks` of a capture.
+    fn of_capture(folder: &Path) -> Self {
+        Self { base: folder.to_path_buf(), masks: folder.join("masks") }
+    }
+
+    /// Masks by the ends of the photos' paths.
+    fn by_name(masks: &Path) -> Self {
+        Self { base: PathBuf::new(), masks: masks.to_path_buf() }
+    }
 }
 
 /// The masks of a capture's photos: `mask_path` of the frame, relative to the capture's folder; else [`beside`] the
@@ -21,7 +43,8 @@ pub(super) struct Mask {
 /// When a `mask_path` is not there, or as [`beside`].
 pub(super) fn of_capture(photos: &[Photo], folder: &Path) -> Result<Vec<Mask>, Error> {
     let named = |photo: &Photo| photo.frame.mask.as_ref().map(|mask| folder.join(mask));
-    beside(photos.iter().map(|photo| (photo.frame.path.as_path(), folder.to_path_buf(), named(photo))))
+    let place = || Place::of_capture(folder);
+    beside(photos.iter().map(|photo| (photo.frame.path.as_path(), place(), named(photo))))
 }
 
 /// The masks of photos that belong to no capture: in a folder `masks` beside the photo, or beside the photo's folder.
@@ -29,7 +52,15 @@ pub(super) fn of_capture(photos: &[Photo], folder: &Path) -> Result<Vec<Mask>, E
 /// # Errors
 /// As [`beside`].
 pub(super) fn of_photos(photos: &[PathBuf]) -> Result<Vec<Mask>, Error> {
-    beside(photos.iter().map(|photo| (photo.as_path(), folder_of(photo), None)))
+    beside(photos.iter().map(|photo| (photo.as_path(), place_of(photo), None)))
+}
+
+/// The masks of photos in a folder, named as the photos are.
+///
+/// # Errors
+/// As [`beside`].
+pub(super) fn in_folder(photos: &[PathBuf], masks: &Path) -> Result<Vec<Mask>, Error> {
+    beside(photos.iter().map(|photo| (photo.as_path(), Place::by_name(masks), None)))
 }
 
 /// The masks of photos whose cameras stand in a file of many: as the file says, else as [`of_photos`].
@@ -38,16 +69,16 @@ pub(super) fn of_photos(photos: &[PathBuf]) -> Result<Vec<Mask>, Error> {
 /// As [`of_capture`].
 pub(super) fn of_known(photos: &[Photo], cameras: &Path) -> Result<Vec<Mask>, Error> {
     let named = |photo: &Photo| photo.frame.mask.as_ref().map(|mask| super::folder(cameras).join(mask));
-    beside(photos.iter().map(|photo| (photo.frame.path.as_path(), folder_of(&photo.frame.path), named(photo))))
+    beside(photos.iter().map(|photo| (photo.frame.path.as_path(), place_of(&photo.frame.path), named(photo))))
 }
 
-fn folder_of(photo: &Path) -> PathBuf {
+fn place_of(photo: &Path) -> Place {
     let above = photo.ancestors().skip(1).take(2);
     let with_masks = above.clone().find(|folder| folder.join("masks").is_dir());
-    with_masks.or(photo.parent()).unwrap_or(Path::new("")).to_path_buf()
+    Place::of_capture(with_masks.or(photo.parent()).unwrap_or(Path::new("")))
 }
 
-/// The mask of each photo, given the photos, the folders of their captures, and the files that are named.
+/// The mask of each photo, given the photos, where their masks are, and the files that are named.
 ///
 /// Without a name it is a file in `masks/` with the photo's path, or with the end of it: `masks/images/a/1.png`,
 /// `masks/a/1.png` and `masks/1.png` may mask `images/a/1.png`. It has the photo's extension, `.png` in its place, or
@@ -55,30 +86,35 @@ fn folder_of(photo: &Path) -> PathBuf {
 ///
 /// # Errors
 /// When a file that is named is not there, or a file in `masks/` would belong to several photos.
-fn beside<'a>(photos: impl Iterator<Item = (&'a Path, PathBuf, Option<PathBuf>)>) -> Result<Vec<Mask>, Error> {
+fn beside<'a>(photos: impl Iterator<Item = (&'a Path, Place, Option<PathBuf>)>) -> Result<Vec<Mask>, Error> {
     let mut owners: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     let mut masks = Vec::new();
-    for (photo, folder, named) in photos {
+    for (photo, place, named) in photos {
         if let Some(file) = named {
             if !file.is_file() {
                 return Err(Error::unexpected(photo, "mask_path", file.display().to_string(), "no such file"));
             }
-            masks.push(Mask { file: Some(file), folder });
+            masks.push(Mask { file: Some(file), inverted: false, place });
             continue;
         }
-        let file = candidates(photo, &folder).into_iter().find(|file| file.is_file());
+        let file = candidates(photo, &place).into_iter().find(|file| file.is_file());
         if let Some(file) = &file
             && let Some(other) = owners.insert(file.clone(), photo)
         {
             let both = format!("{} and {}", other.display(), photo.display());
             return Err(Error::unexpected(file, "mask", "one photo of this name, or masks in folders", both));
         }
-        masks.push(Mask { file, folder });
+        masks.push(Mask { file, inverted: false, place });
     }
     Ok(masks)
 }
 
 impl Mask {
+    /// The same mask where black counts in its file, or white.
+    pub fn with_inverted(&self, inverted: bool) -> Self {
+        Self { inverted, ..self.clone() }
+    }
+
     /// The mask of a photo, bright where the photo counts.
     ///
     /// # Errors
@@ -86,7 +122,7 @@ impl Mask {
     pub fn open(&self, path: &Path, photo: PhotoFile) -> Result<PhotoFile, Error> {
         let (width, height) = photo.size();
         let Some(file) = &self.file else {
-            let expected = || expected(path, &self.folder);
+            let expected = || expected(path, &self.place);
             return photo
                 .alpha()
                 .ok_or_else(|| Error::unexpected(path, "mask", expected(), "no such file, and no alpha"));
@@ -97,7 +133,12 @@ impl Mask {
             let expected = format!("{width}x{height}, its photo's");
             return Err(Error::unexpected(file, "image size", expected, format!("{w}x{h}")));
         }
-        Ok(mask)
+        Ok(if self.inverted { mask.inverted() } else { mask })
+    }
+
+    /// The folder of masks that it was looked for in.
+    pub fn folder(&self) -> &Path {
+        &self.place.masks
     }
 }
 
@@ -121,8 +162,8 @@ pub(super) fn cut(photo: &mut Image, mask: &Image) -> Option<Vec<bool>> {
 }
 
 /// Places of a photo's mask, for messages.
-fn expected(photo: &Path, folder: &Path) -> String {
-    let mut all = candidates(photo, folder);
+fn expected(photo: &Path, place: &Place) -> String {
+    let mut all = candidates(photo, place);
     let mut last = all.split_off(all.len().saturating_sub(3));
     // The photo's extension may be the mask's.
     last.dedup();
@@ -130,11 +171,10 @@ fn expected(photo: &Path, folder: &Path) -> String {
 }
 
 /// Possible places of a photo's mask, the longest names first.
-fn candidates(photo: &Path, folder: &Path) -> Vec<PathBuf> {
-    let inside = photo.strip_prefix(folder).unwrap_or(photo);
+fn candidates(photo: &Path, Place { base, masks }: &Place) -> Vec<PathBuf> {
+    let inside = photo.strip_prefix(base).unwrap_or(photo);
     let normal = |part: &Component<'_>| matches!(part, Component::Normal(_));
     let parts: Vec<Component<'_>> = inside.components().filter(normal).collect();
-    let masks = folder.join("masks");
     let of_end = |start: usize| {
         let end: PathBuf = parts[start..].iter().collect();
         let mut behind = end.clone().into_os_string();

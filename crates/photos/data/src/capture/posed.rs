@@ -7,10 +7,22 @@ use super::{HoldOut, folder, name, photo_cameras, read_split_photos};
 use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, remarks, uniform};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
 use weaver_io::PhotoFile;
 use weaver_scene::{Frame, Photo, PointCloud};
+
+/// Meaning of masked pixels for the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Masked {
+    /// Nothing: they do not count.
+    #[default]
+    Unknown,
+    /// That nothing stands there: they show the background, as transparent pixels do.
+    Empty,
+}
 
 /// Options of loading photos with their cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +40,10 @@ pub struct PosedOptions {
     /// end of it, with its own extension, `.png` in its place, or `.png` behind it; else the photo's alpha. Black is
     /// masked, and transparent.
     pub masks: bool,
+    /// White is masked in these files, and black counts.
+    pub invert_masks: bool,
+    /// Meaning of masked pixels for the scene.
+    pub masked: Masked,
     /// The color behind transparent pixels.
     pub background: [f32; 3],
 }
@@ -47,6 +63,8 @@ impl Default for PosedOptions {
             held_out_only: false,
             sample: None,
             masks: false,
+            invert_masks: false,
+            masked: Masked::Unknown,
             background: [1.0; 3],
         }
     }
@@ -76,7 +94,8 @@ pub struct PosedPhotos {
     pub photos: Vec<PosedPhoto>,
     /// Points on surfaces; empty if the capture has none.
     pub points: PointCloud,
-    /// True if parts of photos are transparent, and no mask leaves them out: they show [`PosedOptions::background`].
+    /// True if parts of photos are transparent, and no mask leaves them out, or [empty](Masked::Empty): they show
+    /// [`PosedOptions::background`].
     pub transparent: bool,
     /// Remarks for the user about how they were loaded.
     pub remarks: Vec<String>,
@@ -114,7 +133,7 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
     }
     let canonical = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     Ok(PosedPhotos {
-        transparent: !options.masks && loaded.iter().any(|loaded| loaded.transparent),
+        transparent: loaded.iter().any(|loaded| loaded.transparent),
         name: name(&canonical),
         photos: loaded.into_iter().map(|loaded| loaded.photo).collect(),
         points: PointCloud { positions: points.iter().map(|p| p.as_vec3().to_array()).collect(), colors },
@@ -168,13 +187,14 @@ fn take_size(photo: &mut photo::Photo) -> Result<(), Error> {
 /// A photo that was read.
 struct Loaded {
     photo: PosedPhoto,
-    /// True if some of it is transparent.
+    /// True if some of it shows the background, and counts.
     transparent: bool,
 }
 
 fn load_photos(capture: &Photos, masks: Option<&[Mask]>, options: &PosedOptions) -> Vec<Result<Loaded, Fault>> {
-    let load = |(i, photo)| {
-        let mut loaded = load_photo(photo, masks.map(|masks| &masks[i]), options)?;
+    let load = |(i, photo): (usize, &photo::Photo)| {
+        let mask = masks.map(|masks| masks[i].with_inverted(options.invert_masks));
+        let mut loaded = load_photo(photo, mask.as_ref(), options)?;
         loaded.photo.visible = visible_points(&loaded.photo.photo.camera, capture, photo).0;
         Ok(loaded)
     };
@@ -219,9 +239,14 @@ fn load_photo(photo: &photo::Photo, mask: Option<&Mask>, options: &PosedOptions)
         let at = |times: usize| file.resize_whole(camera.width * times, camera.height * times);
         Ok(straight(lens.as_ref(), shrink, at)?.pixels)
     };
-    let rgb = read(&file).map_err(Fault::unreadable)?;
-    let transparent = file.was_transparent();
-    let inside = mask.map(|mask| Ok::<_, Error>(read(&mask.open(&frame.path, file)?)?)).transpose()?;
+    let opened = mask.map(|mask| mask.open(&frame.path, file.clone())).transpose()?;
+    let empty = mask.is_some() && options.masked == Masked::Empty;
+    // Alpha has laid the photo over the background already.
+    let over = opened.clone().filter(|_| empty && mask.is_some_and(|mask| mask.file.is_some()));
+    let shown = over.map_or(file.clone(), |mask| file.clone().masked(mask));
+    let rgb = read(&shown).map_err(Fault::unreadable)?;
+    let transparent = empty || (mask.is_none() && file.was_transparent());
+    let inside = opened.filter(|_| !empty).map(|mask| read(&mask)).transpose().map_err(Error::from)?;
     let counts = |mask: Vec<u8>| mask.chunks_exact(3).map(|p| p[0] >= 128).collect();
     let posed = PosedPhoto {
         photo: Photo {

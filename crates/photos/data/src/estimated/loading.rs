@@ -2,6 +2,7 @@
 
 use super::EstimatePhotosOptions;
 use crate::Error;
+use crate::capture::Mask;
 use crate::unreadable::Fault;
 use std::path::Path;
 use weaver_geometry::glam::DVec2;
@@ -35,6 +36,8 @@ impl Small {
 /// A photo for matching, upright.
 pub(super) struct Loaded {
     pub image: Small,
+    /// Mask of the pixels that count, `[height, width]`; `None` if all do.
+    pub mask: Option<Vec<bool>>,
     /// Width and height of the file once it is upright.
     pub size: (usize, usize),
     /// True if its size leaves the EXIF rotation ambiguous.
@@ -45,7 +48,14 @@ pub(super) struct Loaded {
     pub exif_focal: Option<f64>,
 }
 
-pub(super) fn load(path: &Path, options: &EstimatePhotosOptions) -> Result<Loaded, Fault> {
+impl Loaded {
+    /// True if its mask leaves nothing.
+    pub fn is_masked(&self) -> bool {
+        self.mask.as_ref().is_some_and(|mask| !mask.contains(&true))
+    }
+}
+
+pub(super) fn load(path: &Path, mask: Option<&Mask>, options: &EstimatePhotosOptions) -> Result<Loaded, Fault> {
     // Its folder is another matter, which leaving a photo out would not mend.
     path_in_utf8(Path::new(path.file_name().unwrap_or_default())).map_err(|_| not_utf8(path))?;
     let file = PhotoFile::at(path).map_err(Fault::unreadable)?;
@@ -53,12 +63,16 @@ pub(super) fn load(path: &Path, options: &EstimatePhotosOptions) -> Result<Loade
     let longest = size.0.max(size.1);
     let to = longest.min(options.long_side);
     let shrunk = |side: usize| ((side * to) as f64 / longest as f64).round().max(1.0) as usize;
-    let image = file.resize_whole(shrunk(size.0), shrunk(size.1)).map_err(Fault::unreadable)?.to_image();
+    let (width, height) = (shrunk(size.0), shrunk(size.1));
+    let image = file.resize_whole(width, height).map_err(Fault::unreadable)?.to_image();
     let image = Small::new(&image);
+    let mask = mask.map(|mask| mask.open(path, file.clone())).transpose()?;
+    let mask = mask.map(|mask| mask.resize_whole(width, height)).transpose().map_err(Error::from)?;
+    let mask = mask.map(|mask| mask.pixels.chunks_exact(3).map(|pixel| pixel[0] >= 128).collect());
     let asked = options.exif && options.focal.is_none();
     let exif_focal = if asked { weaver_io::focal_35mm(path).map_err(Fault::unreadable)? } else { None };
     let (ambiguous, transparent) = (file.has_ambiguous_orientation(), file.was_transparent());
-    Ok(Loaded { image, size, ambiguous, transparent, exif_focal })
+    Ok(Loaded { image, mask, size, ambiguous, transparent, exif_focal })
 }
 
 fn not_utf8(path: &Path) -> Fault {

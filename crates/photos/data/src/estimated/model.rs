@@ -1,7 +1,9 @@
 //! Cameras and points as files have them: of the photos in their own size.
 
 use super::EstimatedPhotos;
+use super::masks::PhotoMask;
 use crate::Error;
+use crate::capture::MASKS;
 use std::collections::BTreeSet;
 use std::path::Path;
 use weaver_geometry::Camera;
@@ -23,18 +25,25 @@ impl EstimatedPhotos {
             let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);
             let camera = Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..camera };
             let path = std::path::absolute(&self.paths[number]).unwrap_or_else(|_| self.paths[number].clone());
-            let (name, path) = match self.written_to(number) {
-                None => (relative_path(folder, &path)?, path),
-                Some(images) => {
-                    let mut name = written(images, &path);
-                    if !taken.insert(name.to_lowercase()) {
-                        name = name.replacen('/', &format!("/{number:04}-"), 1);
-                    }
-                    (name.clone(), folder.join(name))
+            let mut copy = |to: &str| {
+                let mut name = written(to, &path);
+                if !taken.insert(name.to_lowercase()) {
+                    name = name.replacen('/', &format!("/{number:04}-"), 1);
                 }
+                name
             };
-            let distortion = self.estimate.distortion[number];
-            frames.push((number, Frame { path, distortion, ..Frame::new(name, camera) }));
+            let mask = match &self.masks[number] {
+                Some(PhotoMask { inverted: true, .. }) => Some(copy(MASKS)),
+                Some(PhotoMask { file, .. }) => Some(relative_path(folder, file)?),
+                None => None,
+            };
+            let upright = self.written_to(number).map(copy);
+            let (name, path) = match upright {
+                None => (relative_path(folder, &path)?, path),
+                Some(name) => (name.clone(), folder.join(name)),
+            };
+            let (mask, distortion) = (mask.map(Into::into), self.estimate.distortion[number]);
+            frames.push((number, Frame { path, mask, distortion, ..Frame::new(name, camera) }));
         }
         Ok(frames)
     }

@@ -7,6 +7,7 @@ mod exif;
 mod film_layouts;
 mod masked;
 mod own_photos;
+mod photo_masks;
 mod posed;
 mod quality;
 mod real_captures;

@@ -1,9 +1,10 @@
 //! Photos on disk: orientation and pixels, decoded for as long as shrinking takes.
 
-mod decoding;
+pub(crate) mod decoding;
 mod jpeg;
-mod orientation;
+pub(crate) mod orientation;
 mod pixels;
+mod profile;
 mod tiff;
 
 use crate::files::folder::list_named;
@@ -18,7 +19,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Extensions of the photos that can be read.
 pub(crate) const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "webp"];
 
-/// Extensions of photos that cannot, but say how to convert them.
+/// Extensions of photos that other programs decode.
 const TO_CONVERT: [&str; 3] = ["heic", "heif", "avif"];
 
 /// A photo on disk: JPEG (also progressive, gray or CMYK), PNG, TIFF or WebP, of 8 or 16 bits, with or without alpha.
@@ -31,8 +32,9 @@ const TO_CONVERT: [&str; 3] = ["heic", "heif", "avif"];
 /// resolution, else 335 MB.
 ///
 /// A photo is turned upright as its EXIF orientation says, unless [`for_camera`](Self::for_camera) says otherwise.
-/// Straight alpha is composited over a background, white if nothing else is said, in sRGB values. Color profiles are
-/// ignored: values are taken for sRGB.
+/// Straight alpha is composited over a background, white if nothing else is said, in sRGB values. Colors with an ICC
+/// profile of another space, such as Display P3, Adobe RGB, a gray or a CMYK space, become sRGB; a malformed profile
+/// counts as sRGB.
 #[derive(Clone, Debug)]
 pub struct PhotoFile {
     path: PathBuf,
@@ -43,6 +45,8 @@ pub struct PhotoFile {
     has_alpha: bool,
     is_gray: bool,
     bits: usize,
+    /// True if its values are read as their complements.
+    inverted: bool,
     /// A gray photo of the same size that is its alpha.
     mask: Option<Box<PhotoFile>>,
     /// Segments before its pixels if it is a JPEG.
@@ -61,7 +65,7 @@ const ENOUGH: f64 = 3.0;
 
 /// Layer of a photo that is read.
 #[derive(Clone, Copy, Debug)]
-enum Layer {
+pub(crate) enum Layer {
     /// Its colors over a background.
     Over([f32; 3]),
     /// Its alpha, in all three channels.
@@ -87,6 +91,7 @@ impl PhotoFile {
             has_alpha,
             is_gray,
             bits,
+            inverted: false,
             mask: None,
             jpeg,
             shrink_from,
@@ -149,6 +154,11 @@ impl PhotoFile {
     /// Its alpha as a gray photo, if it has one.
     pub fn alpha(self) -> Option<Self> {
         self.has_alpha.then_some(Self { layer: Layer::Alpha, ..self })
+    }
+
+    /// Its negative, as of a mask whose black counts.
+    pub fn inverted(self) -> Self {
+        Self { inverted: !self.inverted, ..self }
     }
 
     /// The photo over its background where `mask` is dark, in proportion: white takes the photo, black nothing of it.
@@ -266,7 +276,8 @@ impl PhotoFile {
         if pixels.is_transparent() {
             self.transparent.store(true, Ordering::Relaxed);
         }
-        Ok(Decoded { pixels, orientation: self.orientation, layer: self.layer, mask: None })
+        let Self { orientation, layer, inverted, .. } = *self;
+        Ok(Decoded { pixels, orientation, layer, inverted, mask: None })
     }
 }
 
@@ -284,8 +295,8 @@ impl Image {
     /// # Errors
     /// When they are no photo.
     pub fn decode(bytes: &[u8], origin: impl AsRef<Path>, background: Background) -> Result<Self> {
-        let (pixels, orientation) = decoding::decode_bytes(origin.as_ref(), bytes)?;
-        let decoded = Decoded { pixels, orientation, layer: Layer::Over(background.rgb()), mask: None };
+        let (pixels, orientation) = decoding::decode_bytes(origin.as_ref(), bytes, None)?;
+        let decoded = Decoded::over(background.rgb(), pixels, orientation);
         let (width, height) = decoded.size();
         Ok(Bitmap { width, height, pixels: decoded.into_pixels() }.to_image())
     }

@@ -123,7 +123,7 @@ fn alpha_is_composited_or_read_by_itself() {
     assert_eq!(alpha.pixels, [255, 255, 255, 0, 0, 0, 51, 51, 51]);
 }
 
-/// Promise (photos): HEIC and AVIF get an error with the command that converts them.
+/// Promise (photos): where HEIC and AVIF are not decoded, they get an error with the command that converts them.
 #[test]
 fn what_cannot_be_read_says_why_and_how_to_convert_it() {
     let folder = tempfile::tempdir().unwrap();
@@ -133,7 +133,11 @@ fn what_cannot_be_read_says_why_and_how_to_convert_it() {
         let message = PhotoFile::at(&path).unwrap_err().to_string();
         parts.iter().chain([&name]).for_each(|part| assert!(message.contains(part), "{part}: {message}"));
     };
-    says("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", &["found HEIC: convert it to JPEG", "heif-convert"]);
+    says(
+        "a.heic",
+        b"\0\0\0\x18ftypheic\0\0\0\0mif1heic",
+        &["found HEIC: convert it to JPEG", "to JPEG, for instance with `"],
+    );
     // By content, under any name.
     says("b.jpg", b"\0\0\0\x18ftypmif1\0\0\0\0mif1heic", &["HEIC"]);
     says("c.avif", b"\0\0\0\x18ftypavif\0\0\0\0avif", &["AVIF"]);

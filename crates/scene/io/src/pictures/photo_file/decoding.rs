@@ -1,7 +1,8 @@
 //! From the bytes of a file to pixels.
 
-use super::jpeg::Segments;
-use super::pixels::Pixels;
+use super::jpeg::{self, Segments};
+use super::pixels::{Pixels, values8};
+use super::profile::Profile;
 use super::{Layer, orientation};
 use crate::files::file::read_bytes;
 use crate::{Error, Result};
@@ -60,11 +61,12 @@ pub(super) fn header(path: &Path) -> Result<Header> {
 
 /// The pixels of a photo.
 pub(super) fn decode(path: &Path) -> Result<Pixels> {
-    Ok(decode_bytes(path, &read_bytes(path)?)?.0)
+    Ok(decode_bytes(path, &read_bytes(path)?, None)?.0)
 }
 
-/// The pixels of a photo in memory, and their orientation; messages call it `path`.
-pub(super) fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<(Pixels, Orientation)> {
+/// The pixels of a photo in memory in sRGB, and their orientation; messages call it `path`. `icc` is its profile if the
+/// file has none.
+pub(crate) fn decode_bytes(path: &Path, bytes: &[u8], icc: Option<&[u8]>) -> Result<(Pixels, Orientation)> {
     check_kind(path, bytes)?;
     if is_cut_jpeg(bytes) {
         return Err(Error::invalid(path, "image", "a whole JPEG image", "one that was cut short"));
@@ -73,6 +75,9 @@ pub(super) fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<(Pixels, Orienta
     let mut decoder = decoder(path, "image", Cursor::new(bytes))?;
     // A malformed orientation is ignored.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    // A malformed profile likewise.
+    let own = decoder.icc_profile().ok().flatten();
+    let profile = own.as_deref().or(icc).and_then(Profile::read);
     let (total, length) = (decoder.total_bytes(), bytes.len() as u64);
     check_claim(path, density(bytes), decoder.dimensions(), total, length)?;
     // Compressed data are no longer than the file.
@@ -82,9 +87,21 @@ pub(super) fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<(Pixels, Orienta
     let decoded = DynamicImage::from_decoder(decoder).map_err(|e| Error::invalid(path, "image", EXPECTED, e))?;
     let size = (decoded.width() as usize, decoded.height() as usize);
     let has_alpha = decoded.color().has_alpha();
-    // Neither conversion copies values that have the form already.
-    let values = if has_alpha { decoded.into_rgba8().into_raw() } else { decoded.into_rgb8().into_raw() };
+    let values = match profile {
+        None => values8(decoded),
+        Some(profile) => in_srgb(decoded, &profile, bytes),
+    };
     Ok((Pixels { whole: size, shrink: 1, size, values, channels: if has_alpha { 4 } else { 3 } }, orientation))
+}
+
+/// The values of a picture of 8 bits in sRGB. Inks of a CMYK JPEG are read from its file, since its decoder makes
+/// colors of them.
+fn in_srgb(picture: DynamicImage, profile: &Profile, file: &[u8]) -> Vec<u8> {
+    profile.to_srgb(picture).unwrap_or_else(|picture| {
+        let values = values8(picture);
+        let inks = jpeg::inks(file).and_then(|inks| profile.of_inks(&inks));
+        inks.filter(|colors| colors.len() == values.len()).unwrap_or(values)
+    })
 }
 
 fn decoder<'a>(path: &Path, place: &str, from: impl BufRead + Seek + 'a) -> Result<impl ImageDecoder + 'a> {
@@ -129,14 +146,21 @@ fn check_values(path: &Path, file: &mut (impl Read + Seek)) -> Result<()> {
     found.map_or(Ok(()), |found| Err(Error::invalid(path, "directory", "values that the file can hold", found)))
 }
 
-/// Says how to convert formats that phones write and nothing here reads.
+/// Says how to convert formats whose pixels other programs decode.
 fn check_kind(path: &Path, bytes: &[u8]) -> Result<()> {
-    let kind = match bytes.get(4..12) {
-        Some(b"ftypavif" | b"ftypavis") => "AVIF",
-        Some(b"ftypheic" | b"ftypheix" | b"ftyphevc" | b"ftyphevx" | b"ftypheim" | b"ftypheis" | b"ftypmif1") => "HEIC",
-        _ => return Ok(()),
-    };
-    Err(Error::ToConvert { path: path.to_path_buf(), kind })
+    match heif_kind(bytes) {
+        Some(kind) => Err(Error::ToConvert { path: path.to_path_buf(), kind }),
+        None => Ok(()),
+    }
+}
+
+/// Name of the format whose file begins with these bytes, if it is one of HEIF.
+pub(crate) fn heif_kind(start: &[u8]) -> Option<&'static str> {
+    match start.get(4..12)? {
+        b"ftypavif" | b"ftypavis" => Some("AVIF"),
+        b"ftypheic" | b"ftypheix" | b"ftyphevc" | b"ftyphevx" | b"ftypheim" | b"ftypheis" | b"ftypmif1" => Some("HEIC"),
+        _ => None,
+    }
 }
 
 /// True if these are the bytes of a JPEG whose picture has a beginning and no end. Decoders fill the rest with gray.
@@ -160,15 +184,22 @@ fn is_cut_jpeg(bytes: &[u8]) -> bool {
 }
 
 /// The pixels of a photo as they are stored.
-pub(super) struct Decoded {
+pub(crate) struct Decoded {
     pub pixels: Pixels,
     pub orientation: Orientation,
     pub layer: Layer,
+    /// True if values are read as their complements.
+    pub inverted: bool,
     /// Of the same size once both are turned.
     pub mask: Option<Box<Decoded>>,
 }
 
 impl Decoded {
+    /// Pixels over a background.
+    pub fn over(background: [f32; 3], pixels: Pixels, orientation: Orientation) -> Self {
+        Self { pixels, orientation, layer: Layer::Over(background), inverted: false, mask: None }
+    }
+
     /// Width and height as read.
     pub fn size(&self) -> (usize, usize) {
         orientation::turned(self.orientation, self.pixels.size)
@@ -210,6 +241,7 @@ impl Decoded {
     /// True if pixels are read as they are stored.
     fn is_plain(&self) -> bool {
         self.mask.is_none()
+            && !self.inverted
             && self.orientation == Orientation::NoTransforms
             && self.pixels.channels == 3
             && matches!(self.layer, Layer::Over(_))
@@ -218,7 +250,7 @@ impl Decoded {
     fn color(&self, pixel: &[u8]) -> [u8; 3] {
         let opaque = [pixel[0], pixel[1], pixel[2]];
         let alpha = pixel.get(3).copied().unwrap_or(255);
-        match self.layer {
+        let color = match self.layer {
             Layer::Alpha => [alpha; 3],
             Layer::Over(_) if alpha == 255 => opaque,
             Layer::Over(background) => {
@@ -228,7 +260,8 @@ impl Decoded {
                     (over * 255.0).round() as u8
                 })
             }
-        }
+        };
+        if self.inverted { color.map(|value| 255 - value) } else { color }
     }
 
     /// All pixels as read, `[height, width, 3]`.

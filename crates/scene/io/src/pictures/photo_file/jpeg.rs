@@ -2,6 +2,7 @@
 //! scale.
 
 use super::pixels::Pixels;
+use super::profile::Profile;
 use jpeg_decoder::{ColorTransform, Decoder, PixelFormat};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
@@ -90,12 +91,23 @@ pub(super) fn decode(path: &Path, segments: Segments, whole: (usize, usize), shr
     let of = |side: u16| usize::from(side).div_ceil(shrink) as u16;
     let (width, height) = decoder.scale(of(info.width), of(info.height)).ok()?;
     let decoded = decoder.decode().ok()?;
-    let values = match info.pixel_format {
+    let mut values = match info.pixel_format {
         PixelFormat::RGB24 => decoded,
         PixelFormat::L8 => decoded.into_iter().flat_map(|gray| [gray; 3]).collect(),
         _ => return None,
     };
+    let profile = decoder.icc_profile().and_then(|icc| Profile::read(&icc));
+    if let Some(profile) = profile.filter(|profile| profile.fits(info.pixel_format == PixelFormat::RGB24)) {
+        let _ = profile.convert8(&mut values, 3);
+    }
     let size = (usize::from(width), usize::from(height));
     let as_expected = (width, height) == (of(info.width), of(info.height)) && values.len() == 3 * size.0 * size.1;
     as_expected.then_some(Pixels { whole, shrink, size, values, channels: 3 })
+}
+
+/// The inks of a CMYK JPEG, `[height, width, 4]` from 0 for none to 255; `None` if it is another picture.
+pub(super) fn inks(file: &[u8]) -> Option<Vec<u8>> {
+    let mut decoder = Decoder::new(file);
+    let decoded = decoder.decode().ok()?;
+    (decoder.info()?.pixel_format == PixelFormat::CMYK32).then_some(decoded)
 }

@@ -3,7 +3,7 @@
 use image::metadata::Orientation::{self, *};
 
 /// The size of a photo once it is upright.
-pub(super) fn turned(orientation: Orientation, (width, height): (usize, usize)) -> (usize, usize) {
+pub(crate) fn turned(orientation: Orientation, (width, height): (usize, usize)) -> (usize, usize) {
     match orientation {
         NoTransforms | FlipHorizontal | FlipVertical | Rotate180 => (width, height),
         Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH => (height, width),

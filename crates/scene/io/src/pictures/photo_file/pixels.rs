@@ -1,7 +1,9 @@
 //! The pixels of a file, all of them or fewer.
 
+use image::DynamicImage;
+
 /// Contents of a file, of 8 bits.
-pub(super) struct Pixels {
+pub(crate) struct Pixels {
     /// Width and height of the file.
     pub whole: (usize, usize),
     /// Factor by which its pixels became one, each way.
@@ -19,4 +21,9 @@ impl Pixels {
     pub fn is_transparent(&self) -> bool {
         self.channels == 4 && self.values.as_chunks::<4>().0.iter().any(|pixel| pixel[3] < 255)
     }
+}
+
+/// The values of a picture of 8 bits, of 3 channels or 4 with alpha. Values that have the form already are not copied.
+pub(super) fn values8(picture: DynamicImage) -> Vec<u8> {
+    if picture.color().has_alpha() { picture.into_rgba8().into_raw() } else { picture.into_rgb8().into_raw() }
 }

@@ -1,4 +1,4 @@
-//! The installed ffmpeg, as a process of its own that ends no later than this one.
+//! An installed program, as a process of its own that ends no later than this one.
 
 use crate::Error;
 use std::io::{ErrorKind, Read};
@@ -27,15 +27,16 @@ const PAUSE: Duration = Duration::from_millis(2);
 /// All that were started and may still run.
 static RUNNING: Mutex<Vec<Weak<Mutex<Child>>>> = Mutex::new(Vec::new());
 
-/// An ffmpeg that runs; killed when this is dropped.
+/// A program that runs; killed when this is dropped.
 #[derive(Debug)]
-pub struct Ffmpeg {
+pub struct Program {
+    name: String,
     process: Arc<Mutex<Child>>,
     /// Its messages, read as they arrive, since a full pipe would block it.
     complaints: Option<JoinHandle<String>>,
 }
 
-/// Words in which ffmpeg passes on the system's errors, and their kinds: where the machine is at fault, another one
+/// Words in which programs pass on the system's errors, and their kinds: where the machine is at fault, another one
 /// may do better.
 const PASSING: [(&str, ErrorKind); 3] = [
     ("No space left on device", ErrorKind::StorageFull),
@@ -43,30 +44,36 @@ const PASSING: [(&str, ErrorKind); 3] = [
     ("Cannot allocate memory", ErrorKind::OutOfMemory),
 ];
 
-/// End of an ffmpeg.
+/// End of a program.
 #[derive(Debug)]
 pub struct Ended {
+    name: String,
     status: ExitStatus,
     complaints: String,
 }
 
-impl Ffmpeg {
-    /// Starts ffmpeg with the arguments of a command line that `command` begins; `missing` is said where there is none
-    /// on the PATH.
-    pub fn start(mut command: Command, missing: &str) -> Result<Self, Error> {
+impl Program {
+    /// Starts a program; `missing` is said where there is none on the PATH.
+    pub fn start(command: Command, missing: &str) -> Result<Self, Error> {
+        Self::find(command)?.ok_or_else(|| Error::input(missing))
+    }
+
+    /// Starts a program; `None` where there is none on the PATH.
+    pub fn find(mut command: Command) -> Result<Option<Self>, Error> {
+        let name = command.get_program().to_string_lossy().into_owned();
         // Locked before it starts, so that a Ctrl-C just then ends it, too.
         let mut running = locked(&RUNNING);
-        let started = command.stderr(Stdio::piped()).spawn();
-        let mut process = started.map_err(|error| match error.kind() {
-            ErrorKind::NotFound => Error::input(missing),
-            _ => Error::input(format!("ffmpeg: {error}")),
-        })?;
+        let mut process = match command.stderr(Stdio::piped()).spawn() {
+            Ok(process) => process,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(Error::input(format!("{name}: {error}"))),
+        };
         let complaints = process.stderr.take().map(|pipe| std::thread::spawn(move || beginning(pipe)));
         let process = Arc::new(Mutex::new(process));
         running.retain(|process| process.strong_count() > 0);
         running.push(Arc::downgrade(&process));
         drop(running);
-        Ok(Self { process, complaints })
+        Ok(Some(Self { name, process, complaints }))
     }
 
     /// The pipe that it reads, if it was asked for and not taken before.
@@ -83,14 +90,14 @@ impl Ffmpeg {
     pub fn end(&mut self) -> Result<Ended, Error> {
         // It is not locked while it is waited for, so that it can be killed meanwhile.
         let status = loop {
-            let status = locked(&self.process).try_wait().map_err(|error| Error::input(format!("ffmpeg: {error}")))?;
-            match status {
+            let status = locked(&self.process).try_wait();
+            match status.map_err(|error| Error::input(format!("{}: {error}", self.name)))? {
                 Some(status) => break status,
                 None => std::thread::sleep(PAUSE),
             }
         };
         let complaints = self.complaints.take().and_then(|reader| reader.join().ok()).unwrap_or_default();
-        Ok(Ended { status, complaints })
+        Ok(Ended { name: self.name.clone(), status, complaints })
     }
 
     /// Ends it at once.
@@ -102,7 +109,7 @@ impl Ffmpeg {
     }
 }
 
-impl Drop for Ffmpeg {
+impl Drop for Program {
     fn drop(&mut self) {
         self.kill();
     }
@@ -126,11 +133,11 @@ impl Ended {
     /// The error, if there was one.
     pub fn fault(&self) -> Option<String> {
         let said = || self.complaints().map_or(String::new(), |said| format!("; {said}"));
-        (!self.status.success()).then(|| format!("ffmpeg: {}{}", self.status, said()))
+        (!self.status.success()).then(|| format!("{}: {}{}", self.name, self.status, said()))
     }
 }
 
-/// Kills every ffmpeg that runs: to be called before the process ends without unwinding.
+/// Kills every program that runs: to be called before the process ends without unwinding.
 pub fn end_all() {
     for process in locked(&RUNNING).iter().filter_map(Weak::upgrade) {
         // Failing means that it has ended.
