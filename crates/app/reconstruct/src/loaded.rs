@@ -8,7 +8,7 @@ use crate::{ByPhotos, Coverage, Error, Initial, RunSettings};
 use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto, PosedPhotos};
 use weaver_data::some_of;
-use weaver_fit::{ColorAgreement, Fit, FitRasterizer, FitSettings, Rates, mean_color};
+use weaver_fit::{ColorAgreement, Density, Fit, FitRasterizer, FitSettings, Rates, mean_color};
 use weaver_geometry::Camera;
 use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
 
@@ -103,6 +103,9 @@ pub(crate) fn prepare(
     }
     if undecided.dropout {
         settings.fit.dropout = FitSettings::dropout_for(training.len());
+    }
+    if undecided.fade {
+        settings.fit.density.opacity_weight = Density::opacity_weight_for(training.len());
     }
     let sides = training.iter().map(|photo| photo.camera.width.max(photo.camera.height));
     let long_side = sides.max().unwrap_or_default();

@@ -98,6 +98,8 @@ pub struct ByPhotos {
     /// Where Gaussians begin so, their means move the more slowly the larger the photos are
     /// ([`Rates::means_on_surfaces`](weaver_fit::Rates::means_on_surfaces)).
     pub means: bool,
+    /// The more photos there are, the less weight pulls opacities down ([`weaver_fit::Density::opacity_weight_for`]).
+    pub fade: bool,
     /// Large photos are halved more often at the beginning, and for longer ([`FitSettings::coarse_for`]).
     pub coarse: bool,
 }
@@ -105,7 +107,7 @@ pub struct ByPhotos {
 impl ByPhotos {
     /// Everything that photos can decide.
     pub const ALL: Self =
-        Self { exposure: true, background: true, dropout: true, start: true, means: true, coarse: true };
+        Self { exposure: true, background: true, dropout: true, start: true, means: true, fade: true, coarse: true };
 }
 
 /// Where Gaussians begin.

@@ -17,6 +17,10 @@ use std::fmt::Debug;
 use weaver_kernels::random::Stream;
 use weaver_splat::GaussianStatistics;
 
+/// Photos up to which opacities are pulled down by the usual weight: with 12 and 17 less weight lost 0.1 dB, with 43 and
+/// more none gained 0.2 to 0.5.
+const FADED: f32 = 20.0;
+
 /// Settings of adding, removing and moving Gaussians.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -172,6 +176,19 @@ strategies! {
 }
 
 impl Density {
+    /// [`opacity_weight`](Self::opacity_weight) that pays for so many photos. Every step pulls all opacities down, and a
+    /// photo pulls those up that it sees: the more photos there are, the more steps pass between two that see a place.
+    ///
+    /// ```
+    /// use weaver_fit::Density;
+    /// assert_eq!(Density::opacity_weight_for(20), Density::default().opacity_weight);
+    /// assert!(Density::opacity_weight_for(40) < 0.0004);
+    /// ```
+    pub fn opacity_weight_for(photos: usize) -> f32 {
+        let over = (FADED / photos.max(1) as f32).min(1.0);
+        Self::default().opacity_weight * over.powi(3)
+    }
+
     /// `opacity_weight mean(opacity) + scale_weight mean(scale) / extent`.
     fn regularizer(&self, moment: &Moment, gaussians: usize) -> Regularizer {
         let n = gaussians as f32;

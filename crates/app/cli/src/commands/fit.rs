@@ -316,6 +316,7 @@ fn fit_settings(arguments: &Fit) -> Result<Named, Failure> {
         dropout: !layers.gives("dropout"),
         start: arguments.init.is_none(),
         means: !layers.gives("rates.means"),
+        fade: !layers.gives("density.opacity_weight"),
         coarse: !layers.gives("halvings") && !layers.gives("coarse_until"),
     };
     let given = arguments.gaussians.is_some() || layers.gives("gaussians");
