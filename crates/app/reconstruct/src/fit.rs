@@ -166,11 +166,8 @@ pub fn resume(folder: &Path, context: FitContext, observe: &mut dyn Observe) -> 
 /// Remarks about the outcome of a fit in a folder, for an observer who is not shown its figures.
 pub(crate) fn remark_outcome(outcome: &Outcome, folder: &Path, observe: &mut dyn Observe) {
     let memory = peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.0} MB of memory"));
-    let left_out = match outcome.left_out {
-        0 => String::new(),
-        count => format!(", of which {count} were left out to end in time"),
-    };
-    observe.note(&format!("{} steps{left_out}, {}{memory}", outcome.steps, duration(outcome.seconds)));
+    let made = outcome.steps - outcome.left_out;
+    observe.note(&format!("{made} steps, {}{memory}", duration(outcome.seconds)));
     outcome.missing.iter().for_each(|missing| observe.warning(&format!("not written: {missing}")));
     for name in &outcome.outliers {
         observe.warning(&format!("{name} is met far worse than the other photos; it may show something else"));
@@ -265,8 +262,9 @@ fn remark_coverage(run: &Run, observe: &mut dyn Observe) {
 fn finish(mut run: Run, folder: &Path, live: Option<Listener>, observe: &mut dyn Observe) -> Result<Outcome, Error> {
     let settings = run.settings();
     let (steps, budget) = (settings.fit.steps, settings.fit.gaussians);
+    let made = steps - settings.fit.left_out(steps);
     observe.note(&format!(
-        "{} photos, {} held out; {steps} steps, at most {budget} Gaussians; results in {}",
+        "{} photos, {} held out; {made} steps, at most {budget} Gaussians; results in {}",
         run.fit().photos(),
         run.held_out().len(),
         folder.display()

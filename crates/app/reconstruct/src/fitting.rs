@@ -113,15 +113,20 @@ impl Fitting {
     fn keep_pace(&mut self, folder: &Folder) -> Result<(), Error> {
         let now = self.seconds();
         let Some(keeping) = &mut self.keeping else { return Ok(()) };
-        let fit = &mut self.capture.fit;
+        let fit = &self.capture.fit;
         if let Some(kept) = keeping.kept(fit.settings(), fit.steps_done(), now) {
-            fit.leave_out(kept);
-            self.settings.fit.thinned = fit.settings().thinned.clone();
-            self.announce(Next::LeaveOut(kept));
+            self.leave_out(kept);
             // A run resumed from an earlier checkpoint leaves out the same.
             self.store(folder)?;
         }
         Ok(())
+    }
+
+    /// Takes only so many of the steps that are left, with the other processes.
+    pub fn leave_out(&mut self, kept: usize) {
+        self.capture.fit.leave_out(kept);
+        self.settings.fit.thinned = self.fit().settings().thinned.clone();
+        self.announce(Next::LeaveOut(kept));
     }
 
     pub fn fit(&self) -> &Fit {

@@ -23,6 +23,8 @@ pub struct Run(pub(crate) weaver_run::Run<Fitting>);
 
 /// The folder of the cameras and points as COLMAP has them.
 pub(crate) const MODEL: &str = "sparse/0";
+/// Steps that are planned over those that a rehearsal has time for.
+const GENEROUS: f64 = 1.5;
 /// The folder of masks of transients, which single photos show.
 pub(crate) const TRANSIENTS: &str = "transients";
 const KIND: Kind = Kind {
@@ -131,7 +133,8 @@ impl Run {
     /// True if the run ends before its time is over, for [`RunSettings::most_rounds`].
     pub fn ends_early(&self) -> bool {
         let job = &self.0.job;
-        job.settings.minutes.is_some() && job.most_steps() == Some(job.settings.fit.steps)
+        let in_time = job.settings.fit.thinned.is_empty();
+        job.settings.minutes.is_some() && in_time && job.most_steps() == Some(job.settings.fit.steps)
     }
 
     /// Goes on with a run from its last checkpoint, or from the start if there is none.
@@ -281,18 +284,25 @@ impl Fitting {
         let left = seconds - self.seconds() - looks - results;
         let (enough, rehearsal) = in_time(&mut self.capture.fit, left.max(0.0))?;
         let (most, least) = (self.most_steps().unwrap_or(usize::MAX), self.settings.least_steps);
-        let steps = self.ranks.agreed(enough.min(most).max(least) as u64) as usize;
+        let made = enough.min(most).max(least);
+        // A scene that is in place has fewer pairs of Gaussian and pixel than one that is rehearsed: more steps are
+        // planned, and left out until that shows.
+        let generous = ((GENEROUS * enough as f64) as usize).min(most).max(made);
+        let steps = self.ranks.agreed(generous as u64) as usize;
         let few = format!("{minutes:.2} minutes are enough for {enough}");
-        if steps > enough {
-            let all = self.seconds() + rehearsal.seconds(steps) + looks + results;
-            let remark = format!("{few} of the {steps} steps that are made at least; all of it takes about {all:.0} s");
+        if made > enough {
+            let all = self.seconds() + rehearsal.seconds(made) + looks + results;
+            let remark = format!("{few} of the {made} steps that are made at least; all of it takes about {all:.0} s");
             self.capture.remarks.push(remark);
-        } else if steps < self.fit().photos().min(most) {
+        } else if made < self.fit().photos().min(most) {
             let remark = format!("fewer than there are photos; judging them at the end is counted as {results:.1} s");
             self.capture.remarks.push(format!("{few} steps, {remark}"));
         }
         self.capture.fit.set_steps(steps);
         self.settings.fit.steps = steps;
+        if made < steps {
+            self.leave_out(made);
+        }
         self.keeping = Some(Keeping::new(rehearsal, [seconds, results, self.seconds()], least));
         Ok(())
     }

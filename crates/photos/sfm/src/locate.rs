@@ -1,6 +1,6 @@
 //! Photos that are only located, in the scene of the others.
 
-use crate::bundle::Bundle;
+use crate::bundle::{Bundle, LARGE};
 use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
 use crate::grow::Grown;
@@ -52,8 +52,13 @@ pub(crate) fn locate(
     let mut found = Grown { bundle: bundle.clone(), placed: before.clone(), support: 0.0 };
     found.bundle.lenses.iter_mut().for_each(|lens| *lens = lens.held());
     found.join(&evidence);
-    let near = near(&found.bundle, &found.placed, settings.candidates);
+    let mut near = near(&found.bundle, &found.placed, settings.candidates);
     let located: Vec<bool> = before.iter().map(|placed| !placed).collect();
+    if taken.len() > LARGE {
+        // Matches with a photo that is located tie the others' keypoints, too: where photos are many these are enough,
+        // and all others take as long as the scene itself took.
+        near.retain(|pair| pair.iter().any(|photo| located[*photo]));
+    }
     found.bundle.fixed = before;
     // Pairs alone can put a photo a few degrees off: right matches are then far from epipolar lines.
     let passes = std::iter::once(Pass::wide(ASTRAY)).chain(Pass::FINE);
