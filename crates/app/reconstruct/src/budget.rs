@@ -16,8 +16,8 @@ const TIMED: (f64, f64) = (0.008, 2.0);
 const DENSITIES: [f64; 2] = [0.05, 0.3];
 /// Part of the time that is not the steps': loading, where Gaussians begin, results.
 const BESIDE: f64 = 0.25;
-/// Pixels that a run compares for each of its Gaussians: with more Gaussians it would end before they are in place, with
-/// fewer it would blur.
+/// Pixels that a run compares for each of its Gaussians: with more Gaussians it would end before they are in place,
+/// with fewer it would blur.
 const PIXELS: f64 = 4500.0;
 /// The fewest Gaussians of a run.
 const FEWEST: f64 = 5_000.0;

@@ -45,8 +45,8 @@ pub struct FitRequest {
 }
 
 impl FitRequest {
-    /// The settings of the run with its number of Gaussians, and its plan, by the capture's own cameras. Where the number
-    /// follows from a time, steps are timed with this rasterizer; without one it is the most that there may be.
+    /// The settings of the run with its number of Gaussians, and its plan, by the capture's own cameras. Where the
+    /// number follows from a time, steps are timed with this rasterizer; without one it is the most that there may be.
     ///
     /// # Errors
     /// When the camera files cannot be read, or a setting is out of range.

@@ -43,8 +43,8 @@ pub struct RunSettings {
     pub by_photos: ByPhotos,
     /// Where the Gaussians begin.
     pub init: Initial,
-    /// Photos whose depth is found where Gaussians begin on surfaces, evenly spread; `None` before that is decided, which
-    /// follows from the time.
+    /// Photos whose depth is found where Gaussians begin on surfaces, evenly spread; `None` before that is decided,
+    /// which follows from the time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_photos: Option<usize>,
     /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].

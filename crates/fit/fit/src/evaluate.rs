@@ -48,8 +48,8 @@ impl Judge {
         Self { lpips: lpips.map(|network| Box::new(network) as _) }
     }
 
-    /// The PSNR of an image `[H, W, 3]` beside the photo's bytes, dB, over the pixels of a mask `[H, W]` or over all: the
-    /// part of [`compare_inside`](Self::compare_inside) that takes no time. NaN where no pixel counts.
+    /// The PSNR of an image `[H, W, 3]` beside the photo's bytes, dB, over the pixels of a mask `[H, W]` or over all:
+    /// the part of [`compare_inside`](Self::compare_inside) that takes no time. NaN where no pixel counts.
     ///
     /// ```
     /// use weaver_fit::Judge;

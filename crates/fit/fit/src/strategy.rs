@@ -17,8 +17,8 @@ use std::fmt::Debug;
 use weaver_kernels::random::Stream;
 use weaver_splat::GaussianStatistics;
 
-/// Photos up to which opacities are pulled down by the usual weight: with 12 and 17 less weight lost 0.1 dB, with 43 and
-/// more none gained 0.2 to 0.5.
+/// Photos up to which opacities are pulled down by the usual weight: with 12 and 17 less weight lost 0.1 dB, with 43
+/// and more none gained 0.2 to 0.5.
 const FADED: f32 = 20.0;
 
 /// Settings of adding, removing and moving Gaussians.
@@ -176,8 +176,9 @@ strategies! {
 }
 
 impl Density {
-    /// [`opacity_weight`](Self::opacity_weight) that pays for so many photos. Every step pulls all opacities down, and a
-    /// photo pulls those up that it sees: the more photos there are, the more steps pass between two that see a place.
+    /// [`opacity_weight`](Self::opacity_weight) that pays for so many photos. Every step pulls all opacities down, and
+    /// a photo pulls those up that it sees: the more photos there are, the more steps pass between two that see a
+    /// place.
     ///
     /// ```
     /// use weaver_fit::Density;

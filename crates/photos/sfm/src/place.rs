@@ -95,7 +95,7 @@ fn by_points(bundle: &Bundle, seen: &[Observation], suggestions: &[Pose], photo:
     let mut best: Option<(f64, Pose, usize)> = None;
     for (_, pose) in tried.into_iter().take(TRIED) {
         alone.cameras[0].pose = pose;
-        LOCATING.iter().for_each(|scale| _ = alone.adjust_roughly(*scale, 2 * STEPS));
+        LOCATING.iter().for_each(|scale| alone.adjust_roughly(*scale, 2 * STEPS));
         let (value, count) = fitting(&alone, FITS);
         if best.is_none_or(|best| value > best.0) {
             best = Some((value, alone.cameras[0].pose, count));
