@@ -81,7 +81,7 @@ pub struct Reconstruct {
 /// The purpose of a reconstruction.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
 pub enum Quality {
-    /// A look: half a minute for some 15 photos, longer for more, at most 384 pixels
+    /// A look: half a minute for up to some 50 photos, longer for more, at most 384 pixels
     Draft,
     /// Five minutes, 800 to 1600 pixels, as time allows
     Normal,
