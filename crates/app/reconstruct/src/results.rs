@@ -276,8 +276,8 @@ impl Fitting {
         Ok(judged)
     }
 
-    /// Seconds that looks and that results will take, from judging one photo now; with a full budget of Gaussians and
-    /// pictures for the report it takes longer than with the few of now.
+    /// Seconds that looks and that results will take, from judging one photo now; with a full budget of Gaussians,
+    /// glances at the photos that are not judged, and pictures for the report it takes longer.
     pub(crate) fn seconds_of_results(&mut self) -> Result<[f64; 2], Error> {
         let camera = self.fit().camera(0);
         let mut seconds = [0.0; 2];
@@ -292,7 +292,7 @@ impl Fitting {
         let [draw, compare] = seconds;
         let views = self.fit().photos().min(JUDGED) + self.capture.held_out.len();
         let of_view = draw + compare / rayon::current_num_threads() as f64;
-        Ok([1.3 * draw * self.looks() as f64, 0.3 + 1.3 * of_view * views as f64])
+        Ok([1.3 * draw * self.looks() as f64, 0.3 + 1.8 * of_view * views as f64])
     }
 }
 
