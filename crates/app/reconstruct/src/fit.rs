@@ -67,7 +67,8 @@ impl FitRequest {
     ) -> Result<(), Error> {
         settings.fit.gaussians = match (self.gaussians, settings.minutes, rasterizer) {
             (Some(gaussians), ..) => gaussians,
-            (None, Some(minutes), Some(rasterizer)) => {
+            // Given Gaussians are in place: none is left out for lack of time.
+            (None, Some(minutes), Some(rasterizer)) if settings.init != Initial::Given => {
                 let [width, height] = planned(settings, cameras)?.size;
                 let side = width.max(height);
                 Budget::of(settings, cameras, &Work { sides: side..=side, minutes, rounds: 0 }, rasterizer)?.gaussians

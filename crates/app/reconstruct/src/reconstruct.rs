@@ -24,7 +24,7 @@ use weaver_view_run::Listener;
 const MOST_ROUNDS: usize = 200;
 /// Passes through photos that are larger than the least: time for more of them is better spent on larger photos, by the
 /// same page, and more gain nothing.
-const ENOUGH_ROUNDS: usize = 40;
+pub(crate) const ENOUGH_ROUNDS: usize = 40;
 
 /// The purpose of a reconstruction, which decides about time and the size of photos.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]

@@ -1,6 +1,7 @@
 //! Time of a reconstruction, shared by matching and fit.
 
 use crate::Budget;
+use crate::reconstruct::ENOUGH_ROUNDS;
 use std::time::Instant;
 use weaver_io::{Observe, duration};
 
@@ -8,9 +9,8 @@ use weaver_io::{Observe, duration};
 const SHORTEST: f64 = 0.05;
 /// The least share of the time for the fit, however long matching took.
 const SHARE: f64 = 0.25;
-/// Passes through the photos below which more time is worth a remark, and those that are enough.
+/// Passes through the photos below which more time is worth a remark.
 const FEW_PASSES: f64 = 15.0;
-const ENOUGH: f64 = 40.0;
 /// Excess of a time that is worth a remark, seconds.
 const SHOWN: f64 = 0.5;
 
@@ -50,7 +50,7 @@ impl TimeBudget {
             "plan: {all:.0} s in all, {gone:.0} of them gone; about {steps} steps, {passes:.1} passes through {photos} photos of at most {long_side} pixels; {gaussians} Gaussians"
         ));
         if passes < FEW_PASSES {
-            observe.note(&format!("a longer time, of {longer}, makes a sharper scene: up to {ENOUGH:.0} passes pay"));
+            observe.note(&format!("a longer time ({longer}) makes a sharper scene: up to {ENOUGH_ROUNDS} passes pay"));
         }
     }
 
