@@ -8,6 +8,9 @@ use std::sync::Arc;
 use weaver_data::posed::{self, CaptureCameras, PosedOptions};
 use weaver_fit::{FitRasterizer, FitSettings, Rehearsal};
 
+/// Passes through photos that are larger than the least: time for more of them is better spent on larger photos, by
+/// docs/results/photos.md, and more gain nothing.
+pub(crate) const ENOUGH_ROUNDS: usize = 40;
 /// Photos that are loaded to time steps.
 const FEW: usize = 12;
 /// Part of the time that a timed run takes, and the most seconds of one. There are two.

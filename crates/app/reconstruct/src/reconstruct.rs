@@ -1,6 +1,6 @@
 //! From photos to a scene.
 
-use crate::budget::{Budget, Work};
+use crate::budget::{Budget, ENOUGH_ROUNDS, Work};
 use crate::cameras::{estimated_capture, held_out_of_estimated};
 use crate::fit::{FitContext, begin, remark_outcome};
 use crate::plan::planned;
@@ -22,9 +22,6 @@ use weaver_view_run::Listener;
 /// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain
 /// nothing from more.
 const MOST_ROUNDS: usize = 200;
-/// Passes through photos that are larger than the least: time for more of them is better spent on larger photos, by the
-/// same page, and more gain nothing.
-pub(crate) const ENOUGH_ROUNDS: usize = 40;
 
 /// The purpose of a reconstruction, which decides about time and the size of photos.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]

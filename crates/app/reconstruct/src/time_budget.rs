@@ -1,7 +1,6 @@
 //! Time of a reconstruction, shared by matching and fit.
 
-use crate::Budget;
-use crate::reconstruct::ENOUGH_ROUNDS;
+use crate::budget::{Budget, ENOUGH_ROUNDS};
 use std::time::Instant;
 use weaver_io::{Observe, duration};
 
