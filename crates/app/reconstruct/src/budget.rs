@@ -92,7 +92,7 @@ impl Budget {
         // No photo has more pixels than at its own size.
         let [width, height] = planned(&at(*work.sides.end()), cameras)?.size;
         let most = width.max(height).min(*work.sides.end());
-        for side in (least + 1..=most).rev().filter(|side| *side == most || side.is_multiple_of(GRAIN)) {
+        for side in candidates(least, most) {
             let (found, enough) = budget(side)?;
             if enough {
                 return Ok(found);
@@ -100,6 +100,38 @@ impl Budget {
         }
         Ok(budget(least)?.0)
     }
+}
+
+impl Budget {
+    /// The largest photos that memory is enough for, with the usual number of Gaussians.
+    ///
+    /// # Errors
+    /// As [`plan`](crate::plan()).
+    pub(crate) fn largest_side(
+        settings: &RunSettings,
+        cameras: &CaptureCameras,
+        sides: RangeInclusive<usize>,
+    ) -> Result<usize, Error> {
+        let free = weaver_io::available_memory().map_or(f64::INFINITY, |free| free as f64);
+        let at = |side: usize| RunSettings { long_side: Some(side), ..settings.clone() };
+        for side in candidates(*sides.start(), *sides.end()) {
+            let fit = planned(&at(side), cameras)?.usual();
+            if planned(&RunSettings { fit, ..at(side) }, cameras)?.total() as f64 <= MEMORY * free {
+                return Ok(side);
+            }
+        }
+        Ok(*sides.start())
+    }
+}
+
+/// Longest sides above the least that are tried, the largest first.
+fn candidates(least: usize, most: usize) -> impl Iterator<Item = usize> {
+    (least + 1..=most).rev().filter(move |side| *side == most || side.is_multiple_of(GRAIN))
+}
+
+/// The most Gaussians of so many pixels that all steps compare.
+pub(crate) fn most_gaussians(pixels: f64) -> f64 {
+    (pixels / PIXELS).max(FEWEST)
 }
 
 impl Speed {
@@ -137,7 +169,7 @@ impl Speed {
         let pixels = plan.pixels();
         let (linear, square) = (self.pixel * pixels, self.gaussian * pixels / PIXELS);
         let steps = 2.0 * seconds / (linear + (linear * linear + 4.0 * square * seconds).sqrt()).max(1e-9);
-        let gaussians = (steps * pixels / PIXELS).max(FEWEST).min(most as f64);
+        let gaussians = most_gaussians(steps * pixels).min(most as f64);
         let steps = seconds / (linear + self.gaussian * gaussians).max(1e-9);
         Budget { long_side, gaussians: gaussians as usize, steps: steps as usize }
     }

@@ -65,6 +65,7 @@ impl FitRequest {
         cameras: &CaptureCameras,
         rasterizer: Option<Arc<dyn FitRasterizer>>,
     ) -> Result<(), Error> {
+        settings.gaussians_in_time = self.gaussians.is_none() && settings.init != Initial::Given;
         settings.fit.gaussians = match (self.gaussians, settings.minutes, rasterizer) {
             (Some(gaussians), ..) => gaussians,
             // Given Gaussians are in place: none is left out for lack of time.

@@ -1,5 +1,6 @@
 //! The optimization of a capture, as a job in steps.
 
+use crate::budget::most_gaussians;
 use crate::keeping::Keeping;
 use crate::loaded::{Loaded, load};
 use crate::{Error, RunFile, RunSettings};
@@ -116,6 +117,7 @@ impl Fitting {
         let fit = &self.capture.fit;
         if let Some(kept) = keeping.kept(fit.settings(), fit.steps_done(), now) {
             self.leave_out(kept);
+            self.limit_gaussians();
             // A run resumed from an earlier checkpoint leaves out the same.
             self.store(folder)?;
         }
@@ -127,6 +129,17 @@ impl Fitting {
         self.capture.fit.leave_out(kept);
         self.settings.fit.thinned = self.fit().settings().thinned.clone();
         self.announce(Next::LeaveOut(kept));
+    }
+
+    /// Lets there be as many Gaussians as the steps of the run, but for those that are left out, can put in place.
+    pub fn limit_gaussians(&mut self) {
+        let Some(most) = self.keeping.and_then(|keeping| keeping.gaussians) else { return };
+        let camera = &self.fit().photo(0).camera;
+        let settings = self.fit().settings();
+        let views = (settings.steps - settings.left_out(settings.steps)) * settings.views_per_step;
+        let pixels = (views * camera.width * camera.height) as f64;
+        self.capture.fit.limit(most.min(most_gaussians(pixels) as usize));
+        self.settings.fit.gaussians = self.fit().settings().gaussians;
     }
 
     pub fn fit(&self) -> &Fit {

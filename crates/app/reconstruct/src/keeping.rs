@@ -4,6 +4,8 @@ use weaver_fit::{FitSettings, Rehearsal};
 
 /// Moments of a run at which its pace is compared with the rehearsed one.
 const MOMENTS: usize = 20;
+/// Weight of the last moment in the pace: other work comes and goes, and a scene gets slower to draw.
+const SMOOTHED: f64 = 0.4;
 /// A change of the steps that are left by less than this part is not worth it.
 const WORTH: f64 = 0.02;
 
@@ -16,17 +18,19 @@ pub(crate) struct Keeping {
     pub results: f64,
     /// The least steps that are taken.
     least: usize,
-    /// Seconds of the run when its steps began, and the expected seconds of the steps since then.
-    began: f64,
-    expected: f64,
-    /// Number of the last step that was compared.
+    /// The most Gaussians, where fewer steps mean fewer of them.
+    pub gaussians: Option<usize>,
+    /// Number of the last step that was compared, and seconds of the run then.
     compared: usize,
+    then: f64,
+    /// Seconds of a step over the rehearsed ones, smoothed over the last moments.
+    slower: Option<f64>,
 }
 
 impl Keeping {
     /// The pace of a run that was rehearsed and whose steps begin now, `began` seconds after the run itself.
     pub fn new(rehearsal: Rehearsal, [seconds, results, began]: [f64; 3], least: usize) -> Self {
-        Self { rehearsal, seconds, results, least, began, expected: 0.0, compared: 0 }
+        Self { rehearsal, seconds, results, least, gaussians: None, compared: 0, then: began, slower: None }
     }
 
     /// Number of the remaining steps to take, where there are too many or too few for the remaining time: `now` is the
@@ -43,9 +47,9 @@ impl Keeping {
         let left_out = |from: usize, to: usize| settings.left_out(to) - settings.left_out(from);
         let taken = 1.0 - left_out(self.compared, done) as f64 / (done - self.compared) as f64;
         let [of_steps, of_rounds] = self.rehearsal.between(part(self.compared), part(done), steps);
-        self.expected += taken * of_steps + of_rounds;
-        self.compared = done;
-        let slower = (now - self.began) / self.expected.max(1e-9);
+        let last = (now - self.then) / (taken * of_steps + of_rounds).max(1e-9);
+        let slower = self.slower.map_or(last, |slower| slower + SMOOTHED * (last - slower));
+        (self.compared, self.then, self.slower) = (done, now, Some(slower));
         let [of_steps, of_rounds] = self.rehearsal.between(part(done), 1.0, steps).map(|seconds| slower * seconds);
         let left = self.seconds - now - self.results * slower.max(1.0) - of_rounds;
         let rest = steps - done;

@@ -32,7 +32,17 @@ pub(crate) fn advance(
     server.during(|| steps(run, &stop, observe))
 }
 
+/// Makes steps to the end that the run has, and to the next one for as long as it goes on.
 fn steps(run: &mut Run, stop: &AtomicBool, observe: &mut dyn Observe) -> Result<(), Error> {
+    loop {
+        steps_to_end(run, stop, observe)?;
+        if stop.load(Ordering::Relaxed) || !run.go_on(observe)? {
+            return Ok(());
+        }
+    }
+}
+
+fn steps_to_end(run: &mut Run, stop: &AtomicBool, observe: &mut dyn Observe) -> Result<(), Error> {
     let total = run.settings().fit.steps;
     observe.begin(&Stage { label: LABEL, done: run.fit().steps_done(), total, stops_after: Some("this step") });
     let (mut psnr, mut held_out) = (None, None);

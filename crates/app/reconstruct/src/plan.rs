@@ -35,6 +35,16 @@ const PROGRAM: u64 = 22_000_000;
 /// Default number of Gaussians for each pixel of a photo, and the limits of their number.
 const GAUSSIANS: (f64, usize, usize) = (0.4, 5_000, 1_000_000);
 
+/// Bytes of a Gaussian's values, two moments, and gradients; a checkpoint copies the first three.
+fn bytes_of_optimizer(sh_degree: usize) -> u64 {
+    (3 + 3 + 4 + 1 + 3 * coefficients(sh_degree) as u64) * 4 * (4 + 3)
+}
+
+/// Bytes of a Gaussian while it is fitted and drawn.
+pub(crate) fn bytes_of_gaussian(sh_degree: usize) -> u64 {
+    bytes_of_optimizer(sh_degree) + RASTERIZER.0
+}
+
 impl Plan {
     /// Plans a run of photos with these cameras, each with true for a held-out photo.
     pub(crate) fn of(cameras: &[(Camera, bool)], masks: bool, fit: &FitSettings) -> Self {
@@ -44,7 +54,6 @@ impl Plan {
         let all: u64 = cameras.iter().map(|(camera, _)| pixels(camera)).sum();
         let largest = cameras.iter().map(|(camera, _)| camera).max_by_key(|camera| pixels(camera));
         let size = largest.map_or([0, 0], |camera| [camera.width, camera.height]);
-        let numbers = 3 + 3 + 4 + 1 + 3 * coefficients(fit.sh_degree) as u64;
         let n = fit.gaussians as u64;
         // Rows for a step with several photos: gradients and statistics that are not summed yet.
         let rows = if fit.views_per_step > 1 { 2 + u64::from(fit.views_per_step.ilog2()) } else { 0 };
@@ -53,8 +62,7 @@ impl Plan {
             held_out,
             size,
             photos: all * bytes_of_pixel * 4 / 3,
-            // Values, two moments, gradients; a checkpoint copies the first three.
-            gaussians: n * numbers * 4 * (4 + 3) + rows * bytes_per_step(fit.gaussians, fit.sh_degree),
+            gaussians: n * bytes_of_optimizer(fit.sh_degree) + rows * bytes_per_step(fit.gaussians, fit.sh_degree),
             rasterizer: n * RASTERIZER.0 + (size[0] * size[1]) as u64 * RASTERIZER.1 + RASTERIZER.2,
             start: 0,
         }

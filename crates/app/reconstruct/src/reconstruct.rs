@@ -5,7 +5,7 @@ use crate::cameras::{estimated_capture, held_out_of_estimated};
 use crate::fit::{FitContext, begin, remark_outcome};
 use crate::plan::planned;
 use crate::time_budget::TimeBudget;
-use crate::{ByPhotos, Error, Outcome, Photos, Run, RunSettings, demo};
+use crate::{ByPhotos, Error, Gaining, Outcome, Photos, Run, RunSettings, demo};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,6 +22,11 @@ use weaver_view_run::Listener;
 /// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain
 /// nothing from more.
 const MOST_ROUNDS: usize = 200;
+/// Photos of which every eighth, and every sixteenth, is held out where that decides how long a scene is improved.
+const FEW: usize = 16;
+const MANY: usize = 64;
+const JUDGES: usize = 8;
+const JUDGES_OF_MANY: usize = 16;
 
 /// The purpose of a reconstruction, which decides about time and the size of photos.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
@@ -33,15 +38,18 @@ pub enum Quality {
     Normal,
     /// Twenty minutes, 800 to 1600 pixels, as time allows.
     Fine,
+    /// As long as held-out photos gain, hours if need be; up to 1600 pixels.
+    Best,
 }
 
 impl Quality {
-    /// Minutes for all of it.
-    pub fn minutes(self) -> f64 {
+    /// Minutes for all of it; `None` for no bound.
+    pub fn minutes(self) -> Option<f64> {
         match self {
-            Self::Draft => 0.5,
-            Self::Normal => 5.0,
-            Self::Fine => 20.0,
+            Self::Draft => Some(0.5),
+            Self::Normal => Some(5.0),
+            Self::Fine => Some(20.0),
+            Self::Best => None,
         }
     }
 
@@ -49,7 +57,7 @@ impl Quality {
     pub fn sides(self) -> RangeInclusive<usize> {
         match self {
             Self::Draft => 384..=384,
-            Self::Normal | Self::Fine => 800..=1600,
+            Self::Normal | Self::Fine | Self::Best => 800..=1600,
         }
     }
 }
@@ -110,12 +118,98 @@ impl Request {
         }
     }
 
+    /// Minutes for all of it; `None` for no bound.
+    fn time(&self) -> Option<f64> {
+        self.minutes.or(self.quality.minutes())
+    }
+
+    /// The photos that are held out, of so many whose cameras are estimated: where the scene's gain decides about the
+    /// end, some are in any case, but for so few that each is needed.
+    fn held_out_of(&self, photos: usize) -> HoldOut {
+        match (self.hold_out, self.time()) {
+            (HoldOut::Nothing, None) if photos >= MANY => HoldOut::Every(JUDGES_OF_MANY),
+            (HoldOut::Nothing, None) if photos >= FEW => HoldOut::Every(JUDGES),
+            (chosen, _) => chosen,
+        }
+    }
+
+    /// The run that ends in its time: size of photos, number of Gaussians, and steps are what it is enough for.
+    fn in_time(
+        &self,
+        settings: RunSettings,
+        cameras: &CaptureCameras,
+        time: &TimeBudget,
+        observe: &mut dyn Observe,
+    ) -> Result<RunSettings, Error> {
+        time.note_share(observe);
+        let work = Work { sides: self.quality.sides(), minutes: time.of_fit(), rounds: ENOUGH_ROUNDS };
+        let budget = Budget::of(&settings, cameras, &work, self.rasterizer.clone())?;
+        let rounds = if budget.long_side > *work.sides.start() { ENOUGH_ROUNDS } else { MOST_ROUNDS };
+        let most_rounds = self.minutes.is_none().then_some(rounds);
+        let minutes = Some(time.of_fit());
+        let gaussians_in_time = self.gaussians.is_none();
+        let settings = RunSettings { most_rounds, minutes, gaussians_in_time, ..settings };
+        let (settings, photos) = self.sized(settings, cameras, budget.long_side, Some(budget.gaussians))?;
+        observe.note(&format!("fit: {}", settings.capture.display()));
+        let steps = most_rounds.map_or(budget.steps, |rounds| budget.steps.min(rounds * photos));
+        let gaussians = settings.fit.gaussians;
+        time.note_plan(&Budget { steps, gaussians, ..budget }, photos, self.longer(), observe);
+        Ok(settings)
+    }
+
+    /// The run that goes on for as long as held-out photos gain.
+    fn while_it_gains(
+        &self,
+        settings: RunSettings,
+        cameras: &CaptureCameras,
+        observe: &mut dyn Observe,
+    ) -> Result<RunSettings, Error> {
+        let gaining = Gaining { most_gaussians: self.gaussians, ..Gaining::default() };
+        let long_side = Budget::largest_side(&settings, cameras, self.quality.sides())?;
+        let (mut settings, photos) =
+            self.sized(RunSettings { gaining: Some(gaining), ..settings }, cameras, long_side, None)?;
+        settings.fit.steps = Gaining::first_steps(photos);
+        let FitSettings { steps, gaussians, .. } = settings.fit;
+        let held_out = planned(&settings, cameras)?.held_out;
+        observe.note(&format!("fit: {}", settings.capture.display()));
+        let end = match held_out {
+            0 => "no photo is held out, by which more steps could be judged".to_string(),
+            _ => format!("then twice as many, for as long as {held_out} held-out photos gain"),
+        };
+        observe.note(&format!(
+            "plan: {steps} steps with {gaussians} Gaussians for {photos} photos of at most {long_side} pixels; {end}"
+        ));
+        Ok(settings)
+    }
+
+    /// The run with photos of this size and at most so many Gaussians, or as many as are asked for, and the number of
+    /// photos that it fits.
+    fn sized(
+        &self,
+        settings: RunSettings,
+        cameras: &CaptureCameras,
+        long_side: usize,
+        gaussians: Option<usize>,
+    ) -> Result<(RunSettings, usize), Error> {
+        let mut settings = RunSettings { long_side: Some(long_side), ..settings };
+        let usual = planned(&settings, cameras)?.usual();
+        let gaussians = match (self.gaussians, gaussians) {
+            (Some(asked), None) => asked.min(usual.gaussians),
+            (asked, planned) => asked.or(planned).unwrap_or(usual.gaussians),
+        };
+        settings.fit = FitSettings { gaussians, seed: settings.fit.seed, ..usual };
+        settings.fit.check()?;
+        let photos = planned(&settings, cameras)?.training;
+        Ok((settings, photos))
+    }
+
     /// The flag of a request that takes longer.
     fn longer(&self) -> &'static str {
         match (self.minutes, self.quality) {
             (None, Quality::Draft) => "--quality normal",
             (None, Quality::Normal) => "--quality fine",
-            (None, Quality::Fine) | (Some(_), _) => "--minutes",
+            (None, Quality::Fine) => "--quality best",
+            (None, Quality::Best) | (Some(_), _) => "--minutes",
         }
     }
 
@@ -147,10 +241,8 @@ pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe
         claimed => claimed?,
     };
     let (capture, hold_out) = capture_of(photos, request, out.out(), observe)?;
-    let time = TimeBudget::new(start, request.minutes.unwrap_or(request.quality.minutes()));
-    time.note_share(observe);
     let cameras = CaptureCameras::read(&capture, hold_out)?;
-    let mut settings = RunSettings {
+    let settings = RunSettings {
         hold_out,
         masks: masks.is_some(),
         // Cameras that were estimated come with masks whose white counts.
@@ -159,26 +251,19 @@ pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe
         by_photos: ByPhotos::ALL,
         compress: request.compress,
         html: request.html,
-        ..RunSettings::new(capture, FitSettings::default())
+        ..RunSettings::new(capture, FitSettings { seed: request.seed, ..FitSettings::default() })
     };
-    let work = Work { sides: request.quality.sides(), minutes: time.of_fit(), rounds: ENOUGH_ROUNDS };
-    let budget = Budget::of(&settings, &cameras, &work, request.rasterizer.clone())?;
-    let rounds = if budget.long_side > *work.sides.start() { ENOUGH_ROUNDS } else { MOST_ROUNDS };
-    settings.most_rounds = request.minutes.is_none().then_some(rounds);
-    let minutes = time.of_fit();
-    (settings.long_side, settings.minutes) = (Some(budget.long_side), Some(minutes));
-    let usual = planned(&settings, &cameras)?.usual();
-    let gaussians = request.gaussians.unwrap_or(budget.gaussians);
-    settings.fit = FitSettings { gaussians, seed: request.seed, ..usual };
-    settings.fit.check()?;
-    observe.note(&format!("fit: {}", settings.capture.display()));
-    let photos = planned(&settings, &cameras)?.training;
-    let steps = settings.most_rounds.map_or(budget.steps, |rounds| budget.steps.min(rounds * photos));
-    time.note_plan(&Budget { steps, gaussians, ..budget }, photos, request.longer(), observe);
+    let time = request.time().map(|minutes| TimeBudget::new(start, minutes));
+    let settings = match &time {
+        Some(time) => request.in_time(settings, &cameras, time, observe)?,
+        None => request.while_it_gains(settings, &cameras, observe)?,
+    };
     let live = request.live.as_ref().map(Listener::try_clone).transpose()?;
     let context = FitContext { rasterizer: request.rasterizer.clone(), live, ..FitContext::default() };
     let outcome = begin(settings, &cameras, context, out, observe)?;
-    time.note_excess(observe);
+    if let Some(time) = time {
+        time.note_excess(observe);
+    }
     remark_outcome(&outcome, &request.out, observe);
     Ok(outcome)
 }
@@ -200,7 +285,11 @@ fn capture_of(
                 return Err(Error::Photos { capture: capture.clone(), key: "masks", expected: expected.into(), found });
             }
             observe.note(&format!("cameras: those of {}", capture.display()));
-            return Ok((capture.clone(), request.hold_out));
+            let hold_out = match (request.hold_out, request.time()) {
+                (HoldOut::Nothing, None) => HoldOut::Listed,
+                (chosen, _) => chosen,
+            };
+            return Ok((capture.clone(), hold_out));
         }
         Photos::Demo => {
             demo = [demo::write(out)?];
@@ -209,9 +298,10 @@ fn capture_of(
         Photos::Files(paths) => paths.as_slice(),
     };
     let photos = PhotoFiles::collect(paths, request.frames, out, observe)?;
-    let chosen = (request.hold_out, request.masks.as_ref());
+    let hold_out = request.held_out_of(photos.paths.len());
+    let chosen = (hold_out, request.masks.as_ref());
     let capture = estimated_capture(&photos, chosen, &request.matching, out, observe)?;
-    Ok((capture, held_out_of_estimated(request.hold_out)))
+    Ok((capture, held_out_of_estimated(hold_out)))
 }
 
 /// Why nothing is made in a folder with a run, and how to go on with one that did not come to its end.

@@ -53,8 +53,8 @@ impl Run {
         let missing = look.as_ref().err().map(|error| format!("{}: {error}", view::FILE));
         let look = look.unwrap_or_default();
         let seconds = job.seconds();
-        let train = job.judge_training()?;
         let test = job.judge_held_out(&test_cameras)?;
+        let train = job.judge_training()?;
         let outliers = job.outliers(&train)?;
         let outcome = Outcome { missing: Vec::from_iter(missing), outliers, ..job.outcome(seconds, &train, &test) };
         job.write_transients(folder.out())?;
@@ -118,8 +118,8 @@ impl Fitting {
     fn outliers(&mut self, judged: &[Judged]) -> Result<Vec<String>, Error> {
         let own: Vec<_> = judged.iter().map(|j| (j.name.as_str(), j.quality.psnr)).collect();
         let mut found = outliers(&own);
-        let others: Vec<usize> =
-            (0..self.fit().photos()).filter(|photo| judged.iter().all(|j| j.number != *photo)).collect();
+        let others = (0..self.fit().photos()).filter(|photo| judged.iter().all(|j| j.number != *photo));
+        let others: Vec<usize> = if self.is_late() { Vec::new() } else { others.collect() };
         let glances = others.iter().map(|photo| self.capture.fit.glance(*photo));
         let glances = glances.collect::<Result<Vec<f64>, _>>()?;
         let others = others.iter().map(|photo| self.fit().photo(*photo).name.as_str()).zip(glances);
@@ -233,17 +233,30 @@ impl Fitting {
         (1..).zip(points.positions.iter().zip(&points.colors)).map(point).collect()
     }
 
-    /// Judges the photos that were fitted: all, or evenly spread ones of many.
+    /// True if a run that is to end in its time has used it up.
+    fn is_late(&self) -> bool {
+        self.keeping.is_some_and(|keeping| self.seconds() > keeping.seconds)
+    }
+
+    /// Judges the photos that were fitted: all, or evenly spread ones of many, of which there are fewer where the time
+    /// of the run is over.
     fn judge_training(&mut self) -> Result<Vec<Judged>, Error> {
         let photos = self.fit().photos();
         let chosen = weaver_data::uniform(photos, photos.min(JUDGED));
+        let batches = chosen.len().div_ceil(BATCH);
+        // Each batch is spread over all photos.
+        let batch = |first: usize| chosen.iter().copied().skip(first).step_by(batches).collect::<Vec<usize>>();
         let shown: Vec<usize> = match self.capture.held_out.is_empty() {
-            true => report::pictured(chosen.len()).map(|i| chosen[i]).collect(),
+            true => report::pictured(batch(0).len()).map(|i| batch(0)[i]).collect(),
             false => Vec::new(),
         };
-        let Self { capture: Loaded { fit, .. }, judge, .. } = self;
         let mut judged = Vec::with_capacity(chosen.len());
-        for batch in chosen.chunks(BATCH) {
+        for first in 0..batches {
+            if first > 0 && self.is_late() {
+                break;
+            }
+            let batch = batch(first);
+            let Self { capture: Loaded { fit, .. }, judge, .. } = self;
             let draw = |&i: &usize| Ok(corrected(fit.render(&fit.camera(i))?, fit.exposure(i).copied()));
             let images = batch.iter().map(draw).collect::<Result<Vec<_>, Error>>()?;
             let views = batch.iter().zip(images).map(|(&i, image)| View {
@@ -256,6 +269,7 @@ impl Fitting {
             });
             View::judge(views.collect(), judge, &mut judged);
         }
+        judged.sort_by_key(|judged| judged.number);
         Ok(judged)
     }
 

@@ -2,6 +2,7 @@
 
 use crate::compressed;
 use crate::fitting::{Fitting, INIT, Next};
+use crate::gaining::BEFORE;
 use crate::keeping::Keeping;
 use crate::loaded::load;
 use crate::{Coverage, Error, Matching, RunFile, RunSettings};
@@ -9,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
-use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Judge, in_time, steps_in};
+use weaver_fit::{ColorAgreement, Fit, FitError, FitRasterizer, Judge, in_time, steps_in};
 use weaver_io::SceneFormat;
 use weaver_io::safetensors::Tensors;
 use weaver_ranks::{Alone, Ranks, agreed_text};
@@ -158,6 +159,11 @@ impl Run {
         ranks: Arc<dyn Ranks>,
     ) -> Result<Self, Error> {
         let file = RunFile::read(folder)?;
+        if file.settings.gaining.is_some() && ranks.size() > 1 {
+            let expected = "1 for a run that goes on for as long as it gains".into();
+            let found = ranks.size().to_string();
+            return Err(FitError::Setting { key: "processes", expected, found }.into());
+        }
         let further = further(&file.settings).chain([INIT.into()]);
         let folder = Folder::reopen_with(folder, KIND, further)?;
         folder.out().check_folder(TRANSIENTS)?;
@@ -303,14 +309,19 @@ impl Fitting {
         if made < steps {
             self.leave_out(made);
         }
-        self.keeping = Some(Keeping::new(rehearsal, [seconds, results, self.seconds()], least));
+        // Processes that share a run do not hear of another number of Gaussians.
+        let in_time = self.settings.gaussians_in_time && self.ranks.size() == 1;
+        let mut keeping = Keeping::new(rehearsal, [seconds, results, self.seconds()], least);
+        keeping.gaussians = in_time.then_some(self.settings.fit.gaussians);
+        self.keeping = Some(keeping);
         Ok(())
     }
 }
 
 /// The files of the scene beside `scene.ply`.
 fn further(settings: &RunSettings) -> impl Iterator<Item = String> {
-    settings.formats.iter().map(file_of_scene).chain(settings.compress.map(|_| compressed::FILE.into()))
+    let kept = settings.gaining.is_some().then(|| BEFORE.into());
+    settings.formats.iter().map(file_of_scene).chain(settings.compress.map(|_| compressed::FILE.into())).chain(kept)
 }
 
 /// The file of the scene in this format.

@@ -1,7 +1,7 @@
 //! Settings of a run.
 
 use crate::sources::Sources;
-use crate::{Coverage, Error};
+use crate::{Coverage, Error, Gaining};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_data::capture::HoldOut;
@@ -43,7 +43,7 @@ pub struct RunSettings {
     pub by_photos: ByPhotos,
     /// Where the Gaussians begin.
     pub init: Initial,
-    /// Photos whose depth is found where Gaussians begin on surfaces, evenly spread; `None` before that is decided,
+    /// Photos whose depth is found where Gaussians begin on surfaces, at most; `None` before that is decided,
     /// which follows from the time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_photos: Option<usize>,
@@ -52,10 +52,18 @@ pub struct RunSettings {
     /// With [`minutes`](Self::minutes), the least number of steps, however long they take.
     #[serde(default)]
     pub least_steps: usize,
+    /// True if the most Gaussians follow from the time, with [`minutes`](Self::minutes): there are fewer where the
+    /// machine turns out to be slower. Once steps begin, the number is in [`RunSettings::fit`].
+    #[serde(skip)]
+    pub gaussians_in_time: bool,
     /// With [`minutes`](Self::minutes), the most passes through the photos, though there be time for more: further
     /// passes improve the fitted photos alone. `None` uses the time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub most_rounds: Option<usize>,
+    /// The ends that a run has come to that goes on for as long as held-out photos gain; `None` ends it after
+    /// [`FitSettings::steps`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gaining: Option<Gaining>,
     /// Seconds between checkpoints, at least.
     pub save_every: f64,
     /// Further files of the scene, beside `scene.ply`.
@@ -147,7 +155,9 @@ impl RunSettings {
             depth_photos: None,
             minutes: None,
             least_steps: Self::LEAST_STEPS,
+            gaussians_in_time: false,
             most_rounds: None,
+            gaining: None,
             save_every: 20.0,
             formats: Vec::new(),
             compress: None,

@@ -21,8 +21,7 @@ pub(crate) struct Start {
     pub coverage: Coverage,
 }
 
-/// Photos whose depth is found, at most: each takes about half a second of a core, and evenly spread ones show the
-/// surfaces of many.
+/// Photos whose depth is found, at most: each takes about half a second of a core, and few show the surfaces of many.
 pub(crate) const PHOTOS: usize = 60;
 /// Part of the time of a run that finding depth may take.
 const SHARE: f64 = 0.15;
@@ -66,11 +65,12 @@ impl Start {
         Ok(Self { gaussians, ..Self::default() })
     }
 
-    /// On the surface that photos agree about, evenly spread ones, and on the points that it does not show.
+    /// On the surface that photos agree about, those of them that show most, and on the points that it does not show.
     fn dense(settings: &mut RunSettings, seen: Seen<'_>) -> Result<Self, Error> {
         let count = *settings.depth_photos.get_or_insert_with(|| photos_in_time(settings.minutes, seen));
         let fit = &settings.fit;
-        let chosen = weaver_data::uniform(seen.photos.len(), seen.photos.len().min(count));
+        let poses: Vec<_> = seen.photos.iter().map(|photo| photo.camera.pose).collect();
+        let chosen = weaver_stereo::best_photos(&poses, seen.points, seen.visible, count);
         let photos: Vec<&Photo> = chosen.iter().map(|n| &seen.photos[*n]).collect();
         let visible: Vec<Vec<u32>> = chosen.iter().map(|n| seen.visible[*n].clone()).collect();
         let settings = StereoSettings { seed: fit.seed, ..StereoSettings::default() };

@@ -166,6 +166,14 @@ impl Folder {
         Ok(state.write(self.out.file(Self::CHECKPOINT)?)?)
     }
 
+    /// Keeps a copy of the last checkpoint under another name, which a later one does not replace.
+    ///
+    /// # Errors
+    /// When there is none, or the copy cannot be written.
+    pub fn keep_checkpoint(&self, name: &str) -> Result<(), Error> {
+        Ok(Tensors::read(self.checkpoint_path())?.write(self.out.file(name)?)?)
+    }
+
     /// Removes the checkpoint of a complete run, for which it has no use. A failure is ignored, since nothing reads the
     /// file.
     pub fn forget_checkpoint(&self) {

@@ -181,6 +181,17 @@ impl Fit {
         self.settings.steps = steps;
     }
 
+    /// Goes on beyond the end of the run, as in the middle of one of so many steps and at most so many Gaussians
+    /// ([`FitSettings::prolonged`]): rates rise again, and density control adds Gaussians once more.
+    pub fn prolong(&mut self, steps: usize, gaussians: usize) {
+        self.settings = self.settings.prolonged(steps, gaussians);
+    }
+
+    /// Lets there be at most so many Gaussians from now on, or as many as there are.
+    pub fn limit(&mut self, gaussians: usize) {
+        self.settings.gaussians = gaussians.max(self.population.len());
+    }
+
     /// Leaves out steps of the rest of the run, so that `kept` are taken ([`FitSettings::thinned`]). At least one is.
     pub fn leave_out(&mut self, kept: usize) {
         self.settings.thinned.retain(|thinning| thinning.at < self.step);

@@ -149,6 +149,24 @@ impl FitSettings {
         (halvings, if halvings > 1 { 0.6 } else { 0.4 })
     }
 
+    /// The settings of a run of more steps and at most so many Gaussians that goes on from the end of this one: what
+    /// has passed, the small photos above all, does not come again.
+    ///
+    /// ```
+    /// use weaver_fit::FitSettings;
+    /// let settings = FitSettings { steps: 1000, coarse_until: 0.6, ..FitSettings::default() };
+    /// let longer = settings.prolonged(2000, 60_000);
+    /// assert_eq!((longer.steps, longer.gaussians, longer.coarse_until), (2000, 60_000, 0.3));
+    /// ```
+    pub fn prolonged(&self, steps: usize, gaussians: usize) -> Self {
+        let shorter = self.steps as f64 / steps.max(1) as f64;
+        let mut longer = Self { steps, gaussians, ..self.clone() };
+        for part in [&mut longer.coarse_until, &mut longer.sh_interval, &mut longer.poses.from] {
+            *part *= shorter;
+        }
+        longer
+    }
+
     /// Number of the step after number `step`.
     pub(crate) fn after(&self, step: usize) -> usize {
         let thinning = self.thinned.iter().rfind(|thinning| thinning.at <= step);

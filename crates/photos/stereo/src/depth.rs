@@ -120,20 +120,17 @@ impl Stereo {
         (self.maps[photo].w.iter().map(|w| 1.0 / w).collect(), [camera.height, camera.width])
     }
 
-    /// The points that two photos see or more, and that no map shows.
+    /// The points that no map shows.
     pub fn unexplained(&self) -> PointCloud {
-        let mut seen_by = vec![0; self.points.len()];
         let mut shown = vec![false; self.points.len()];
         for ((picture, map), visible) in self.pictures.iter().zip(&self.maps).zip(&self.visible) {
             for point in visible {
                 let n = *point as usize;
-                seen_by[n] += 1;
                 shown[n] |=
                     picture.place(self.points.positions[n]).is_some_and(|(at, w)| (w / map.w[at]).ln().abs() < SHOWN);
             }
         }
-        let kept = |n: &usize| seen_by[*n] > 1 && !shown[*n];
-        let kept: Vec<usize> = (0..self.points.len()).filter(kept).collect();
+        let kept: Vec<usize> = (0..self.points.len()).filter(|n| !shown[*n]).collect();
         PointCloud {
             positions: kept.iter().map(|n| self.points.positions[*n]).collect(),
             colors: kept.iter().map(|n| self.points.colors[*n]).collect(),

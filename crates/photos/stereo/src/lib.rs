@@ -29,6 +29,7 @@ mod surface;
 mod warp;
 
 pub use depth::{Stereo, StereoSettings};
+pub use sources::best_photos;
 pub use surface::Surface;
 
 /// The example of the README, compiled and run.

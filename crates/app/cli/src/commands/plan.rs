@@ -175,7 +175,7 @@ fn unfit(input: &Path, command: &Command) -> Option<&'static str> {
 /// Minutes and megabytes of a command, where they are known before it begins.
 fn estimate(command: &Command, measure: bool) -> Result<(Option<f64>, Option<f64>), Failure> {
     Ok(match command {
-        Command::Reconstruct(it) => (Some(it.minutes()), None),
+        Command::Reconstruct(it) => (it.minutes(), None),
         Command::Fit(it) => {
             let (minutes, bytes) = fit::estimate(it, measure)?;
             (minutes, bytes.map(|bytes| bytes as f64 / 1e6))

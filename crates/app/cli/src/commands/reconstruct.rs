@@ -87,6 +87,8 @@ pub enum Quality {
     Normal,
     /// Twenty minutes, 800 to 1600 pixels, as time allows
     Fine,
+    /// As long as held-out photos gain from twice the steps and Gaussians, hours if need be; up to 1600 pixels. Every eighth photo is held out for that, or every sixteenth of 64 and more, unless --hold-out chooses
+    Best,
 }
 
 impl From<Quality> for weaver_reconstruct::Quality {
@@ -95,14 +97,15 @@ impl From<Quality> for weaver_reconstruct::Quality {
             Quality::Draft => Self::Draft,
             Quality::Normal => Self::Normal,
             Quality::Fine => Self::Fine,
+            Quality::Best => Self::Best,
         }
     }
 }
 
 impl Reconstruct {
-    /// Minutes of all of it.
-    pub fn minutes(&self) -> f64 {
-        self.minutes.unwrap_or(weaver_reconstruct::Quality::from(self.quality).minutes())
+    /// Minutes of all of it, if they are bounded.
+    pub fn minutes(&self) -> Option<f64> {
+        self.minutes.or(weaver_reconstruct::Quality::from(self.quality).minutes())
     }
 }
 

@@ -2,9 +2,11 @@
 
 use crate::planted::{NORMAL, Planted, inverse_depth, wall};
 use std::sync::LazyLock;
-use weaver_geometry::glam::{DVec2, DVec3};
+use std::f64::consts::TAU;
+use weaver_geometry::Pose;
+use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_scene::PointCloud;
-use weaver_stereo::{Stereo, StereoSettings};
+use weaver_stereo::{Stereo, StereoSettings, best_photos};
 
 static PLANTED: LazyLock<Planted> = LazyLock::new(|| wall(4));
 static STEREO: LazyLock<Stereo> =
@@ -48,8 +50,12 @@ fn gaussians_cover_the_wall_once() {
     };
     let aligned = (0..gaussians.means.len()).filter(|n| along(*n) > 0.9).count();
     assert!(aligned > 400, "{aligned} of 500 lie flat");
-    let missing = STEREO.unexplained().len();
-    assert!(missing < 30, "{missing} points of 300 are not shown");
+    // Points that one photo sees have no depth there, and are not shown either.
+    let views = |n: &usize| PLANTED.visible.iter().filter(|visible| visible.contains(&(*n as u32))).count();
+    let shared: Vec<[f32; 3]> =
+        (0..PLANTED.points.len()).filter(|n| views(n) > 1).map(|n| PLANTED.points.positions[n]).collect();
+    let missing = STEREO.unexplained().positions.iter().filter(|point| shared.contains(point)).count();
+    assert!(missing < 30, "{missing} points of {} are not shown", shared.len());
 }
 
 /// The same bits at any number of threads, others under another seed.
@@ -83,4 +89,33 @@ fn without_neighbors_there_is_no_depth() {
     let (depth, _) = stereo.depth(1);
     assert!(depth.iter().enumerate().all(|(at, depth)| at % 96 < 48 || depth.is_nan()));
     assert!(stereo.coverage()[1] > 0.2);
+}
+
+/// Promise (scenes): where few of many photos find depth, they stand in groups that can agree, and the groups show all
+/// sides of the scene.
+#[test]
+fn few_photos_show_most_of_what_many_do() {
+    // A round walk of 90 photos, 4 degrees apart, around a ball.
+    let at = |part: f64| DVec3::new((part * TAU).cos(), 0.0, (part * TAU).sin());
+    let points: Vec<DVec3> = (0..900).map(|n| at(f64::from(n) / 900.0) + DVec3::Y * f64::from(n % 7) / 7.0).collect();
+    let centers: Vec<DVec3> = (0..90).map(|n| 4.0 * at(f64::from(n) / 90.0)).collect();
+    let sees = |center: &DVec3| {
+        let near = (0..900).filter(|n| points[*n as usize].angle_between(*center) < 0.7);
+        near.collect::<Vec<u32>>()
+    };
+    let visible: Vec<Vec<u32>> = centers.iter().map(sees).collect();
+    let poses: Vec<Pose> = centers.iter().map(|center| Pose::new(DMat3::IDENTITY, -*center)).collect();
+    let cloud = PointCloud {
+        positions: points.iter().map(|point| point.as_vec3().to_array()).collect(),
+        colors: vec![[0; 3]; points.len()],
+    };
+    let chosen = best_photos(&poses, &cloud, &visible, 24);
+    assert_eq!(chosen.len(), 24);
+    let beside = |n: usize| chosen.iter().filter(|m| **m != n && (m.abs_diff(n).min(90 - m.abs_diff(n))) <= 4).count();
+    assert!(chosen.iter().all(|n| beside(*n) >= 2), "{chosen:?} have no neighbors");
+    let seen_twice = |point: u32| chosen.iter().filter(|n| visible[**n].contains(&point)).count() >= 2;
+    let shown = (0..900).filter(|point| seen_twice(*point)).count();
+    assert!(shown > 600, "{shown} points of 900 are shown");
+    // All are taken where all are asked for.
+    assert_eq!(best_photos(&poses, &cloud, &visible, 90).len(), 90);
 }
