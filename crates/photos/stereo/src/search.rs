@@ -278,10 +278,7 @@ fn cost_in<V: Lanes<Scalar = f32>>(
     if !inside {
         return OUTSIDE;
     }
-    let [gx, gy] = [0, 1].map(
-        #[inline(always)]
-        |axis| source.there.along(axis, plane.slope[axis]),
-    );
+    let (gx, gy) = (source.there.along(0, plane.slope[0]), source.there.along(1, plane.slope[1]));
     let cost = dissimilarity(patch, offsets, [p, gx, gy], source.picture);
     let Some(planes) = source.planes else { return cost };
     let there = planes[y as usize * camera.width + x as usize];

@@ -64,6 +64,7 @@ impl Distortion {
     }
 
     /// The image of a point through the lens.
+    #[inline]
     pub fn distort(&self, point: DVec2) -> DVec2 {
         let DVec2 { x, y } = point;
         let (scale, _) = self.scale(point.length_squared());
@@ -111,6 +112,7 @@ impl Distortion {
     }
 
     /// The factor on a point whose distance from the axis squared is `r2`, and its derivative by that.
+    #[inline]
     fn scale(&self, r2: f64) -> (f64, f64) {
         match self {
             Self::Radial { k: [k1, k2, k3, k4, k5, k6], .. } => {

@@ -1,6 +1,7 @@
 //! Runs on disk: their plans, and their resumption.
 
 mod ends;
+mod gaining;
 mod partition;
 mod promises;
 mod requests;
