@@ -263,8 +263,8 @@ fn remark_coverage(run: &Run, observe: &mut dyn Observe) {
 /// Goes on to the end; a page follows if the fit is live.
 fn finish(mut run: Run, folder: &Path, live: Option<Listener>, observe: &mut dyn Observe) -> Result<Outcome, Error> {
     let settings = run.settings();
-    let (steps, budget) = (settings.fit.steps, settings.fit.gaussians);
-    let made = steps - settings.fit.left_out(steps);
+    let budget = settings.fit.gaussians;
+    let made = settings.fit.taken();
     observe.note(&format!(
         "{} photos, {} held out; {made} steps, at most {budget} Gaussians; results in {}",
         run.fit().photos(),

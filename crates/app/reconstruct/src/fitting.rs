@@ -117,29 +117,25 @@ impl Fitting {
         let fit = &self.capture.fit;
         if let Some(kept) = keeping.kept(fit.settings(), fit.steps_done(), now) {
             self.leave_out(kept);
-            self.limit_gaussians();
             // A run resumed from an earlier checkpoint leaves out the same.
             self.store(folder)?;
         }
         Ok(())
     }
 
-    /// Takes only so many of the steps that are left, with the other processes.
+    /// Takes only so many of the steps that are left, with the other processes, and has as many Gaussians as all steps
+    /// of the run can put in place.
     pub fn leave_out(&mut self, kept: usize) {
-        self.capture.fit.leave_out(kept);
+        let most = self.keeping.and_then(|keeping| keeping.gaussians).map(|most| {
+            let (fit, camera) = (self.fit().settings(), &self.fit().photo(0).camera);
+            let done = self.fit().steps_done();
+            let steps = done - fit.left_out(done) + kept;
+            let pixels = (steps * fit.views_per_step * camera.width * camera.height) as f64;
+            most.min(most_gaussians(pixels) as usize)
+        });
+        self.capture.fit.leave_out(kept, most);
         self.settings.fit.thinned = self.fit().settings().thinned.clone();
         self.announce(Next::LeaveOut(kept));
-    }
-
-    /// Lets there be as many Gaussians as the steps of the run, but for those that are left out, can put in place.
-    pub fn limit_gaussians(&mut self) {
-        let Some(most) = self.keeping.and_then(|keeping| keeping.gaussians) else { return };
-        let camera = &self.fit().photo(0).camera;
-        let settings = self.fit().settings();
-        let views = (settings.steps - settings.left_out(settings.steps)) * settings.views_per_step;
-        let pixels = (views * camera.width * camera.height) as f64;
-        self.capture.fit.limit(most.min(most_gaussians(pixels) as usize));
-        self.settings.fit.gaussians = self.fit().settings().gaussians;
     }
 
     pub fn fit(&self) -> &Fit {

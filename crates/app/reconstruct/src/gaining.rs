@@ -19,15 +19,17 @@ const MORE: usize = 2;
 /// Passes through the photos before the first end, and the least steps of them.
 const PASSES: usize = 20;
 const LEAST: usize = 1500;
-/// Decibels that twice the steps have to gain for the run to go on.
-const GAIN: f64 = 0.1;
+/// Gain of twice the steps that is worth it, dB.
+const WORTH: f64 = 0.1;
 /// Part of the free memory that the Gaussians may take.
 const MEMORY: f64 = 0.5;
 
 /// The course of a run that goes on for as long as held-out photos gain: each time it comes to its end they are judged,
 /// and it [goes on](weaver_fit::Fit::prolong) to twice the steps, with up to twice the Gaussians.
-#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Gaining {
+    /// Decibels that twice the steps have to gain for the run to go on.
+    pub worth: f64,
     /// The most Gaussians at any time; `None` leaves it to memory.
     pub most_gaussians: Option<usize>,
     /// The ends so far.
@@ -43,6 +45,12 @@ pub struct End {
     pub gaussians: usize,
     /// Mean PSNR of the held-out photos, dB.
     pub psnr: f64,
+}
+
+impl Default for Gaining {
+    fn default() -> Self {
+        Self { worth: WORTH, most_gaussians: None, ends: Vec::new() }
+    }
 }
 
 impl Gaining {
@@ -81,9 +89,9 @@ impl Run {
         let next = LONGER * steps;
         let Some(gaining) = &mut job.settings.gaining else { return Ok(false) };
         gaining.ends.push(end);
-        let gain = gaining.gain();
+        let (gain, worth) = (gaining.gain(), gaining.worth);
         let met = format!("{:.2} dB held out after {} steps with {count} Gaussians ({seconds})", end.psnr, steps);
-        if gain >= GAIN {
+        if gain >= worth {
             let gained = if gain.is_finite() { format!(", {gain:+.2}") } else { String::new() };
             folder.keep_checkpoint(BEFORE)?;
             let gaussians = job.more_gaussians();

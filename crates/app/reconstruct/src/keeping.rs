@@ -79,7 +79,7 @@ mod tests {
             numbers += 1;
             now += slower(now) * (0.01 + 0.001 * (done - before) as f64);
             if let Some(kept) = keeping.kept(&settings, done, now) {
-                settings.thinned.push(weaver_fit::Thinning { at: done, kept });
+                settings.thinned.push(weaver_fit::Thinning::new(done, kept));
             }
         }
         assert_eq!(settings.left_out(1000), 1000 - numbers);

@@ -24,7 +24,10 @@ pub struct Run(pub(crate) weaver_run::Run<Fitting>);
 
 /// The folder of the cameras and points as COLMAP has them.
 pub(crate) const MODEL: &str = "sparse/0";
-/// Steps that are planned over those that a rehearsal has time for.
+/// Steps of a run over those that a rehearsal has time for: a scene that is in place has fewer pairs of Gaussian and
+/// pixel than one that is rehearsed.
+const EASIER: f64 = 1.6;
+/// Steps that are planned over those that are expected. What is too much is left out as the pace shows.
 const GENEROUS: f64 = 1.5;
 /// The folder of masks of transients, which single photos show.
 pub(crate) const TRANSIENTS: &str = "transients";
@@ -198,7 +201,7 @@ impl Run {
             match Next::of(ranks.agreed(0)) {
                 Next::End => return Ok(()),
                 Next::Step => drop(job.capture.fit.step()?),
-                Next::LeaveOut(kept) => job.capture.fit.leave_out(kept),
+                Next::LeaveOut(kept) => job.capture.fit.leave_out(kept, None),
             }
         }
     }
@@ -290,14 +293,14 @@ impl Fitting {
         let left = seconds - self.seconds() - looks - results;
         let (enough, rehearsal) = in_time(&mut self.capture.fit, left.max(0.0))?;
         let (most, least) = (self.most_steps().unwrap_or(usize::MAX), self.settings.least_steps);
+        let enough = (EASIER * enough as f64) as usize;
         let made = enough.min(most).max(least);
-        // A scene that is in place has fewer pairs of Gaussian and pixel than one that is rehearsed: more steps are
-        // planned, and left out until that shows.
         let generous = ((GENEROUS * enough as f64) as usize).min(most).max(made);
         let steps = self.ranks.agreed(generous as u64) as usize;
         let few = format!("{minutes:.2} minutes are enough for {enough}");
         if made > enough {
-            let all = self.seconds() + rehearsal.seconds(made) + looks + results;
+            let steps = rehearsal.seconds(made) / EASIER;
+            let all = self.seconds() + steps + looks + results;
             let remark = format!("{few} of the {made} steps that are made at least; all of it takes about {all:.0} s");
             self.capture.remarks.push(remark);
         } else if made < self.fit().photos().min(most) {
@@ -306,14 +309,14 @@ impl Fitting {
         }
         self.capture.fit.set_steps(steps);
         self.settings.fit.steps = steps;
-        if made < steps {
-            self.leave_out(made);
-        }
         // Processes that share a run do not hear of another number of Gaussians.
         let in_time = self.settings.gaussians_in_time && self.ranks.size() == 1;
         let mut keeping = Keeping::new(rehearsal, [seconds, results, self.seconds()], least);
         keeping.gaussians = in_time.then_some(self.settings.fit.gaussians);
         self.keeping = Some(keeping);
+        if made < steps {
+            self.leave_out(made);
+        }
         Ok(())
     }
 }

@@ -72,7 +72,7 @@ impl Fit {
         let background = &self.settings.background;
         let (width, height) = (camera.width, camera.height);
         let mask = counted(photo, self.transients[index].as_ref());
-        let rates = self.settings.rates.in_run_of(self.settings.steps).at(moment.fraction());
+        let rates = self.settings.rates.in_run_of(self.settings.taken_at(self.step)).at(moment.fraction());
         let regularizer = self.strategy.regularizer(moment, self.population.len());
         let Some(resident) = &mut self.resident else { return Ok((f64::NAN, f64::NAN, 0)) };
         if resident.newer == Newer::Host {

@@ -187,15 +187,12 @@ impl Fit {
         self.settings = self.settings.prolonged(steps, gaussians);
     }
 
-    /// Lets there be at most so many Gaussians from now on, or as many as there are.
-    pub fn limit(&mut self, gaussians: usize) {
-        self.settings.gaussians = gaussians.max(self.population.len());
-    }
-
-    /// Leaves out steps of the rest of the run, so that `kept` are taken ([`FitSettings::thinned`]). At least one is.
-    pub fn leave_out(&mut self, kept: usize) {
+    /// Leaves out steps of the rest of the run, so that `kept` are taken ([`FitSettings::thinned`]), and at least one
+    /// is. From now on there may be at most so many Gaussians, or as many as there are.
+    pub fn leave_out(&mut self, kept: usize, gaussians: Option<usize>) {
+        let gaussians = gaussians.map(|most| most.max(self.population.len()).min(self.settings.gaussians));
         self.settings.thinned.retain(|thinning| thinning.at < self.step);
-        self.settings.thinned.push(Thinning { at: self.step, kept: kept.max(1) });
+        self.settings.thinned.push(Thinning { at: self.step, kept: kept.max(1), gaussians });
     }
 
     /// Steps done, those included that were [left out](Self::leave_out).
@@ -324,7 +321,7 @@ impl Fit {
                 step as u64 + 1,
                 &mut self.population,
                 &self.activated,
-                &self.settings.rates.in_run_of(self.settings.steps).at(fraction),
+                &self.settings.rates.in_run_of(self.settings.taken_at(self.step)).at(fraction),
                 moment.mean_rate,
             );
             self.timings.optimizer = start.elapsed();
@@ -367,14 +364,14 @@ impl Fit {
     }
 
     pub(crate) fn moment(&self) -> Moment {
-        let FitSettings { steps, gaussians, seed, ref rates, .. } = self.settings;
-        let rates = rates.in_run_of(steps);
+        let FitSettings { steps, seed, ref rates, .. } = self.settings;
+        let rates = rates.in_run_of(self.settings.taken_at(self.step));
         let fraction = self.step as f64 / steps.max(1) as f64;
         Moment {
             step: self.step,
             since: self.since,
             steps,
-            budget: gaussians,
+            budget: self.settings.gaussians_at(self.step),
             mean_rate: (rates.means * self.extent * rates.means_end.powf(fraction)) as f32,
             extent: self.extent as f32,
             stream: Stream::new(seed, self.step as u64, "fit.density"),

@@ -105,6 +105,13 @@ impl Default for FitSettings {
     }
 }
 
+/// Steps that decisions leave out before number `step` of a run.
+fn left_out(thinned: &[Thinning], step: usize, steps: usize) -> usize {
+    let ends = thinned.iter().skip(1).map(|next| next.at.min(step)).chain([step]);
+    let of = |(thinning, end): (&Thinning, usize)| end.saturating_sub(thinning.at) - thinning.taken(end, steps);
+    thinned.iter().zip(ends).map(of).sum()
+}
+
 /// Refinement of cameras: whenever a photo is looked at, its camera goes toward where the photo fits the scene.
 ///
 /// That is for the last tenths of a degree: the scene lies where cameras are in the mean, and an error that neighbors
@@ -173,12 +180,29 @@ impl FitSettings {
         thinning.map_or(step + 1, |thinning| thinning.next(step, self.steps))
     }
 
+    /// The decisions to leave out steps that were made up to number `step`.
+    fn thinned_at(&self, step: usize) -> &[Thinning] {
+        &self.thinned[..self.thinned.partition_point(|thinning| thinning.at <= step)]
+    }
+
     /// Steps that are left out before number `step`.
     pub fn left_out(&self, step: usize) -> usize {
-        let ends = self.thinned.iter().skip(1).map(|next| next.at.min(step)).chain([step]);
-        let of =
-            |(thinning, end): (&Thinning, usize)| end.saturating_sub(thinning.at) - thinning.taken(end, self.steps);
-        self.thinned.iter().zip(ends).map(of).sum()
+        left_out(&self.thinned, step, self.steps)
+    }
+
+    /// Steps of the run but for those that are left out.
+    pub fn taken(&self) -> usize {
+        self.steps - self.left_out(self.steps)
+    }
+
+    /// Steps of the run but for those that are left out, as known at number `step`.
+    pub(crate) fn taken_at(&self, step: usize) -> usize {
+        self.steps - left_out(self.thinned_at(step), self.steps, self.steps)
+    }
+
+    /// The most Gaussians at number `step`.
+    pub(crate) fn gaussians_at(&self, step: usize) -> usize {
+        self.thinned_at(step).last().and_then(|thinning| thinning.gaussians).unwrap_or(self.gaussians)
     }
 
     /// Number of halvings of photos at this part of the run.

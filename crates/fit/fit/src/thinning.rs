@@ -14,15 +14,23 @@ pub struct Thinning {
     pub at: usize,
     /// Steps that are taken from there to the end of the run.
     pub kept: usize,
+    /// The most Gaussians from there on, where fewer steps mean fewer of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gaussians: Option<usize>,
 }
 
 impl Thinning {
+    /// Steps that are left out of the rest of the run.
+    pub fn new(at: usize, kept: usize) -> Self {
+        Self { at, kept, gaussians: None }
+    }
+
     /// Steps taken from `at` to before number `step` in a run of so many steps.
     ///
     /// ```
     /// use weaver_fit::Thinning;
     /// // Of 10 steps every second one from the fourth on: 4, 6 and 8.
-    /// let thinning = Thinning { at: 4, kept: 3 };
+    /// let thinning = Thinning::new(4, 3);
     /// assert_eq!([4, 6, 8, 10].map(|step| thinning.taken(step, 10)), [0, 1, 2, 3]);
     /// assert_eq!([4, 6, 8].map(|step| thinning.next(step, 10)), [6, 8, 10]);
     /// ```

@@ -36,7 +36,7 @@ fn no_stored_number_panics() {
     let mut settings = settings(&data);
     (settings.minutes, settings.most_rounds, settings.views) = (Some(1e-6), Some(3), Some(3));
     (settings.long_side, settings.compress, settings.least_steps) = (Some(40), Some(1.0), 20);
-    settings.fit.thinned = vec![Thinning { at: 3, kept: 4 }];
+    settings.fit.thinned = vec![Thinning::new(3, 4)];
     drop(Run::create(&out, settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap());
     let file = out.join("run.json");
     let stored: Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();

@@ -41,7 +41,7 @@ fn thinned_runs_have_all_their_rounds() {
         while fit.steps_done() < STEPS {
             let due = [12, 20].iter().position(|at| *at == taken).and_then(|i| kept[i]);
             if let Some(kept) = due {
-                fit.leave_out(kept);
+                fit.leave_out(kept, None);
                 expected = taken + kept.min(STEPS - fit.steps_done());
             }
             fit.step().expect("a step");
@@ -64,7 +64,7 @@ fn thinned_runs_go_on_to_the_same_bits() {
     for strategy in [StrategyKind::Split, StrategyKind::Mcmc] {
         let mut settings = FitSettings { coarse_until: 0.4, transients: true, ..plain(strategy, 40, 70) };
         settings.density.rounds = 8;
-        settings.thinned = vec![Thinning { at: 9, kept: 20 }, Thinning { at: 21, kept: 7 }];
+        settings.thinned = vec![Thinning::new(9, 20), Thinning::new(21, 7)];
         let begun = || Fit::new(photos(3, &cloud(60, 1)), &cloud(40, 2), settings.clone()).expect("a fit");
         let finished = |mut fit: Fit| {
             let mut numbers = vec![fit.steps_done()];
@@ -90,7 +90,7 @@ fn thinned_runs_go_on_to_the_same_bits() {
 #[test]
 fn impossible_thinnings_are_refused() {
     let of = |thinned: &[[usize; 2]]| {
-        let thinned = thinned.iter().map(|[at, kept]| Thinning { at: *at, kept: *kept }).collect();
+        let thinned = thinned.iter().map(|[at, kept]| Thinning::new(*at, *kept)).collect();
         FitSettings { thinned, ..plain(StrategyKind::Keep, 10, 20) }.check()
     };
     assert!(of(&[]).is_ok() && of(&[[0, 1], [9, 100]]).is_ok());

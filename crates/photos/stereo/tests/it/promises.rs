@@ -1,8 +1,8 @@
 //! Promises of the crate.
 
 use crate::planted::{NORMAL, Planted, inverse_depth, wall};
-use std::sync::LazyLock;
 use std::f64::consts::TAU;
+use std::sync::LazyLock;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_scene::PointCloud;
