@@ -1,12 +1,13 @@
 //! Matrix multiplication, C = alpha A B + beta C.
 //!
-//! C is divided into blocks, each a parallel task. Within a block, B is packed into panels and A, where it helps, into
-//! tiles, so that a tile of C held in vector registers reads both sequentially. Every element of C is summed in the
-//! same order at any block size, so the bits are the same at any number of threads. Each thread keeps one packing
-//! buffer, which grows to the largest product; nothing else is allocated.
+//! C is divided into blocks, each a parallel task. Within a block, B is packed into panels, and as many rows of A as
+//! fit into the second-level cache are multiplied by each of them. A is packed too where its own layout would be slow.
+//! A tile of C, held in vector registers, then reads both sequentially. Every element of C is summed in the same order
+//! at any block size, so the bits are the same at any number of threads and with caches of any size. Each thread keeps
+//! one packing buffer, which grows to the largest product; nothing else is allocated.
 
 use crate::parallel::{Interleaved, for_ranges};
-use crate::{Real, simd, simd::Level};
+use crate::{Real, caches, simd, simd::Level};
 use std::ops::Range;
 
 mod half_precision;
@@ -16,29 +17,41 @@ pub(crate) mod tile;
 
 pub use half_precision::{Half, gemm_half, gemm_half_scratch_len};
 pub use matrix::{Batch, Mat, MatMut};
-use pack::AHEAD;
 pub(crate) use pack::{Panels, pack, transpose};
 use tile::{LeftOperand, OutputRows};
 
-/// Rows of B that are summed before they are added to C. A and B arrive from the second-level cache in time, but C is
-/// read and written once more for each block of rows, so a larger block is faster. A smaller one is more accurate,
-/// since the rounding error of a sum grows with its length.
-const K_BLOCK: usize = 512;
-/// Replaces [`K_BLOCK`] where there is no fused multiply-add, and products are rounded before they are added.
-const K_BLOCK_UNFUSED: usize = 256;
-/// Rows of A that stay in the second-level cache with `K_BLOCK` columns.
-const M_BLOCK: usize = 288;
-/// Columns of B that stay in the third-level cache with `K_BLOCK` rows.
+/// Rows of B that are summed before they are added to C. A larger block reads and writes C less often. A smaller one is
+/// more accurate, since the rounding error of a sum grows with its length. The order of a sum is part of its bits;
+/// therefore this size, unlike the others, depends on the instruction set alone and not on the caches.
+const fn k_block(level: Level) -> usize {
+    match level {
+        // A and B arrive from the second-level cache in time.
+        Level::Avx512 => 512,
+        // A panel of B is at most three quarters of the smallest first-level cache, 32 KiB.
+        Level::Avx2 => 384,
+        // There is no fused multiply-add, and products are rounded before they are added.
+        Level::Portable => 256,
+    }
+}
+
+/// The most bytes of A that are read again and again from the second-level cache.
+const A_BLOCK: usize = 1 << 19;
+/// Columns of B that stay in the third-level cache with a block of rows.
 const N_BLOCK: usize = 1024;
 /// Rows of A that lie a multiple of this many bytes apart share a few sets of the first-level cache and evict each
 /// other.
 const CLASH: usize = 4096;
 /// Number of panels of B from which packing such rows, or columns, of A pays off.
 const REUSE: usize = 4;
-/// With fewer rows than this, packing B for one more task does not pay off.
-const M_TASK: usize = 48;
+/// Bytes of a row of B that are packed together, in several panels: each takes a cache line or two, and rows are often
+/// a page apart.
+const ROW_PART: usize = 1024;
+/// Rows of which such a part is packed before the next rows follow.
+const ROWS_IN_TURN: usize = 16;
 /// Multiply-adds below which a parallel task does not pay off.
 const TASK: usize = 1 << 18;
+/// Multiply-adds in the time in which one number is packed.
+const PACKING: usize = 16;
 
 /// C = alpha A B + beta C, in parallel.
 ///
@@ -99,6 +112,18 @@ fn multiply<T: Real>(
         (a.first.cols, c.first.cols),
         "gemm: rows and columns of B, of which A and C need as many"
     );
+    let follow_on = |stride, rows: usize, row_stride| rows.checked_mul(row_stride) == Some(stride);
+    let m = a.first.rows;
+    if batch > 1
+        && b.stride == 0
+        && m == c.first.rows
+        && follow_on(a.stride, m, a.first.row_stride)
+        && follow_on(c.stride, m, c.first.row_stride)
+    {
+        // Matrices that share B and whose rows follow on one another are one matrix: B is packed once.
+        let (a, c) = (Mat { rows: batch * m, ..a.first }, MatMut { rows: batch * m, ..c.first });
+        return Product { alpha, a: a.batch(0), b: &b, beta, pairs: false }.run(1, c.batch(0), parallel);
+    }
     Product { alpha, a, b: &b, beta, pairs: false }.run(batch, c, parallel);
 }
 
@@ -146,25 +171,22 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         }
     }
 
-    /// Rows and columns of the block of C that a task computes. The longer side is halved until every thread has a
-    /// task, or until blocks are small; more tasks than threads would only pack more often. Elements of C are summed in
-    /// the same order at any block size.
+    /// Rows and columns of the block of C that a task computes: those that `threads` threads finish first, where each
+    /// task packs its rows of A and columns of B. Elements of C are summed in the same order at any block size.
     fn block_size(&self, [batch, m, n]: [usize; 3], threads: usize) -> (usize, usize) {
         let (tile_rows, tile_cols) = T::tile(simd::level());
-        let (mut rows, mut cols) = (m, n.div_ceil(n.div_ceil(N_BLOCK)).next_multiple_of(tile_cols));
-        loop {
+        let blocks = |down: usize, across: usize| {
+            let across = across.max(n.div_ceil(N_BLOCK));
+            (m.div_ceil(down).next_multiple_of(tile_rows), n.div_ceil(across).next_multiple_of(tile_cols))
+        };
+        let time = |&(rows, cols): &(usize, usize)| {
             let tasks = batch * m.div_ceil(rows) * n.div_ceil(cols);
-            if tasks >= threads || rows * cols * self.a.first.cols < 2 * TASK {
-                return (rows, cols);
-            }
-            if cols > tile_cols && (cols >= rows || rows <= M_TASK) {
-                cols = (cols / 2).next_multiple_of(tile_cols);
-            } else if rows > M_TASK {
-                rows = (rows / 2).next_multiple_of(tile_rows);
-            } else {
-                return (rows, cols);
-            }
-        }
+            tasks.div_ceil(threads) * (rows * cols + PACKING * (rows + cols))
+        };
+        let worth = batch.saturating_mul(m).saturating_mul(n).saturating_mul(self.a.first.cols) / TASK;
+        let wanted = threads.min(worth).div_ceil(batch).max(1);
+        let sizes = (1..=wanted).map(|down| blocks(down, wanted.div_ceil(down)));
+        sizes.min_by_key(time).unwrap_or_else(|| blocks(1, 1))
     }
 
     /// Computes one block of C.
@@ -185,57 +207,63 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         let Mat { data, cols: k_end, row_stride, col_stride, .. } = self.a.first;
         let a = &data[entry * self.a.stride..];
         let offset = entry * c_step;
+        let depth = k_end.max(1).div_ceil(k_end.max(1).div_ceil(k_block(level)));
         // Tiles of nearly equal height use the pipeline better than full tiles followed by a thin one. The same goes
         // for the height and depth of blocks.
         let tiles = rows.len().div_ceil(tile_rows);
         let (height, taller) = (rows.len() / tiles, rows.len() % tiles);
         let first_row = |t: usize| rows.start + t * height + t.min(taller);
         let tile = |t: usize| first_row(t)..first_row(t + 1);
-        let sweeps = tiles.div_ceil(M_BLOCK / tile_rows);
+        let room = A_BLOCK.min(caches::second_level() / 2);
+        let sweeps = tiles.div_ceil((room / (depth * size_of::<T>() * tile_rows)).max(1));
         let sweep = |s: usize| tiles * s / sweeps..tiles * (s + 1) / sweeps;
-        let k_block = if level == Level::Portable { K_BLOCK_UNFUSED } else { K_BLOCK };
-        let depth = k_end.max(1).div_ceil(k_end.max(1).div_ceil(k_block));
         let panels = cols.len().div_ceil(tile_cols);
         let packed = panels >= REUSE && (col_stride != 1 || (row_stride * size_of::<T>()).is_multiple_of(CLASH));
-        let a_room = if packed { tiles.div_ceil(sweeps) * tile_rows * depth } else { 0 };
+        // An odd number of cache lines, so that rows do not share sets of the first-level cache.
+        let line = 64 / size_of::<T>();
+        let a_stride = (depth.div_ceil(line) | 1) * line;
+        let a_room = if packed { tiles.div_ceil(sweeps) * tile_rows * a_stride } else { 0 };
         let b_room = depth * tile_cols;
-        T::with_panel(a_room + b_room * (1 + if sweeps > 1 { panels } else { 1 }), |room| {
-            let (a_tiles, room) = room.split_at_mut(a_room);
+        let (group, turn) = match self.b.in_turn() {
+            true => (ROW_PART / (tile_cols * size_of::<T>()), ROWS_IN_TURN),
+            false => (1, depth),
+        };
+        let slots = if sweeps > 1 { panels } else { group.min(panels) };
+        let columns = |panel: usize| cols.start + panel * tile_cols..cols.end.min(cols.start + (panel + 1) * tile_cols);
+        T::with_panel(a_room + b_room * (1 + slots), |room| {
+            let (a_rows, room) = room.split_at_mut(a_room);
             let (spare, b_panels) = room.split_at_mut(b_room);
             for k in (0..k_end.max(1)).step_by(depth) {
                 let depth = depth.min(k_end - k);
                 let beta = if k == 0 { self.beta } else { T::ONE };
                 for s in 0..sweeps {
-                    let first = tile(sweep(s).start).start;
+                    let first = first_row(sweep(s).start);
                     if packed && depth > 0 {
-                        let strides = [col_stride, row_stride];
-                        // Where the rows of A are adjacent in memory, all tiles pack their part of a few cache lines
-                        // before any of them moves on to the next lines, which were prefetched meanwhile.
-                        let run = if strides[1] == 1 { AHEAD } else { depth };
-                        for p in (0..depth).step_by(run) {
-                            let run = run.min(depth - p);
-                            for rows in sweep(s).map(tile) {
-                                let from = &a[rows.start * strides[1] + (k + p) * strides[0]..];
-                                let height = rows.len();
-                                let into = &mut a_tiles[(rows.start - first) * depth + p * height..][..run * height];
-                                pack(from, strides, run, height, height, into);
+                        let from = &a[first * row_stride + k * col_stride..];
+                        let rows = first_row(sweep(s).end) - first;
+                        pack(from, [row_stride, col_stride], rows, depth, a_stride, a_rows);
+                    }
+                    for panel in 0..panels {
+                        // The first sweep packs the panels; the others reuse them.
+                        if s == 0 && panel % group == 0 {
+                            for p in (0..depth).step_by(turn) {
+                                let run = turn.min(depth - p);
+                                for panel in panel..panels.min(panel + group) {
+                                    let cols = columns(panel);
+                                    let padded = T::panel_width(level, cols.len());
+                                    let to = &mut b_panels[panel % slots * b_room + p * padded..][..run * padded];
+                                    self.b.pack(entry, k + p..k + p + run, cols, padded, to, spare);
+                                }
                             }
                         }
-                    }
-                    for (panel, j) in cols.clone().step_by(tile_cols).enumerate() {
-                        let width = tile_cols.min(cols.end - j);
+                        let (j, width) = (columns(panel).start, columns(panel).len());
                         let padded = T::panel_width(level, width);
-                        // The first sweep packs the panel; the others reuse it.
-                        let slot = if sweeps > 1 { panel * b_room } else { 0 };
-                        let panel = &mut b_panels[slot..][..depth * padded];
-                        if s == 0 {
-                            self.b.pack(entry, k..k + depth, j..j + width, padded, panel, spare);
-                        }
+                        let panel = &b_panels[panel % slots * b_room..][..depth * padded];
                         for rows in sweep(s).map(tile) {
                             let (i, height) = (rows.start, rows.len());
                             let (from, readable, strides) = if packed {
-                                let from = (i - first) * depth;
-                                (a_tiles[from..].as_ptr(), a_tiles.len() - from, [1, height])
+                                let from = (i - first) * a_stride;
+                                (a_rows[from..].as_ptr(), a_rows.len() - from, [a_stride, 1])
                             } else {
                                 let from = i * row_stride + k * col_stride;
                                 (a.as_ptr().wrapping_add(from), a.len().saturating_sub(from), [row_stride, col_stride])

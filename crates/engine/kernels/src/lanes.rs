@@ -71,6 +71,8 @@ pub trait Lanes:
     type Scalar: Real;
     /// The result of comparisons.
     type Mask: LaneMask;
+    /// Registers that a vector takes. Where they are several, a kernel with many vectors at a time runs out of them.
+    const REGISTERS: usize;
 
     /// A vector with `x` in all lanes.
     fn splat(x: Self::Scalar) -> Self;

@@ -238,14 +238,23 @@ impl<T: Real> LaneKernel<T> for Backward<'_, T> {
 
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) {
+        // Each row has two running sums in registers.
+        if V::REGISTERS > 1 { self.in_groups::<V, { GROUP / 2 }>() } else { self.in_groups::<V, GROUP>() }
+    }
+}
+
+impl<T: Real> Backward<'_, T> {
+    /// The backward pass, R rows at a time.
+    #[inline(always)]
+    fn in_groups<V: Lanes<Scalar = T>, const R: usize>(self) {
         let Self { cols, x, w, stats, dy, mut dx, scratch } = self;
         scratch.fill(T::ZERO);
         let rows = x.len() / cols;
-        let together = rows / GROUP * GROUP;
-        for row in (0..together).step_by(GROUP) {
+        let together = rows / R * R;
+        for row in (0..together).step_by(R) {
             let dx = dx.as_mut().map(|(dx, beta)| (&mut dx[row * cols..], *beta));
             let part = row * cols;
-            backward::<V, GROUP>(cols, &x[part..], w, &stats[2 * row..], &dy[part..], dx, scratch);
+            backward::<V, R>(cols, &x[part..], w, &stats[2 * row..], &dy[part..], dx, scratch);
         }
         for row in together..rows {
             let dx = dx.as_mut().map(|(dx, beta)| (&mut dx[row * cols..], *beta));

@@ -11,6 +11,7 @@
 
 pub mod attention;
 pub mod byte_products;
+mod caches;
 pub mod conv;
 pub mod dense;
 mod dual;

@@ -88,6 +88,7 @@ impl LaneMask for Mask2 {
 impl Lanes for Ymm2 {
     type Scalar = f32;
     type Mask = Mask2;
+    const REGISTERS: usize = 2;
 
     methods! {
         fn splat(x: f32) -> Self = Self(_mm256_set1_ps(x), _mm256_set1_ps(x));

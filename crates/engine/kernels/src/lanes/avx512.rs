@@ -81,6 +81,7 @@ macro_rules! methods {
 impl Lanes for Zmm {
     type Scalar = f32;
     type Mask = __mmask16;
+    const REGISTERS: usize = 1;
 
     methods! {
         fn splat(x: f32) -> Self = Self(_mm512_set1_ps(x));

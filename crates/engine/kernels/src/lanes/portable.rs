@@ -77,6 +77,7 @@ pub fn sums<T: Real>(rows: &[[T; LANES]; LANES]) -> [T; LANES] {
 impl<T: Real> Lanes for Array<T> {
     type Scalar = T;
     type Mask = [bool; LANES];
+    const REGISTERS: usize = LANES * size_of::<T>() / 16;
 
     #[inline(always)]
     fn splat(x: T) -> Self {

@@ -130,7 +130,7 @@ fn larger() {
 /// rows of A a multiple of 4 KiB apart. Of small integers, whose products are exact.
 #[test]
 fn every_cut() {
-    for [m, n, k] in [[300, 100, 520], [13, 100, 1024], [7, 1100, 20]] {
+    for [m, n, k] in [[600, 100, 520], [300, 300, 800], [13, 100, 1024], [7, 1100, 20]] {
         let integers = |len, seed| -> Vec<f32> {
             let stream = Stream::new(seed, 0, "gemm.cuts");
             (0..len as u64).map(|i| stream.below(i, 9) as f32 - 4.0).collect()
@@ -181,15 +181,35 @@ fn batched_and_strided() {
     }
 }
 
+/// Matrices that share B and follow on one another are multiplied as one, with the bits of separate products.
 #[test]
-fn same_bits_at_any_thread_count() {
-    let (m, n, k) = (301, 275, 300);
-    let (a, b) = (noise::<f32>(m * k, 1), noise::<f32>(k * n, 2));
-    threads(|| {
-        let mut c = vec![0.0; m * n];
-        gemm(1.0, Mat::new(&a, m, k), Mat::new(&b, n, k).transposed(), 0.0, MatMut::new(&mut c, m, n));
+fn a_shared_factor_gives_bits_of_separate_products() {
+    let (batch, m, n, k) = (7, 13, 40, 30);
+    let (a, b) = (noise::<f32>(batch * m * k, 1), noise::<f32>(k * n, 2));
+    let shared = Mat::new(&b, k, n);
+    let mut separate = vec![f32::NAN; batch * m * n];
+    for (a, c) in a.chunks_exact(m * k).zip(separate.chunks_exact_mut(m * n)) {
+        gemm_serial(1.0, Mat::new(a, m, k), shared, 0.0, MatMut::new(c, m, n));
+    }
+    let together = threads(|| {
+        let mut c = vec![f32::NAN; batch * m * n];
+        let output = MatMut::new(&mut c, m, n).batch(m * n);
+        gemm_batched(batch, 1.0, Mat::new(&a, m, k).batch(m * k), shared.batch(0), 0.0, output);
         c
     });
+    assert_eq!(together, separate);
+}
+
+#[test]
+fn same_bits_at_any_thread_count() {
+    for [m, n, k] in [[301, 275, 300], [30, 1500, 900], [900, 40, 70]] {
+        let (a, b) = (noise::<f32>(m * k, 1), noise::<f32>(k * n, 2));
+        threads(|| {
+            let mut c = vec![0.0; m * n];
+            gemm(1.0, Mat::new(&a, m, k), Mat::new(&b, n, k).transposed(), 0.0, MatMut::new(&mut c, m, n));
+            c
+        });
+    }
 }
 
 #[test]

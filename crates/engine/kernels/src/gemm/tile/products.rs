@@ -2,11 +2,30 @@
 
 use super::{LeftOperand, OutputRows};
 
+/// C = alpha sums + beta C for a tile of `$cols` columns. A function that is not inlined would keep sums in memory.
+macro_rules! write_tile {
+    ($sums:ident: $m:ident x $v:ident, $cols:expr, $alpha:expr, $beta:expr, $c:ident) => {
+        let plain = $alpha == 1.0 && $beta == 0.0 && $cols == $v * LANES;
+        for i in 0..$m {
+            for v in 0..$v {
+                let c = $c.start.add(i * $c.stride + v * LANES);
+                if plain {
+                    store(c, $sums[i][v]);
+                } else {
+                    finish($sums[i][v], $cols - v * LANES, $alpha, $beta, c);
+                }
+            }
+        }
+    };
+}
+
 /// Defines `multiply` for one vector type in terms of the names in scope: `LANES`, `zero`, `splat`, `load`, `store`,
-/// `mul_add`, `fetch`, `finish`; a tile is `$rows` high, two vectors wide.
+/// `mul_add`, `fetch`, `finish`; a tile is `$rows` high, two vectors wide. `$turn` steps of the depth make one turn of
+/// the loop where rows of A are contiguous; they share what the loop itself costs.
 macro_rules! products {
-    ($t:ty, $rows:literal: $($row:literal)*, $(#[$feature:meta])*) => {
+    ($t:ty, $turn:literal, $rows:literal: $($row:literal)*, $(#[$feature:meta])*) => {
         pub const ROWS: usize = $rows;
+        const TURN: usize = $turn;
 
         $(#[$feature])*
         pub unsafe fn multiply(
@@ -15,47 +34,63 @@ macro_rules! products {
             let [rows, cols, depth] = size;
             // SAFETY: passed on from the caller.
             unsafe {
-                match (rows, cols <= LANES) {
+                match (rows, cols <= LANES, a.strides[1] == 1) {
                     $(
-                        ($row, true) => tile::<$row, 1>(cols, depth, alpha, a, panel, beta, c),
-                        ($row, false) => tile::<$row, 2>(cols, depth, alpha, a, panel, beta, c),
+                        ($row, true, true) => tile::<$row, 1, { TURN > 1 }>(cols, depth, alpha, a, panel, beta, c),
+                        ($row, true, false) => tile::<$row, 1, false>(cols, depth, alpha, a, panel, beta, c),
+                        ($row, false, true) => tile::<$row, 2, { TURN > 1 }>(cols, depth, alpha, a, panel, beta, c),
+                        ($row, false, false) => tile::<$row, 2, false>(cols, depth, alpha, a, panel, beta, c),
                     )*
                     _ => unreachable!("a tile has 1 to {ROWS} rows"),
                 }
             }
         }
 
+        /// A tile of M rows and V vectors. `CONTIGUOUS` is true if the elements of a row of A are neighbors.
         $(#[$feature])*
-        unsafe fn tile<const M: usize, const V: usize>(
+        unsafe fn tile<const M: usize, const V: usize, const CONTIGUOUS: bool>(
             cols: usize, depth: usize, alpha: $t, a: LeftOperand<$t>, panel: *const $t, beta: $t, c: OutputRows<$t>,
         ) {
             let LeftOperand { start: a, strides } = a;
-            let OutputRows { start: c, stride: c_stride } = c;
             let mut sums = [[zero(); V]; M];
             // SAFETY: all offsets lie inside the memory that the caller guarantees.
             unsafe {
-                fetch::<M, V>(cols, c, c_stride);
-                for p in 0..depth {
-                    let mut b = [zero(); V];
-                    for v in 0..V {
-                        b[v] = load(panel.add((p * V + v) * LANES));
-                    }
-                    for i in 0..M {
-                        let x = splat(*a.add(i * strides[0] + p * strides[1]));
-                        for v in 0..V {
-                            sums[i][v] = mul_add(x, b[v], sums[i][v]);
+                fetch::<M, V>(cols, c);
+                let together = if CONTIGUOUS { depth / TURN * TURN } else { 0 };
+                if CONTIGUOUS {
+                    // Every third row has a pointer; the factors of an address, 1 and 2, reach the rows between.
+                    let (mut heads, mut b) = ([a, a.wrapping_add(3 * strides[0])], panel);
+                    for _ in 0..depth / TURN {
+                        for p in 0..TURN {
+                            step(&mut sums, |i| heads[i / 3].add(i % 3 * strides[0] + p), b.add(p * V * LANES));
                         }
+                        heads = heads.map(|head| head.wrapping_add(TURN));
+                        b = b.add(TURN * V * LANES);
                     }
                 }
-                let plain = alpha == 1.0 && beta == 0.0 && cols == V * LANES;
+                for p in together..depth {
+                    step(&mut sums, |i| a.add(i * strides[0] + p * strides[1]), panel.add(p * V * LANES));
+                }
+                write_tile!(sums: M x V, cols, alpha, beta, c);
+            }
+        }
+
+        /// Adds the product of a column of A, whose element i is at `a(i)`, and a row of B.
+        $(#[$feature])*
+        #[inline]
+        unsafe fn step<const M: usize, const V: usize>(
+            sums: &mut [[Vector; V]; M], a: impl Fn(usize) -> *const $t, b: *const $t,
+        ) {
+            let mut row = [zero(); V];
+            // SAFETY: passed on from the caller.
+            unsafe {
+                for v in 0..V {
+                    row[v] = load(b.add(v * LANES));
+                }
                 for i in 0..M {
+                    let x = splat(*a(i));
                     for v in 0..V {
-                        let c = c.add(i * c_stride + v * LANES);
-                        if plain {
-                            store(c, sums[i][v]);
-                        } else {
-                            finish(sums[i][v], cols - v * LANES, alpha, beta, c);
-                        }
+                        sums[i][v] = mul_add(x, row[v], sums[i][v]);
                     }
                 }
             }
@@ -88,34 +123,14 @@ macro_rules! windows {
             cols: usize, a: LeftOperand<$t>, b: *const $t, offsets: &[usize], beta: $t, c: OutputRows<$t>,
         ) {
             let LeftOperand { start: a, strides } = a;
-            let OutputRows { start: c, stride: c_stride } = c;
             let mut sums = [[zero(); V]; M];
             // SAFETY: all offsets lie inside the memory that the caller guarantees.
             unsafe {
-                fetch::<M, V>(cols, c, c_stride);
+                fetch::<M, V>(cols, c);
                 for (p, offset) in offsets.iter().enumerate() {
-                    let mut row = [zero(); V];
-                    for v in 0..V {
-                        row[v] = load(b.add(offset + v * LANES));
-                    }
-                    for i in 0..M {
-                        let x = splat(*a.add(i * strides[0] + p * strides[1]));
-                        for v in 0..V {
-                            sums[i][v] = mul_add(x, row[v], sums[i][v]);
-                        }
-                    }
+                    step(&mut sums, |i| a.add(i * strides[0] + p * strides[1]), b.add(*offset));
                 }
-                let plain = beta == 0.0 && cols == V * LANES;
-                for i in 0..M {
-                    for v in 0..V {
-                        let c = c.add(i * c_stride + v * LANES);
-                        if plain {
-                            store(c, sums[i][v]);
-                        } else {
-                            finish(sums[i][v], cols - v * LANES, 1.0, beta, c);
-                        }
-                    }
-                }
+                write_tile!(sums: M x V, cols, 1.0, beta, c);
             }
         }
 
@@ -139,42 +154,22 @@ macro_rules! windows {
         unsafe fn runs<const M: usize, const V: usize>(
             size: [usize; 4], a: *const $t, offsets: &[usize], mut panel: *const $t, beta: $t, c: OutputRows<$t>,
         ) {
-            let [cols, depth, count, step] = size;
-            let OutputRows { start: c, stride: c_stride } = c;
+            let [cols, depth, count, apart] = size;
             let mut sums = [[zero(); V]; M];
             // SAFETY: all offsets lie inside the memory that the caller guarantees.
             unsafe {
-                fetch::<M, V>(cols, c, c_stride);
+                fetch::<M, V>(cols, c);
                 for run in 0..count {
                     let mut rows = [a; M];
                     for (row, offset) in rows.iter_mut().zip(offsets) {
-                        *row = a.add(offset + run * step);
+                        *row = a.add(offset + run * apart);
                     }
                     for p in 0..depth {
-                        let mut b = [zero(); V];
-                        for v in 0..V {
-                            b[v] = load(panel.add(v * LANES));
-                        }
+                        step(&mut sums, |i| rows[i].add(p), panel);
                         panel = panel.add(V * LANES);
-                        for i in 0..M {
-                            let x = splat(*rows[i].add(p));
-                            for v in 0..V {
-                                sums[i][v] = mul_add(x, b[v], sums[i][v]);
-                            }
-                        }
                     }
                 }
-                let plain = beta == 0.0 && cols == V * LANES;
-                for i in 0..M {
-                    for v in 0..V {
-                        let c = c.add(i * c_stride + v * LANES);
-                        if plain {
-                            store(c, sums[i][v]);
-                        } else {
-                            finish(sums[i][v], cols - v * LANES, 1.0, beta, c);
-                        }
-                    }
-                }
+                write_tile!(sums: M x V, cols, 1.0, beta, c);
             }
         }
     };
@@ -186,10 +181,17 @@ macro_rules! stores {
         /// Prefetches C, which is needed only after the loop over the depth.
         $(#[$feature])*
         #[inline]
-        pub(super) fn fetch<const M: usize, const V: usize>(cols: usize, c: *const $t, c_stride: usize) {
+        pub(super) fn fetch<const M: usize, const V: usize>(cols: usize, c: OutputRows<$t>) {
+            const LINE: usize = 64 / size_of::<$t>();
+            // Rows that do not begin with a cache line reach into one more.
+            let ragged = !c.start.addr().is_multiple_of(64) || !c.stride.is_multiple_of(LINE);
             for i in 0..M {
-                for v in 0..V.min(cols.div_ceil(LANES)) {
-                    crate::simd::prefetch(c.wrapping_add(i * c_stride + v * LANES));
+                let row = c.start.wrapping_add(i * c.stride);
+                for at in (0..V * LANES).step_by(LINE) {
+                    crate::simd::prefetch(row.wrapping_add(at));
+                }
+                if ragged {
+                    crate::simd::prefetch(row.wrapping_add(cols - 1));
                 }
             }
         }
@@ -221,7 +223,7 @@ macro_rules! stores {
 #[cfg(target_arch = "x86_64")]
 macro_rules! vector_tile {
     (
-        $name:ident, $features:literal, $t:ty, $v:ty, $lanes:literal, $rows:literal: $($row:literal)*,
+        $name:ident, $features:literal, $t:ty, $v:ty, $lanes:literal, $turn:literal, $rows:literal: $($row:literal)*,
         $zero:ident, $splat:ident, $load:ident, $store:ident, $mul:ident, $mul_add:ident,
         $mask:expr, $load_part:ident($($load_arg:ident)*), $store_part:ident
     ) => {
@@ -281,7 +283,7 @@ macro_rules! vector_tile {
                 unsafe { $store_part(p, $mask(count), x) }
             }
 
-            products!($t, $rows: $($row)*, #[target_feature(enable = $features)]);
+            products!($t, $turn, $rows: $($row)*, #[target_feature(enable = $features)]);
             windows!($t, $($row)*, #[target_feature(enable = $features)]);
             stores!($t, #[target_feature(enable = $features)]);
         }
@@ -296,25 +298,25 @@ static WINDOW: [i32; 16] = [-1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0,
 
 #[cfg(target_arch = "x86_64")]
 vector_tile!(
-    avx512_f32, "avx512f", f32, __m512, 16, 12: 1 2 3 4 5 6 7 8 9 10 11 12,
+    avx512_f32, "avx512f", f32, __m512, 16, 1, 12: 1 2 3 4 5 6 7 8 9 10 11 12,
     _mm512_setzero_ps, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_mul_ps, _mm512_fmadd_ps,
     (|count: usize| ((1_u32 << count) - 1) as __mmask16), _mm512_maskz_loadu_ps(mask_first), _mm512_mask_storeu_ps
 );
 #[cfg(target_arch = "x86_64")]
 vector_tile!(
-    avx512_f64, "avx512f", f64, __m512d, 8, 12: 1 2 3 4 5 6 7 8 9 10 11 12,
+    avx512_f64, "avx512f", f64, __m512d, 8, 1, 12: 1 2 3 4 5 6 7 8 9 10 11 12,
     _mm512_setzero_pd, _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_mul_pd, _mm512_fmadd_pd,
     (|count: usize| ((1_u32 << count) - 1) as __mmask8), _mm512_maskz_loadu_pd(mask_first), _mm512_mask_storeu_pd
 );
 #[cfg(target_arch = "x86_64")]
 vector_tile!(
-    avx2_f32, "avx2,fma", f32, __m256, 8, 6: 1 2 3 4 5 6,
+    avx2_f32, "avx2,fma", f32, __m256, 8, 4, 6: 1 2 3 4 5 6,
     _mm256_setzero_ps, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_mul_ps, _mm256_fmadd_ps,
     (|count: usize| _mm256_loadu_si256(super::WINDOW[8 - count..].as_ptr().cast())), _mm256_maskload_ps(mask_last), _mm256_maskstore_ps
 );
 #[cfg(target_arch = "x86_64")]
 vector_tile!(
-    avx2_f64, "avx2,fma", f64, __m256d, 4, 6: 1 2 3 4 5 6,
+    avx2_f64, "avx2,fma", f64, __m256d, 4, 4, 6: 1 2 3 4 5 6,
     _mm256_setzero_pd, _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_mul_pd, _mm256_fmadd_pd,
     (|count: usize| _mm256_loadu_si256(super::WINDOW[8 - 2 * count..].as_ptr().cast())), _mm256_maskload_pd(mask_last), _mm256_maskstore_pd
 );
@@ -335,7 +337,7 @@ pub mod avx512_pairs {
         _mm512_dpbf16_ps(sum, a, b)
     }
 
-    products!(f32, 12: 1 2 3 4 5 6 7 8 9 10 11 12, #[target_feature(enable = "avx512f,avx512bf16")]);
+    products!(f32, 1, 12: 1 2 3 4 5 6 7 8 9 10 11 12, #[target_feature(enable = "avx512f,avx512bf16")]);
 }
 
 /// The vector functions and the tile for any target: arrays, which the compiler vectorizes with the baseline
@@ -389,7 +391,7 @@ macro_rules! portable_tile {
                 }
             }
 
-            products!($t, 4: 1 2 3 4,);
+            products!($t, 1, 4: 1 2 3 4,);
             windows!($t, 1 2 3 4,);
             stores!($t,);
         }
