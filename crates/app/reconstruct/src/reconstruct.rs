@@ -170,14 +170,15 @@ impl Request {
             self.sized(RunSettings { gaining: Some(gaining), ..settings }, cameras, long_side, None)?;
         settings.fit.steps = Gaining::first_steps(photos);
         let FitSettings { steps, gaussians, .. } = settings.fit;
-        let held_out = planned(&settings, cameras)?.held_out;
+        let plan = planned(&settings, cameras)?;
+        let [held_out, side] = [plan.held_out, plan.size[0].max(plan.size[1])];
         observe.note(&format!("fit: {}", settings.capture.display()));
         let end = match held_out {
             0 => "no photo is held out, by which more steps could be judged".to_string(),
             _ => format!("then twice as many, for as long as {held_out} held-out photos gain"),
         };
         observe.note(&format!(
-            "plan: {steps} steps with {gaussians} Gaussians for {photos} photos of at most {long_side} pixels; {end}"
+            "plan: {steps} steps with {gaussians} Gaussians for {photos} photos of at most {side} pixels; {end}"
         ));
         Ok(settings)
     }
