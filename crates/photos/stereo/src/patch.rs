@@ -100,10 +100,12 @@ pub(crate) fn dissimilarity<V: Lanes<Scalar = f32>>(
     let (half, width) = (V::splat(0.5), V::splat(width as f32));
     let (mut mean, mut square, mut product) = (V::zero(), V::zero(), V::zero());
     for k in 0..2 {
-        let [x, y, z] = [0, 1, 2].map(
-            #[inline(always)]
-            |i| offsets.x[k].mul_add(V::splat(gx[i]), offsets.y[k].mul_add(V::splat(gy[i]), V::splat(p[i]))),
-        );
+        // Not `map`, which would be a call of a function without these instructions.
+        let mut place = [V::zero(); 3];
+        for i in 0..3 {
+            place[i] = offsets.x[k].mul_add(V::splat(gx[i]), offsets.y[k].mul_add(V::splat(gy[i]), V::splat(p[i])));
+        }
+        let [x, y, z] = place;
         let scale = z.recip();
         let x = (x * scale - half).max(V::zero()).min(right);
         let y = (y * scale - half).max(V::zero()).min(bottom);
