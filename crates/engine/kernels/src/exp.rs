@@ -4,10 +4,10 @@
 //! e^x and tanh reduce x = n ln 2 + r with |r| <= ln 2 / 2, where ln 2 is split in two parts (Cody and Waite), and use
 //! a polynomial for e^r - 1 that interpolates at Chebyshev nodes.
 
-use crate::lanes::Lanes;
+use crate::lanes::Vector;
 
 /// Adding and subtracting 1.5 * 2^23 rounds to the nearest integer and leaves it in the low bits.
-const ROUND: f32 = 12_582_912.0;
+pub(crate) const ROUND: f32 = 12_582_912.0;
 
 /// n and e^r - 1 with x = n ln 2 + r, for |x| < 2^15.
 #[inline(always)]
@@ -58,7 +58,7 @@ pub(crate) struct Quintic([f32; 6]);
 impl Quintic {
     /// Evaluates the polynomial by Estrin's scheme: one multiplication more than Horner's, but half the latency.
     #[inline(always)]
-    pub fn polynomial<V: Lanes<Scalar = f32>>(self, x: V) -> V {
+    pub fn polynomial<V: Vector<Scalar = f32>>(self, x: V) -> V {
         let [c0, c1, c2, c3, c4, c5] = self.0;
         let square = x * x;
         let low = V::splat(c1).mul_add(x, V::splat(c0));
@@ -77,10 +77,10 @@ pub(crate) const EXP2_NEAREST: Quintic =
 /// Coefficients of t, t^3, .. t^9 in log2((1 + t) / (1 - t)) for |t| <= 0.2.
 pub(crate) const LOG2_ODD: [f32; 5] = [2.885_39, 0.961_796_6, 0.577_093_94, 0.411_133_3, 0.349_416_76];
 
-/// n and e^r with x = n ln 2 + r, for [`Lanes`] that can multiply by 2^n. Clamps x to where e^x is neither 0 nor
+/// n and e^r with x = n ln 2 + r, for a [`Vector`] that can multiply by 2^n. Clamps x to where e^x is neither 0 nor
 /// infinite; for NaN the result is an arbitrary number.
 #[inline(always)]
-pub(crate) fn reduced<V: Lanes<Scalar = f32>>(x: V) -> (V, V) {
+pub(crate) fn reduced<V: Vector<Scalar = f32>>(x: V) -> (V, V) {
     use std::f64::consts::{LN_2, LOG2_E};
     let x = x.max(V::splat(-105.0)).min(V::splat(90.0));
     let shift = V::splat(ROUND);

@@ -2,7 +2,7 @@
 //! Gimpel 2016, arXiv 1606.08415). This is the exact form, not the approximation by tanh.
 
 use crate::Real;
-use crate::lanes::{self, LaneKernel, Lanes};
+use crate::lanes::{self, LaneKernel, Lanes, Vector};
 use crate::parallel::for_chunks;
 use crate::target::Target;
 
@@ -23,9 +23,9 @@ const ERFC: [f32; 9] = [
 ];
 const SLOPE: f32 = 0.38;
 
-/// [`Lanes::normal`] for processors with fused multiply-add.
+/// [`Vector::normal`] for processors with fused multiply-add.
 #[inline(always)]
-pub(crate) fn normal<V: Lanes<Scalar = f32>>(x: V) -> (V, V) {
+pub(crate) fn normal<V: Vector<Scalar = f32>>(x: V) -> (V, V) {
     use std::f32::consts::{FRAC_1_SQRT_2, LOG2_E};
     // Beyond 40 the results are exactly 0 or 1, and an infinity would produce NaN.
     let a = x.abs().min(V::splat(40.0));

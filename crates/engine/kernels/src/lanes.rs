@@ -3,7 +3,8 @@
 //!
 //! A kernel is written once, generic over [`Lanes`], as a [`LaneKernel`]; [`run`] calls it with the vector type of the
 //! instruction set in use ([`simd::level`]). For `f32` that is one AVX-512 register, two AVX2 registers, or an array;
-//! for `f64` it is always an array. Fused operations round once on processors that have them, so results may differ in
+//! for `f64` it is always an array. A kernel with many numbers at hand may go through the parts of a vector
+//! ([`Lanes::Part`]), each of which is one register. Fused operations round once on processors that have them, so results may differ in
 //! the last bits between instruction sets, but not between runs with the same one.
 //!
 //! ```
@@ -55,8 +56,9 @@ pub trait LaneMask: Copy + Send + Sync {
     fn or(self, other: Self) -> Self;
 }
 
-/// A vector of sixteen numbers. Only the vector types of this crate implement it.
-pub trait Lanes:
+/// A vector of numbers, sixteen or a part of sixteen: arithmetic that works lane by lane. Only the vector types of this
+/// crate implement it.
+pub trait Vector:
     Copy
     + Send
     + Sync
@@ -69,17 +71,29 @@ pub trait Lanes:
 {
     /// The type of a lane.
     type Scalar: Real;
-    /// The result of comparisons.
+    /// The result of comparisons; bits beyond the lanes are 0.
     type Mask: LaneMask;
-    /// Registers that a vector takes. Where they are several, a kernel with many vectors at a time runs out of them.
-    const REGISTERS: usize;
+    /// Number of lanes, which divides [`LANES`].
+    const WIDTH: usize;
 
     /// A vector with `x` in all lanes.
     fn splat(x: Self::Scalar) -> Self;
-    /// Loads a vector from memory.
-    fn load(x: &[Self::Scalar; LANES]) -> Self;
-    /// Stores the vector to memory.
-    fn store(self, to: &mut [Self::Scalar; LANES]);
+    /// Loads part `part` of a row: numbers `part * WIDTH..(part + 1) * WIDTH`.
+    fn load_part(row: &[Self::Scalar; LANES], part: usize) -> Self;
+    /// Stores the vector to part `part` of a row.
+    fn store_part(self, row: &mut [Self::Scalar; LANES], part: usize);
+    /// Loads vector `index` of those that sixteen rows hold one after the other.
+    ///
+    /// # Panics
+    ///
+    /// If they do not hold so many.
+    fn load_nth(rows: &[Row<Self::Scalar>; LANES], index: usize) -> Self;
+    /// Stores the vector where [`load_nth`](Self::load_nth) finds it.
+    ///
+    /// # Panics
+    ///
+    /// If the rows do not hold so many.
+    fn store_nth(self, rows: &mut [Row<Self::Scalar>; LANES], index: usize);
     /// self * b + c, fused where the processor can.
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// c - self * b, fused where the processor can.
@@ -127,11 +141,9 @@ pub trait Lanes:
     fn or(self, mask: Self::Mask, other: Self) -> Self;
     /// `self` with the sign bit set where the mask is set.
     fn negative(self, mask: Self::Mask) -> Self;
-    /// The horizontal sums of sixteen vectors: lane i is the sum of the lanes of vector i. The order of additions is
-    /// the same in all instruction sets.
-    fn sums(of: &[Self; LANES]) -> Self;
-    /// Transposes a matrix of sixteen by sixteen.
-    fn transpose(rows: &mut [Self; LANES]);
+    /// Adds to number i of `row` the sum of the lanes of vector i. The order of additions is the same in all instruction
+    /// sets.
+    fn add_sums(of: &[Self; LANES], row: &mut [Self::Scalar; LANES]);
 
     /// A vector with a constant in all lanes.
     #[inline(always)]
@@ -150,19 +162,43 @@ pub trait Lanes:
     fn from_fn(mut x: impl FnMut(usize) -> Self::Scalar) -> Self {
         // `std::array::from_fn` is not always inlined.
         let mut lanes = [Self::Scalar::ZERO; LANES];
-        for (lane, to) in lanes.iter_mut().enumerate() {
+        for (lane, to) in lanes.iter_mut().take(Self::WIDTH).enumerate() {
             *to = x(lane);
         }
-        Self::load(&lanes)
+        Self::load_part(&lanes, 0)
     }
 
-    /// The lanes as an array.
+    /// The lanes as an array, zeros beyond them.
     #[inline(always)]
     fn to_array(self) -> [Self::Scalar; LANES] {
         let mut out = [Self::Scalar::ZERO; LANES];
-        self.store(&mut out);
+        self.store_part(&mut out, 0);
         out
     }
+}
+
+/// A vector of sixteen numbers.
+pub trait Lanes: Vector {
+    /// What a kernel computes with that has a choice, and few registers: a register's part of the sixteen, or all.
+    type Part: Vector<Scalar = Self::Scalar>;
+    /// Parts of a vector.
+    const PARTS: usize = LANES / Self::Part::WIDTH;
+
+    /// Loads a vector from memory.
+    #[inline(always)]
+    fn load(x: &[Self::Scalar; LANES]) -> Self {
+        Self::load_part(x, 0)
+    }
+    /// Stores the vector to memory.
+    #[inline(always)]
+    fn store(self, to: &mut [Self::Scalar; LANES]) {
+        self.store_part(to, 0);
+    }
+    /// The horizontal sums of sixteen vectors: lane i is the sum of the lanes of vector i. The order of additions is
+    /// the same in all instruction sets.
+    fn sums(of: &[Self; LANES]) -> Self;
+    /// Transposes a matrix of sixteen by sixteen.
+    fn transpose(rows: &mut [Self; LANES]);
 }
 
 /// Loads elements `at..at + 16` of a slice, with zeros beyond its end.

@@ -239,7 +239,7 @@ impl<T: Real> LaneKernel<T> for Backward<'_, T> {
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) {
         // Each row has two running sums in registers.
-        if V::REGISTERS > 1 { self.in_groups::<V, { GROUP / 2 }>() } else { self.in_groups::<V, GROUP>() }
+        if V::PARTS > 1 { self.in_groups::<V, { GROUP / 2 }>() } else { self.in_groups::<V, GROUP>() }
     }
 }
 

@@ -18,9 +18,9 @@ use std::sync::OnceLock;
 pub enum Level {
     /// The baseline of the compilation target.
     Portable,
-    /// AVX2 and FMA: 8 lanes of `f32`.
+    /// AVX2, FMA and the bit counts that come with them: 8 lanes of `f32`.
     Avx2,
-    /// AVX-512 F, VL, BW and DQ, and the bit counts that come with them: 16 lanes of `f32`.
+    /// AVX-512 F, VL, BW and DQ: 16 lanes of `f32`.
     Avx512,
 }
 
@@ -50,16 +50,17 @@ pub fn requested_level() -> Result<Level, String> {
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) fn supported() -> Level {
-    let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
-    let avx512 = avx2
-        && is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512vl")
-        && is_x86_feature_detected!("avx512bw")
-        && is_x86_feature_detected!("avx512dq")
+    let avx2 = is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
         && is_x86_feature_detected!("bmi1")
         && is_x86_feature_detected!("bmi2")
         && is_x86_feature_detected!("popcnt")
         && is_x86_feature_detected!("lzcnt");
+    let avx512 = avx2
+        && is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512dq");
     match (avx512, avx2) {
         (true, _) => Level::Avx512,
         (_, true) => Level::Avx2,

@@ -100,7 +100,7 @@ pub(crate) fn dissimilarity<V: Lanes<Scalar = f32>>(
     let (half, width) = (V::splat(0.5), V::splat(width as f32));
     let (mut mean, mut square, mut product) = (V::zero(), V::zero(), V::zero());
     for k in 0..2 {
-        // The standard library's way over an array would not be compiled for the instruction set in use.
+        // Not `map`, which would be a call of a function without these instructions.
         let mut place = [V::zero(); 3];
         for i in 0..3 {
             place[i] = offsets.x[k].mul_add(V::splat(gx[i]), offsets.y[k].mul_add(V::splat(gy[i]), V::splat(p[i])));

@@ -12,7 +12,7 @@ use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_io::Image;
 use weaver_kernels::Real;
-use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
+use weaver_kernels::lanes::{LANES, LaneMask, Lanes, Vector};
 use weaver_kernels::random::Stream;
 use weaver_splat::tiles::{ALPHA_MIN, Footprint, Projected, Projection, Response, record};
 use weaver_splat::{PixelSums, Primitive, RasterSettings, RasterizePrimitives, TilesPool};
@@ -139,7 +139,7 @@ impl<T: Real> Footprint for Seen<'_, T> {
     }
 }
 
-/// Intersections of the rays of sixteen pixels with a surfel.
+/// Intersections of the rays of a vector of pixels with a surfel.
 #[derive(Clone, Copy)]
 struct Hit<V> {
     direction: [V; 3],
@@ -151,28 +151,28 @@ struct Hit<V> {
 impl<T: Real> Response for Seen<'_, T> {
     /// The gradient with respect to K, by rows, and to the logarithm of the opacity.
     const SUMS: usize = 10;
-    type Loaded<V: Lanes> = ([V; 9], V);
-    type Sample<V: Lanes> = Hit<V>;
+    type Loaded<V: Vector> = ([V; 9], V);
+    type Sample<V: Vector> = Hit<V>;
     /// Sine and cosine of the longitude.
-    type Column<V: Lanes> = [V; 2];
+    type Column<V: Vector> = [V; 2];
     /// Sine and cosine of the latitude.
-    type Line<V: Lanes> = [V; 2];
+    type Line<V: Vector> = [V; 2];
 
-    fn column<V: Lanes>(&self, x: V) -> [V; 2] {
+    fn column<V: Vector>(&self, x: V) -> [V; 2] {
         sine_and_cosine(x, self.width, TAU)
     }
 
-    fn line<V: Lanes>(&self, y: V) -> [V; 2] {
+    fn line<V: Vector>(&self, y: V) -> [V; 2] {
         sine_and_cosine(y, self.height, PI)
     }
 
     #[inline(always)]
-    fn load<V: Lanes>(&self, record: &[V::Scalar; LANES]) -> ([V; 9], V) {
+    fn load<V: Vector>(&self, record: &[V::Scalar; LANES]) -> ([V; 9], V) {
         (INVERSE.map(|place| V::splat(record[place])), V::splat(record[OPACITY]))
     }
 
     #[inline(always)]
-    fn at<V: Lanes>(
+    fn at<V: Vector>(
         &self,
         (k, opacity): &([V; 9], V),
         &[sin_lon, cos_lon]: &[V; 2],
@@ -190,12 +190,12 @@ impl<T: Real> Response for Seen<'_, T> {
     }
 
     #[inline(always)]
-    fn depth<V: Lanes>(&self, hit: &Hit<V>, _center: V) -> V {
+    fn depth<V: Vector>(&self, hit: &Hit<V>, _center: V) -> V {
         hit.distance
     }
 
     #[inline(always)]
-    fn backward<V: Lanes>(&self, &Hit { direction, u, v, distance }: &Hit<V>, g: V, sums: &mut [V]) {
+    fn backward<V: Vector>(&self, &Hit { direction, u, v, distance }: &Hit<V>, g: V, sums: &mut [V]) {
         let outer = [-(g * u), -(g * v), g * (u * u + v * v)];
         for (i, sum) in sums[..9].iter_mut().enumerate() {
             *sum = *sum + outer[i / 3] * distance * direction[i % 3];
@@ -204,14 +204,14 @@ impl<T: Real> Response for Seen<'_, T> {
     }
 
     #[inline(always)]
-    fn depth_backward<V: Lanes>(&self, hit: &Hit<V>, g: V, sums: &mut [V]) {
+    fn depth_backward<V: Vector>(&self, hit: &Hit<V>, g: V, sums: &mut [V]) {
         let by_inverse = -(g * hit.distance * hit.distance);
         sums[6..9].iter_mut().zip(hit.direction).for_each(|(sum, d)| *sum = *sum + by_inverse * d);
     }
 }
 
 /// Sine and cosine of the angles at places along an image whose `size` pixels go over the angle `whole`.
-fn sine_and_cosine<V: Lanes>(at: V, size: f64, whole: f64) -> [V; 2] {
+fn sine_and_cosine<V: Vector>(at: V, size: f64, whole: f64) -> [V; 2] {
     let angle = ((at * V::constant(1.0 / size) - V::constant(0.5)) * V::constant(whole)).to_array();
     [V::from_fn(|lane| angle[lane].sin()), V::from_fn(|lane| angle[lane].cos())]
 }

@@ -6,7 +6,7 @@
 
 use crate::each::each;
 use crate::tiles::{Footprint, Response};
-use weaver_kernels::lanes::{LANES, Lanes};
+use weaver_kernels::lanes::{LANES, Lanes, Vector};
 
 /// sqrt(log2(e) / 2): exp(-x^2 / 2) = 2^-(BITS x)^2.
 pub(crate) const BITS: f64 = 0.849_321_800_288_019_2;
@@ -54,6 +54,13 @@ pub(crate) mod moment {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EwaGaussian;
 
+/// Half of the width of the outlines at dy.
+#[inline(always)]
+fn half_width<V: Lanes>(columns: &[V; LANES], dy: V) -> V {
+    let v = columns[slot::R] * dy;
+    v.neg_mul_add(v, columns[slot::REACH]).max(V::zero()).sqrt() * columns[slot::WIDTH]
+}
+
 /// The outline is the ellipse where alpha reaches the visible minimum.
 impl Footprint for EwaGaussian {
     #[inline(always)]
@@ -68,14 +75,10 @@ impl Footprint for EwaGaussian {
         let (half_height, dy_of_right) = (columns[slot::HALF_HEIGHT], columns[slot::DY_OF_RIGHT]);
         let low = (top - y - slack).max(-half_height);
         let high = (bottom - y + slack).min(half_height);
-        let half_width = |dy: V| {
-            let v = columns[slot::R] * dy;
-            v.neg_mul_add(v, columns[slot::REACH]).max(V::zero()).sqrt() * columns[slot::WIDTH]
-        };
         let at_right = dy_of_right.max(low).min(high);
         let at_left = (-dy_of_right).max(low).min(high);
-        let right = x + slack + columns[slot::TILT].neg_mul_add(at_right, half_width(at_right));
-        let left = x - slack - columns[slot::TILT].mul_add(at_left, half_width(at_left));
+        let right = x + slack + columns[slot::TILT].neg_mul_add(at_right, half_width(columns, at_right));
+        let left = x - slack - columns[slot::TILT].mul_add(at_left, half_width(columns, at_left));
         (left, right, high.ge(low))
     }
 }
@@ -90,24 +93,24 @@ pub(crate) struct Loaded<V> {
 
 impl Response for EwaGaussian {
     const SUMS: usize = SUMS;
-    type Loaded<V: Lanes> = Loaded<V>;
+    type Loaded<V: Vector> = Loaded<V>;
     /// u and v.
-    type Sample<V: Lanes> = [V; 2];
-    type Column<V: Lanes> = V;
-    type Line<V: Lanes> = V;
+    type Sample<V: Vector> = [V; 2];
+    type Column<V: Vector> = V;
+    type Line<V: Vector> = V;
 
     #[inline(always)]
-    fn column<V: Lanes>(&self, x: V) -> V {
+    fn column<V: Vector>(&self, x: V) -> V {
         x
     }
 
     #[inline(always)]
-    fn line<V: Lanes>(&self, y: V) -> V {
+    fn line<V: Vector>(&self, y: V) -> V {
         y
     }
 
     #[inline(always)]
-    fn load<V: Lanes>(&self, record: &[V::Scalar; LANES]) -> Loaded<V> {
+    fn load<V: Vector>(&self, record: &[V::Scalar; LANES]) -> Loaded<V> {
         Loaded {
             center: [V::splat(record[slot::X]), V::splat(record[slot::Y])],
             factor: each!(3, |i| V::splat(record[slot::P + i])),
@@ -116,7 +119,7 @@ impl Response for EwaGaussian {
     }
 
     #[inline(always)]
-    fn at<V: Lanes>(&self, gaussian: &Loaded<V>, &x: &V, &y: &V) -> (V, [V; 2]) {
+    fn at<V: Vector>(&self, gaussian: &Loaded<V>, &x: &V, &y: &V) -> (V, [V; 2]) {
         let [p, q, r] = gaussian.factor;
         let (dx, dy) = (x - gaussian.center[0], y - gaussian.center[1]);
         let (u, v) = (p.mul_add(dx, q * dy), r * dy);
@@ -124,7 +127,7 @@ impl Response for EwaGaussian {
     }
 
     #[inline(always)]
-    fn backward<V: Lanes>(&self, &[u, v]: &[V; 2], g: V, sums: &mut [V]) {
+    fn backward<V: Vector>(&self, &[u, v]: &[V; 2], g: V, sums: &mut [V]) {
         let (gu, gv) = (g * u, g * v);
         sums[moment::G] = sums[moment::G] + g;
         sums[moment::FIRST] = sums[moment::FIRST] + gu;
@@ -135,7 +138,7 @@ impl Response for EwaGaussian {
     }
 
     #[inline(always)]
-    fn screen_gradient<V: Lanes>(&self, gaussian: &Loaded<V>, &[u, v]: &[V; 2], g: V) -> [V; 2] {
+    fn screen_gradient<V: Vector>(&self, gaussian: &Loaded<V>, &[u, v]: &[V; 2], g: V) -> [V; 2] {
         let [p, q, r] = gaussian.factor;
         let (gu, gv) = (g * u, g * v);
         // p, q, r and u, v both hold the factor BITS.

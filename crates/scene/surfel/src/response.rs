@@ -4,7 +4,7 @@ use crate::record::slot;
 use crate::{Lens, Sight};
 use std::f64::consts::LOG2_E;
 use weaver_kernels::Real;
-use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
+use weaver_kernels::lanes::{LANES, LaneMask, Vector};
 use weaver_splat::tiles::{Response, record};
 
 /// Least |n.d| of a ray that meets a surfel.
@@ -42,9 +42,9 @@ pub struct Loaded<V> {
     distance: V,
 }
 
-/// Intersections of the rays of sixteen pixels with a surfel.
+/// Intersections of the rays of a vector of pixels with a surfel.
 #[derive(Clone, Copy)]
-pub struct Sample<V: Lanes> {
+pub struct Sample<V: Vector> {
     /// Coordinates on the surfel, in standard deviations.
     ab: [V; 2],
     /// d.t1 / s1 and d.t2 / s2, divided by D.
@@ -58,7 +58,7 @@ pub struct Sample<V: Lanes> {
     low: V::Mask,
 }
 
-impl<V: Lanes> std::fmt::Debug for Sample<V> {
+impl<V: Vector> std::fmt::Debug for Sample<V> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Sample").field("low", &self.low.bits()).finish_non_exhaustive()
     }
@@ -73,14 +73,14 @@ pub struct Place<V> {
 }
 
 #[inline(always)]
-fn dot<V: Lanes>(a: &[V; 3], b: &[V; 3]) -> V {
+fn dot<V: Vector>(a: &[V; 3], b: &[V; 3]) -> V {
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
 impl<T: Real> Sight<'_, T> {
     /// A place along one axis of the image, with its direction.
     #[inline(always)]
-    fn place<V: Lanes>(&self, at: V, axis: usize) -> Place<V> {
+    fn place<V: Vector>(&self, at: V, axis: usize) -> Place<V> {
         let [center, focal] = match self.camera.lens {
             Lens::Pinhole(k) => [[k.cx, k.fx], [k.cy, k.fy]][axis],
             Lens::Spherical(k) => [[k.cx, k.fx], [k.cy, k.fy]][axis],
@@ -98,23 +98,23 @@ impl<T: Real> Sight<'_, T> {
 
 impl<T: Real> Response for Sight<'_, T> {
     const SUMS: usize = sum::COUNT;
-    type Loaded<V: Lanes> = Loaded<V>;
-    type Sample<V: Lanes> = Sample<V>;
-    type Column<V: Lanes> = Place<V>;
-    type Line<V: Lanes> = Place<V>;
+    type Loaded<V: Vector> = Loaded<V>;
+    type Sample<V: Vector> = Sample<V>;
+    type Column<V: Vector> = Place<V>;
+    type Line<V: Vector> = Place<V>;
 
     #[inline(always)]
-    fn column<V: Lanes>(&self, x: V) -> Place<V> {
+    fn column<V: Vector>(&self, x: V) -> Place<V> {
         self.place(x, 0)
     }
 
     #[inline(always)]
-    fn line<V: Lanes>(&self, y: V) -> Place<V> {
+    fn line<V: Vector>(&self, y: V) -> Place<V> {
         self.place(y, 1)
     }
 
     #[inline(always)]
-    fn load<V: Lanes>(&self, numbers: &[V::Scalar; LANES]) -> Loaded<V> {
+    fn load<V: Vector>(&self, numbers: &[V::Scalar; LANES]) -> Loaded<V> {
         let three = |at: usize| [V::splat(numbers[at]), V::splat(numbers[at + 1]), V::splat(numbers[at + 2])];
         let (normal, first) = (three(record::COLOR), three(slot::FIRST));
         let ratio = V::splat(numbers[slot::RATIO]);
@@ -132,7 +132,7 @@ impl<T: Real> Response for Sight<'_, T> {
     }
 
     #[inline(always)]
-    fn at<V: Lanes>(&self, surfel: &Loaded<V>, column: &Place<V>, line: &Place<V>) -> (V, Sample<V>) {
+    fn at<V: Vector>(&self, surfel: &Loaded<V>, column: &Place<V>, line: &Place<V>) -> (V, Sample<V>) {
         let mut du = surfel.pixel[0] - column.at;
         let dv = surfel.pixel[1] - line.at;
         let ([x, cos_x], [y, cos_y]) = (column.direction, line.direction);
@@ -166,12 +166,12 @@ impl<T: Real> Response for Sight<'_, T> {
     }
 
     #[inline(always)]
-    fn depth<V: Lanes>(&self, sample: &Sample<V>, _center: V) -> V {
+    fn depth<V: Vector>(&self, sample: &Sample<V>, _center: V) -> V {
         sample.range
     }
 
     #[inline(always)]
-    fn backward<V: Lanes>(&self, sample: &Sample<V>, g: V, sums: &mut [V]) {
+    fn backward<V: Vector>(&self, sample: &Sample<V>, g: V, sums: &mut [V]) {
         let mut add = |at: usize, x: V| sums[at] = sums[at] + x;
         let zero = V::zero();
         let plane = zero.or(sample.low, g);
@@ -193,7 +193,7 @@ impl<T: Real> Response for Sight<'_, T> {
     }
 
     #[inline(always)]
-    fn depth_backward<V: Lanes>(&self, sample: &Sample<V>, g: V, sums: &mut [V]) {
+    fn depth_backward<V: Vector>(&self, sample: &Sample<V>, g: V, sums: &mut [V]) {
         let q = V::zero().or(sample.low, g * sample.inverse);
         sums[sum::RANGE] = sums[sum::RANGE] + q;
         sums[sum::RANGE + 1] = q.mul_add(sample.ab[0], sums[sum::RANGE + 1]);

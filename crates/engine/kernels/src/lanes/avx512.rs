@@ -4,7 +4,7 @@
 //! supports it. That makes every `unsafe` block below sound.
 #![allow(unsafe_code)]
 
-use super::{LANES, LaneKernel, LaneMask, Lanes, sealed::Sealed};
+use super::{LANES, LaneKernel, LaneMask, Lanes, Row, Vector, sealed::Sealed};
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -78,15 +78,15 @@ macro_rules! methods {
     )*};
 }
 
-impl Lanes for Zmm {
+impl Vector for Zmm {
     type Scalar = f32;
     type Mask = __mmask16;
-    const REGISTERS: usize = 1;
+    const WIDTH: usize = LANES;
 
     methods! {
         fn splat(x: f32) -> Self = Self(_mm512_set1_ps(x));
-        fn load(x: &[f32; LANES]) -> Self = Self(_mm512_loadu_ps(x.as_ptr()));
-        fn store(self, to: &mut [f32; LANES]) -> () = _mm512_storeu_ps(to.as_mut_ptr(), self.0);
+        fn load_part(row: &[f32; LANES], _part: usize) -> Self = Self(_mm512_loadu_ps(row.as_ptr()));
+        fn store_part(self, row: &mut [f32; LANES], _part: usize) -> () = _mm512_storeu_ps(row.as_mut_ptr(), self.0);
         fn mul_add(self, b: Self, c: Self) -> Self = Self(_mm512_fmadd_ps(self.0, b.0, c.0));
         fn neg_mul_add(self, b: Self, c: Self) -> Self = Self(_mm512_fnmadd_ps(self.0, b.0, c.0));
         fn min(self, other: Self) -> Self = Self(_mm512_min_ps(self.0, other.0));
@@ -105,6 +105,14 @@ impl Lanes for Zmm {
         fn or(self, mask: __mmask16, other: Self) -> Self = Self(_mm512_mask_mov_ps(other.0, mask, self.0));
     }
 
+    #[inline(always)]
+    fn load_nth(rows: &[Row<f32>; LANES], index: usize) -> Self {
+        Self::load(&rows[index].0)
+    }
+    #[inline(always)]
+    fn store_nth(self, rows: &mut [Row<f32>; LANES], index: usize) {
+        self.store(&mut rows[index].0);
+    }
     #[inline(always)]
     fn normal(self) -> (Self, Self) {
         crate::gelu::normal(self)
@@ -167,6 +175,15 @@ impl Lanes for Zmm {
         let p = p.mul_add(square, c0);
         p.mul_add(t, exponent)
     }
+
+    #[inline(always)]
+    fn add_sums(of: &[Self; LANES], row: &mut [f32; LANES]) {
+        (Self::load(row) + Self::sums(of)).store(row);
+    }
+}
+
+impl Lanes for Zmm {
+    type Part = Self;
 
     #[inline(always)]
     fn sums(of: &[Self; LANES]) -> Self {

@@ -1,6 +1,6 @@
 //! Vectors as arrays of sixteen numbers, which the compiler vectorizes as far as it can.
 
-use super::{LANES, LaneMask, Lanes, sealed::Sealed};
+use super::{LANES, LaneMask, Lanes, Row, Vector, sealed::Sealed};
 use crate::Real;
 use std::array::from_fn;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -74,22 +74,30 @@ pub fn sums<T: Real>(rows: &[[T; LANES]; LANES]) -> [T; LANES] {
     })
 }
 
-impl<T: Real> Lanes for Array<T> {
+impl<T: Real> Vector for Array<T> {
     type Scalar = T;
     type Mask = [bool; LANES];
-    const REGISTERS: usize = LANES * size_of::<T>() / 16;
+    const WIDTH: usize = LANES;
 
     #[inline(always)]
     fn splat(x: T) -> Self {
         Self([x; LANES])
     }
     #[inline(always)]
-    fn load(x: &[T; LANES]) -> Self {
-        Self(*x)
+    fn load_part(row: &[T; LANES], _part: usize) -> Self {
+        Self(*row)
     }
     #[inline(always)]
-    fn store(self, to: &mut [T; LANES]) {
-        *to = self.0;
+    fn store_part(self, row: &mut [T; LANES], _part: usize) {
+        *row = self.0;
+    }
+    #[inline(always)]
+    fn load_nth(rows: &[Row<T>; LANES], index: usize) -> Self {
+        Self::load(&rows[index].0)
+    }
+    #[inline(always)]
+    fn store_nth(self, rows: &mut [Row<T>; LANES], index: usize) {
+        self.store(&mut rows[index].0);
     }
     // A fused operation would be a library call here.
     #[inline(always)]
@@ -164,6 +172,15 @@ impl<T: Real> Lanes for Array<T> {
     fn or(self, mask: Self::Mask, other: Self) -> Self {
         Self(from_fn(|i| if mask[i] { self.0[i] } else { other.0[i] }))
     }
+    #[inline(always)]
+    fn add_sums(of: &[Self; LANES], row: &mut [T; LANES]) {
+        (Self::load(row) + Self::sums(of)).store(row);
+    }
+}
+
+impl<T: Real> Lanes for Array<T> {
+    type Part = Self;
+
     #[inline(always)]
     fn sums(of: &[Self; LANES]) -> Self {
         Self(sums(&of.map(|row| row.0)))

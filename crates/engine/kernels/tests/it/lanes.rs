@@ -1,7 +1,7 @@
 //! Lanes of every instruction set against scalars.
 
 use proptest::prelude::*;
-use weaver_kernels::lanes::{LANES, LaneKernel, LaneMask, Lanes, run_at};
+use weaver_kernels::lanes::{LANES, LaneKernel, LaneMask, Lanes, Vector, run_at};
 use weaver_kernels::random::Stream;
 use weaver_kernels::simd::Level;
 use weaver_kernels::{Real, simd};
@@ -214,6 +214,142 @@ fn the_lower_tail_is_accurate_too() {
             [(f32::INFINITY, [1.0, 0.0]), (3e38, [1.0, 0.0]), (-3e38, [0.0; 2]), (f32::NEG_INFINITY, [0.0; 2])]
         {
             assert_eq!(run_at(level, Normal(&[x; LANES])).map(|y| y[0]), expected, "{level:?} at {x}");
+        }
+    }
+}
+
+/// Powers of two times a scale.
+struct Scaled<'a>(&'a [f32; LANES], f32);
+
+impl LaneKernel<f32> for Scaled<'_> {
+    type Output = [f32; LANES];
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = f32>>(self) -> Self::Output {
+        V::load(self.0).exp2_times(V::splat(self.1)).to_array()
+    }
+}
+
+#[test]
+fn scaled_powers_are_accurate_and_end_in_nothing() {
+    let steps = 1 << 17;
+    let exponents: Vec<f32> = (0..steps).map(|i| -126.0 + 253.0 * i as f32 / steps as f32).collect();
+    for level in levels() {
+        for chunk in exponents.as_chunks::<LANES>().0 {
+            for (x, got) in chunk.iter().zip(run_at(level, Scaled(chunk, 0.7))) {
+                let want = f64::from(0.7_f32) * f64::from(*x).exp2();
+                // The distance to the next number of this size, or of the smallest normal size.
+                let unit = f64::from(f32::EPSILON) * 2_f64.powi((want.log2().floor() as i32).max(-126));
+                let error = (f64::from(got) - want).abs() / unit;
+                assert!(error < 3.0, "{level:?}: {error} units at {x}");
+            }
+        }
+        let beyond = std::array::from_fn(|i| [-126.1, -127.5, -1e3, -1e9, f32::MIN, f32::NEG_INFINITY][i % 6]);
+        for got in run_at(level, Scaled(&beyond, 0.7)) {
+            assert!((0.0..=0.7 * f32::MIN_POSITIVE).contains(&got), "{level:?}: {got}");
+        }
+    }
+}
+
+/// The results of all functions of x, y, z, computed part by part, and at once.
+struct ByParts<'a, T>([&'a [T; LANES]; 3], u16);
+
+impl<T: Real> LaneKernel<T> for ByParts<'_, T> {
+    type Output = [Vec<[T; LANES]>; 2];
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) -> Self::Output {
+        let Self(rows, mask) = self;
+        let (mut parts, mut whole) = (vec![[T::ZERO; LANES]; 27], vec![[T::ZERO; LANES]; 27]);
+        for part in 0..V::PARTS {
+            functions::<V::Part>(rows, mask, part, &mut parts);
+        }
+        functions::<V>(rows, mask, 0, &mut whole);
+        [parts, whole]
+    }
+}
+
+#[inline(always)]
+fn functions<V: Vector>(rows: [&[V::Scalar; LANES]; 3], mask: u16, part: usize, out: &mut [[V::Scalar; LANES]]) {
+    let [x, y, z] = rows.map(|row| V::load_part(row, part));
+    let mask = V::Mask::from_bits(mask >> (part * V::WIDTH) & u16::MAX >> (LANES - V::WIDTH));
+    let one = V::constant(1.0);
+    let (below, density) = x.normal();
+    let results = [
+        x + y,
+        x - y,
+        x * y,
+        x / y,
+        -x,
+        x.mul_add(y, z),
+        x.neg_mul_add(y, z),
+        x.min(y),
+        x.max(y),
+        x.abs(),
+        x.abs().sqrt(),
+        x.recip(),
+        x.exp2_times(y),
+        x.exp2(),
+        x.exp(),
+        x.abs().log2(),
+        below,
+        density,
+        x.only(mask),
+        x.or(mask, y),
+        x.negative(mask),
+        one.only(x.ge(y)),
+        one.only(x.gt(y)),
+        one.only(x.ge_among(y, mask)),
+        one.only(mask.and(x.gt(z))),
+        one.only(mask.and_not(x.gt(z))),
+        one.only(mask.or(x.gt(z))),
+    ];
+    for (result, row) in results.into_iter().zip(out) {
+        result.store_part(row, part);
+    }
+    assert_eq!(mask.bits() >> (V::WIDTH - 1) >> 1, 0, "bits beyond the lanes");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 4, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn parts_have_the_bits_of_the_whole(seed: u64, mask: u16) {
+        let stream = Stream::new(seed, 0, "lanes");
+        let row = |k: usize| std::array::from_fn(|i| 3.0 * stream.normal::<f32>((k * LANES + i) as u64));
+        let rows: [[f32; LANES]; 3] = std::array::from_fn(row);
+        for level in levels() {
+            let [parts, whole] = run_at(level, ByParts(rows.each_ref(), mask));
+            for (i, (part, whole)) in parts.iter().zip(&whole).enumerate() {
+                assert_eq!(part.map(f32::to_bits), whole.map(f32::to_bits), "{level:?}, function {i}");
+            }
+        }
+    }
+}
+
+/// The sums of rows added to a row of ones, by vectors that hold all parts of the rows in turn.
+struct AddSums<'a, T>(&'a [[T; LANES]; LANES]);
+
+impl<T: Real> LaneKernel<T> for AddSums<'_, T> {
+    type Output = [T; LANES];
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) -> Self::Output {
+        let mut row = [T::ONE; LANES];
+        for part in 0..V::PARTS {
+            let of: [V::Part; LANES] = std::array::from_fn(|i| V::Part::load_part(&self.0[i], part));
+            V::Part::add_sums(&of, &mut row);
+        }
+        row
+    }
+}
+
+#[test]
+fn sums_of_parts_are_added_to_a_row() {
+    let stream = Stream::new(2, 0, "lanes");
+    let rows: [[f32; LANES]; LANES] =
+        std::array::from_fn(|i| std::array::from_fn(|j| stream.normal((i * LANES + j) as u64)));
+    for level in levels() {
+        for (got, row) in run_at(level, AddSums(&rows)).into_iter().zip(&rows) {
+            let sum: f64 = row.iter().map(|x| f64::from(*x)).sum();
+            assert!((f64::from(got) - 1.0 - sum).abs() < 1e-5, "{level:?}");
         }
     }
 }

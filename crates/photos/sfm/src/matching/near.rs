@@ -143,7 +143,9 @@ impl LaneKernel<f32> for Band<'_> {
             let row = row * near.columns;
             let (mut at, end) = (near.starts[row + first] as usize, near.starts[row + last] as usize);
             while at < end {
-                let [u, v] = [us, vs].map(|of| V::load(of[at..].first_chunk().expect("a vector")));
+                let (u, v) = (&us[at..], &vs[at..]);
+                let u = V::load(u.first_chunk().expect("a vector"));
+                let v = V::load(v.first_chunk().expect("a vector"));
                 let mut bits = most.ge((a * u + b * v + c).abs()).bits();
                 if end - at < LANES {
                     bits &= (1 << (end - at)) - 1;

@@ -147,9 +147,10 @@ impl<T: Real, P: Footprint + Response, const C: usize, const MORE: bool> LaneKer
             (0..3).for_each(|c| dbackground[c] += d[c]);
             let sums = EntrySums { moments: &mut *self.sums.moments, features: &mut *self.sums.features };
             let Self { primitive, alpha_max, attributes, list, records, .. } = self;
+            let row_sums = &mut row_sums[..];
             let mut visitor =
-                BlendBackward::<V, P, C, MORE>::new(primitive, alpha_max, attributes, planes, sums, &mut row_sums);
-            traverse(primitive, alpha_max, &window, list, records, &mut transmittance, &mut visitor);
+                BlendBackward::<V::Part, P, C, MORE>::new(primitive, alpha_max, attributes, planes, sums, row_sums);
+            traverse::<V, P>(primitive, alpha_max, &window, list, records, &mut transmittance, &mut visitor);
         }
         dbackground
     }

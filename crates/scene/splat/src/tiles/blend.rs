@@ -3,9 +3,9 @@
 use super::primitive::Response;
 use super::record;
 use super::traverse::{Hit, Visitor};
-use super::window::Plane;
+use super::window::{Cell, Plane};
 use crate::each::each;
-use weaver_kernels::lanes::{LANES, Lanes, Row};
+use weaver_kernels::lanes::{LANES, Row, Vector};
 use weaver_scene::Features;
 
 /// Planes of a window: transmittance, red, green, blue, depth if requested, features.
@@ -18,19 +18,19 @@ pub(crate) const DEPTH_PLANE: usize = 3;
 
 /// A primitive's numbers for the first `C` planes behind the transmittance: red, green, blue, depth.
 #[inline(always)]
-pub(crate) fn values<V: Lanes, const C: usize>(numbers: &[V::Scalar; LANES]) -> [V; C] {
+pub(crate) fn values<V: Vector, const C: usize>(numbers: &[V::Scalar; LANES]) -> [V; C] {
     each!(C, |i| V::splat(numbers[if i < DEPTH_PLANE { record::COLOR + i } else { record::DEPTH }]))
 }
 
 /// The value of plane `i` behind the transmittance at the pixels of a sample: only depth varies from pixel to pixel.
 #[inline(always)]
-pub(crate) fn at_pixels<V: Lanes, R: Response>(response: &R, i: usize, value: V, sample: &R::Sample<V>) -> V {
+pub(crate) fn at_pixels<V: Vector, R: Response>(response: &R, i: usize, value: V, sample: &R::Sample<V>) -> V {
     if i == DEPTH_PLANE { response.depth(sample, value) } else { value }
 }
 
 /// Adds primitives to the planes of a window, `C` planes of colors and depth among them. `MORE` says that there are
 /// features.
-pub(crate) struct Blend<'a, V: Lanes, R, const C: usize, const MORE: bool> {
+pub(crate) struct Blend<'a, V: Vector, R, const C: usize, const MORE: bool> {
     response: &'a R,
     features: Features<'a, V::Scalar>,
     /// Primitives per view.
@@ -38,22 +38,22 @@ pub(crate) struct Blend<'a, V: Lanes, R, const C: usize, const MORE: bool> {
     sums: &'a mut [Plane<V::Scalar>; C],
     /// Sums of features.
     more: &'a mut [Plane<V::Scalar>],
-    /// Meeting of each block whose features are not added yet.
-    met: [Met<'a, V>; LANES],
+    /// Meeting of each cell whose features are not added yet; none without features.
+    met: Vec<Met<'a, V>>,
     /// The primitive's numbers for the planes.
     values: [V; C],
     /// Its features.
     row: &'a [V::Scalar],
 }
 
-/// Primitives that a block met: their weights and features.
+/// Primitives that a cell met: their weights and features.
 #[derive(Clone, Copy)]
-struct Met<'a, V: Lanes> {
+struct Met<'a, V: Vector> {
     hits: [(V, &'a [V::Scalar]); LANES],
     count: usize,
 }
 
-impl<'a, V: Lanes, R, const C: usize, const MORE: bool> Blend<'a, V, R, C, MORE> {
+impl<'a, V: Vector, R, const C: usize, const MORE: bool> Blend<'a, V, R, C, MORE> {
     /// `planes` are those after the transmittance.
     #[inline(always)]
     pub fn new(
@@ -65,7 +65,9 @@ impl<'a, V: Lanes, R, const C: usize, const MORE: bool> Blend<'a, V, R, C, MORE>
         planes.as_flattened_mut().fill(Row::default());
         let (sums, more) = planes.split_first_chunk_mut().expect("planes of colors and depth");
         let features = features.unwrap_or(Features { values: &[], channels: 0 });
-        let met = [Met { hits: [(V::zero(), &[][..]); LANES], count: 0 }; LANES];
+        // Features are rare, and then the work is not in this allocation.
+        let cells = if MORE { LANES * LANES / V::WIDTH } else { 0 };
+        let met = vec![Met { hits: [(V::zero(), &[][..]); LANES], count: 0 }; cells];
         Self { response, features, per_view, sums, more, met, values: [V::zero(); C], row: &[] }
     }
 
@@ -73,32 +75,32 @@ impl<'a, V: Lanes, R, const C: usize, const MORE: bool> Blend<'a, V, R, C, MORE>
     #[inline(always)]
     pub fn finish(&mut self) {
         if MORE {
-            (0..LANES).for_each(
+            (0..self.met.len()).for_each(
                 #[inline(always)]
-                |block| self.add_features(block),
+                |cell| self.add_features(Cell(cell)),
             );
         }
     }
 
-    /// Adds the features of the primitives that a block met; sixteen channels stay in registers meanwhile.
+    /// Adds the features of the primitives that a cell met; sixteen channels stay in registers meanwhile.
     #[inline(always)]
-    fn add_features(&mut self, block: usize) {
+    fn add_features(&mut self, cell: Cell) {
         let channels = self.more.len();
         let whole = channels / LANES * LANES;
         for first in (0..whole).step_by(LANES) {
-            self.add_channels::<LANES>(block, first);
+            self.add_channels::<LANES>(cell, first);
         }
         for first in whole..channels {
-            self.add_channels::<1>(block, first);
+            self.add_channels::<1>(cell, first);
         }
-        self.met[block].count = 0;
+        self.met[cell.0].count = 0;
     }
 
     #[inline(always)]
-    fn add_channels<const N: usize>(&mut self, block: usize, first: usize) {
+    fn add_channels<const N: usize>(&mut self, cell: Cell, first: usize) {
         let planes = &mut self.more[first..][..N];
-        let mut sums = each!(N, |i| V::load(&planes[i][block].0));
-        let Met { hits, count } = &self.met[block];
+        let mut sums: [V; N] = each!(N, |i| cell.load(&planes[i]));
+        let Met { hits, count } = &self.met[cell.0];
         for (weight, row) in &hits[..*count] {
             let row = &row[first..][..N];
             for (sum, value) in sums.iter_mut().zip(row) {
@@ -106,12 +108,12 @@ impl<'a, V: Lanes, R, const C: usize, const MORE: bool> Blend<'a, V, R, C, MORE>
             }
         }
         for (plane, sum) in planes.iter_mut().zip(sums) {
-            sum.store(&mut plane[block].0);
+            cell.store(sum, plane);
         }
     }
 }
 
-impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for Blend<'_, V, R, C, MORE> {
+impl<V: Vector, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for Blend<'_, V, R, C, MORE> {
     #[inline(always)]
     fn begin(&mut self, primitive: usize, record: &[V::Scalar; LANES]) {
         self.values = values(record);
@@ -123,16 +125,16 @@ impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for 
     #[inline(always)]
     fn hit(&mut self, hit: &Hit<V, R::Sample<V>>) {
         for i in 0..C {
-            let sum = &mut self.sums[i][hit.block].0;
+            let plane = &mut self.sums[i];
             let value = at_pixels(self.response, i, self.values[i], &hit.sample);
-            hit.weight.mul_add(value, V::load(sum)).store(sum);
+            hit.cell.store(hit.weight.mul_add(value, hit.cell.load(plane)), plane);
         }
         if MORE {
-            let Met { hits, count } = &mut self.met[hit.block];
+            let Met { hits, count } = &mut self.met[hit.cell.0];
             hits[*count % LANES] = (hit.weight, self.row);
             *count += 1;
             if *count == LANES {
-                self.add_features(hit.block);
+                self.add_features(hit.cell);
             }
         }
     }

@@ -10,7 +10,7 @@ use super::window::{Plane, Window};
 use crate::each::each;
 use crate::gradients::Cotangents;
 use weaver_kernels::Real;
-use weaver_kernels::lanes::{LANES, Lanes, Row};
+use weaver_kernels::lanes::{LANES, Lanes, Row, Vector};
 use weaver_scene::Features;
 
 /// Places in the row of a list entry behind the [`Response::SUMS`] sums of the primitive's shape; w = alpha T.
@@ -112,7 +112,7 @@ pub(crate) fn prepare<V: Lanes>(
 
 /// Sums the gradients of primitives from the pixels of a window, of `C` planes of colors and depth. `MORE` says that
 /// there are features or statistics.
-pub(crate) struct BlendBackward<'a, V: Lanes, R: Response, const C: usize, const MORE: bool> {
+pub(crate) struct BlendBackward<'a, V: Vector, R: Response, const C: usize, const MORE: bool> {
     response: &'a R,
     alpha_max: V,
     features: Features<'a, V::Scalar>,
@@ -157,7 +157,7 @@ pub(crate) struct Attributes<'a, T> {
     pub statistics: bool,
 }
 
-impl<'a, V: Lanes, R: Response, const C: usize, const MORE: bool> BlendBackward<'a, V, R, C, MORE> {
+impl<'a, V: Vector, R: Response, const C: usize, const MORE: bool> BlendBackward<'a, V, R, C, MORE> {
     /// Adds to `sums`; `planes` come from [`prepare`], `row_sums` is room for all features.
     #[inline(always)]
     pub fn new(
@@ -193,7 +193,7 @@ impl<'a, V: Lanes, R: Response, const C: usize, const MORE: bool> BlendBackward<
     }
 }
 
-impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for BlendBackward<'_, V, R, C, MORE> {
+impl<V: Vector, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for BlendBackward<'_, V, R, C, MORE> {
     #[inline(always)]
     fn begin(&mut self, primitive: usize, record: &[V::Scalar; LANES]) {
         let zero = V::zero();
@@ -210,11 +210,11 @@ impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for 
 
     #[inline(always)]
     fn hit(&mut self, hit: &Hit<V, R::Sample<V>>) {
-        let Hit { block, seen, sample, raw, alpha, weight, .. } = hit;
-        let (block, weight) = (*block, *weight);
+        let Hit { cell, seen, sample, raw, alpha, weight, .. } = hit;
+        let (cell, weight) = (*cell, *weight);
         let mut value = V::zero();
         for i in 0..C {
-            let d = V::load(&self.cotangents[i][block].0);
+            let d: V = cell.load(&self.cotangents[i]);
             let own = at_pixels(self.response, i, self.values[i], sample);
             value = if i == 0 { d * own } else { d.mul_add(own, value) };
             let sum = &mut self.blended[moment::COLOR + i];
@@ -225,14 +225,14 @@ impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for 
         }
         if MORE {
             for ((d, &feature), sum) in self.more.iter().zip(self.row).zip(self.row_sums.iter_mut()) {
-                let d = V::load(&d[block].0);
+                let d: V = cell.load(d);
                 value = d.mul_add(V::splat(feature), value);
-                weight.mul_add(d, V::load(&sum.0)).store(&mut sum.0);
+                weight.mul_add(d, V::load_part(&sum.0, 0)).store_part(&mut sum.0, 0);
             }
         }
         let value = weight * value;
-        let rest = V::load(&self.rest[block].0) - value;
-        rest.store(&mut self.rest[block].0);
+        let rest = cell.load::<V>(self.rest) - value;
+        cell.store(rest, self.rest);
         // alpha dL/dalpha = w value - alpha / (1 - alpha) rest
         let odds = *alpha * (V::constant(1.0) - *alpha).recip();
         let g = odds.neg_mul_add(rest, value).only(self.alpha_max.ge_among(*raw, *seen));
@@ -254,9 +254,8 @@ impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for 
         let mut sums = [zero; LANES];
         sums[..R::SUMS].copy_from_slice(&self.shape[..R::SUMS]);
         sums[R::SUMS..][..blended].copy_from_slice(&self.blended[..blended]);
-        let sums = V::sums(&sums);
         let row = &mut self.sums.moments[place].0;
-        (V::load(row) + sums).store(row);
+        V::add_sums(&sums, row);
         if MORE {
             if self.statistics {
                 let largest = &mut row[R::SUMS + moment::LARGEST_WEIGHT];
@@ -265,8 +264,10 @@ impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for 
             let channels = self.row.len();
             let totals = self.sums.features[place * channels..][..channels].chunks_mut(LANES);
             for (totals, rows) in totals.zip(self.row_sums.chunks(LANES)) {
-                let sums = V::sums(&each!(LANES, |i| if i < rows.len() { V::load(&rows[i].0) } else { zero }));
-                totals.iter_mut().zip(sums.to_array()).for_each(|(total, sum)| *total += sum);
+                let mut sums = [V::Scalar::ZERO; LANES];
+                let rows = each!(LANES, |i| if i < rows.len() { V::load_part(&rows[i].0, 0) } else { zero });
+                V::add_sums(&rows, &mut sums);
+                totals.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
             }
         }
     }

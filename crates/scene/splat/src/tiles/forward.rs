@@ -191,12 +191,13 @@ impl<T: Real, P: Footprint + Response, const C: usize, const MORE: bool> LaneKer
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) -> Work {
         let per_window = self.planes.len() / windows_per_tile(self.grid);
-        let Blending { alpha_max, features, .. } = *self.blending;
+        let Self { primitive, blending, list, records, .. } = self;
+        let Blending { alpha_max, features, .. } = *blending;
         let mut total = Work::default();
         for (i, window) in windows_of(self.grid, self.tile) {
             let [transmittance, planes @ ..] = &mut self.planes[i * per_window..][..per_window] else { continue };
-            let mut blend = Blend::<V, P, C, MORE>::new(self.primitive, features, self.per_view, planes);
-            let work = traverse(self.primitive, alpha_max, &window, self.list, self.records, transmittance, &mut blend);
+            let mut blend = Blend::<V::Part, P, C, MORE>::new(primitive, features, self.per_view, planes);
+            let work = traverse::<V, P>(primitive, alpha_max, &window, list, records, transmittance, &mut blend);
             blend.finish();
             total.pairs += work.pairs;
             total.evaluated += work.evaluated;

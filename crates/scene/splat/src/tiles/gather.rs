@@ -4,13 +4,13 @@ use super::backward::{TileParts, for_tiles};
 use super::coverage::CHUNK;
 use super::primitive::{Footprint, Response};
 use super::traverse::{Hit, Visitor, traverse};
-use super::window::{Window, windows_of};
+use super::window::{Cell, MOST_CELLS, Window, windows_of};
 use super::{Record, Tiles};
 use crate::columns::prefetch_rows;
 use crate::gradients::{Target, put};
 use crate::memory::grown;
 use std::sync::atomic::AtomicU32;
-use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
+use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row, Vector};
 use weaver_kernels::{Real, parallel};
 use weaver_scene::Features;
 
@@ -138,32 +138,32 @@ struct Gather<'a, T, P, const SQUARED: bool> {
     sums: &'a mut [T],
 }
 
-struct Gatherer<'a, V: Lanes, const SQUARED: bool> {
+struct Gatherer<'a, V: Vector, const SQUARED: bool> {
     /// Of the window, `[blocks, channels]`.
     values: &'a [Row<V::Scalar>],
     channels: usize,
-    /// Blocks that a primitive met, and its weights there.
-    met: [(usize, V); LANES],
+    /// Cells that a primitive met, and its weights there.
+    met: [(Cell, V); MOST_CELLS],
     count: usize,
     sums: &'a mut [V::Scalar],
 }
 
-impl<V: Lanes, const SQUARED: bool> Gatherer<'_, V, SQUARED> {
-    /// The products of the weights with channels from `first` on, summed over blocks.
+impl<V: Vector, const SQUARED: bool> Gatherer<'_, V, SQUARED> {
+    /// The products of the weights with channels from `first` on, summed over cells.
     #[inline(always)]
     fn products<const N: usize>(&self, first: usize) -> [V; N] {
         let mut sums = [V::zero(); N];
-        for (block, weight) in &self.met[..self.count] {
-            let rows = &self.values[block * self.channels + first..][..N];
+        for (cell, weight) in &self.met[..self.count] {
+            let rows = &self.values[cell.block::<V>() * self.channels + first..][..N];
             for (sum, row) in sums.iter_mut().zip(rows) {
-                *sum = weight.mul_add(V::load(&row.0), *sum);
+                *sum = weight.mul_add(V::load_part(&row.0, cell.part::<V>()), *sum);
             }
         }
         sums
     }
 }
 
-impl<V: Lanes, R: Response, const SQUARED: bool> Visitor<V, R> for Gatherer<'_, V, SQUARED> {
+impl<V: Vector, R: Response, const SQUARED: bool> Visitor<V, R> for Gatherer<'_, V, SQUARED> {
     #[inline(always)]
     fn begin(&mut self, _primitive: usize, _record: &[V::Scalar; LANES]) {
         self.count = 0;
@@ -172,22 +172,27 @@ impl<V: Lanes, R: Response, const SQUARED: bool> Visitor<V, R> for Gatherer<'_, 
     #[inline(always)]
     fn hit(&mut self, hit: &Hit<V, R::Sample<V>>) {
         let weight = if SQUARED { hit.weight * hit.weight } else { hit.weight };
-        self.met[self.count % LANES] = (hit.block, weight);
+        self.met[self.count % MOST_CELLS] = (hit.cell, weight);
         self.count += 1;
     }
 
     #[inline(always)]
     fn end(&mut self, place: usize) {
-        // Sixteen channels stay in registers while blocks pass.
+        // Sixteen channels stay in registers while cells pass.
         for first in (0..self.channels).step_by(LANES) {
             let width = LANES.min(self.channels - first);
             let mut rows = [V::zero(); LANES];
-            match width == LANES {
-                true => rows = self.products(first),
-                false => (0..width).for_each(|c| [rows[c]] = self.products(first + c)),
+            if width == LANES {
+                rows = self.products(first);
+            } else {
+                for (c, row) in rows.iter_mut().enumerate().take(width) {
+                    [*row] = self.products(first + c);
+                }
             }
             let totals = &mut self.sums[place * self.channels + first..][..width];
-            totals.iter_mut().zip(V::sums(&rows).to_array()).for_each(|(total, sum)| *total += sum);
+            let mut sums = [V::Scalar::ZERO; LANES];
+            V::add_sums(&rows, &mut sums);
+            totals.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
         }
     }
 }
@@ -202,8 +207,8 @@ impl<T: Real, P: Footprint + Response, const SQUARED: bool> LaneKernel<T> for Ga
         for (block, rows) in planes.chunks_exact_mut(channels.max(1)).enumerate() {
             window.gather_all::<V>(block, values, rows);
         }
-        let met = [(0, V::zero()); LANES];
-        let mut gatherer = Gatherer::<V, SQUARED> { values: &planes, channels, met, count: 0, sums };
+        let met = [(Cell::default(), V::Part::zero()); MOST_CELLS];
+        let mut gatherer = Gatherer::<V::Part, SQUARED> { values: &planes, channels, met, count: 0, sums };
         let mut left = [Row([T::ZERO; LANES]); LANES];
         traverse::<V, P>(primitive, alpha_max, &window, list, records, &mut left, &mut gatherer);
     }

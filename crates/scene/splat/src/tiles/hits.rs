@@ -8,7 +8,7 @@ use super::window::{Window, windows_of};
 use super::{Record, Tiles};
 use crate::memory::grown;
 use std::sync::atomic::AtomicU32;
-use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes, Row};
+use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes, Row, Vector};
 use weaver_kernels::{Real, parallel};
 
 impl<T: Real> Tiles<T> {
@@ -95,11 +95,13 @@ struct Reporter<'a, F> {
     visit: &'a F,
 }
 
-impl<V: Lanes, R: Response, F: Fn(usize, usize, V::Scalar, V::Scalar)> Visitor<V, R> for Reporter<'_, F> {
+impl<V: Vector, R: Response, F: Fn(usize, usize, V::Scalar, V::Scalar)> Visitor<V, R> for Reporter<'_, F> {
+    #[inline(always)]
     fn begin(&mut self, primitive: usize, _record: &[V::Scalar; LANES]) {
         self.current = primitive % self.place.2;
     }
 
+    #[inline(always)]
     fn hit(&mut self, hit: &Hit<V, R::Sample<V>>) {
         let (first, window, _) = &self.place;
         let (weight, transmittance) = (hit.weight.to_array(), hit.transmittance.to_array());
@@ -108,7 +110,8 @@ impl<V: Lanes, R: Response, F: Fn(usize, usize, V::Scalar, V::Scalar)> Visitor<V
             let lane = todo.trailing_zeros() as usize;
             todo &= todo - 1;
             // Only pixels of the region are seen.
-            if let Some(pixel) = window.index(window.pixel(hit.block, lane)) {
+            let place = window.pixel(hit.cell.block::<V>(), hit.cell.part::<V>() * V::WIDTH + lane);
+            if let Some(pixel) = window.index(place) {
                 (self.visit)(first + pixel, self.current, weight[lane], transmittance[lane]);
             }
         }
@@ -140,13 +143,13 @@ struct Tally<'a, T, P> {
     rows: &'a mut [Row<T>],
 }
 
-struct Tallier<'a, V: Lanes> {
+struct Tallier<'a, V: Vector> {
     sum: V,
     largest: V,
     rows: &'a mut [Row<V::Scalar>],
 }
 
-impl<V: Lanes, R: Response> Visitor<V, R> for Tallier<'_, V> {
+impl<V: Vector, R: Response> Visitor<V, R> for Tallier<'_, V> {
     #[inline(always)]
     fn begin(&mut self, _primitive: usize, _record: &[V::Scalar; LANES]) {
         (self.sum, self.largest) = (V::zero(), V::zero());
@@ -171,7 +174,7 @@ impl<T: Real, P: Footprint + Response> LaneKernel<T> for Tally<'_, T, P> {
 
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) {
-        let mut tallier = Tallier::<V> { sum: V::zero(), largest: V::zero(), rows: self.rows };
+        let mut tallier = Tallier::<V::Part> { sum: V::Part::zero(), largest: V::Part::zero(), rows: self.rows };
         let mut left = [Row([T::ZERO; LANES]); LANES];
         let Self { primitive, alpha_max, window, list, records, .. } = self;
         traverse::<V, P>(primitive, alpha_max, &window, list, records, &mut left, &mut tallier);

@@ -3,7 +3,7 @@
 use super::record;
 use std::fmt;
 use weaver_kernels::Real;
-use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
+use weaver_kernels::lanes::{LANES, LaneMask, Lanes, Vector};
 
 /// Projects primitives into records, sixteen at a time.
 ///
@@ -88,27 +88,27 @@ pub trait Response: Sync {
     const SUMS: usize;
 
     /// A primitive's numbers, each in all lanes.
-    type Loaded<V: Lanes>: Copy;
-    /// Values of a primitive at sixteen pixels that [`backward`](Self::backward) needs.
-    type Sample<V: Lanes>: Copy;
+    type Loaded<V: Vector>: Copy;
+    /// Values of a primitive at a vector of pixels that [`backward`](Self::backward) needs.
+    type Sample<V: Vector>: Copy;
     /// Numbers that all primitives share at pixels with these x, such as the sine and cosine of an azimuth; x itself
     /// will do.
-    type Column<V: Lanes>: Copy;
+    type Column<V: Vector>: Copy;
     /// Numbers that all primitives share at pixels with these y.
-    type Line<V: Lanes>: Copy;
+    type Line<V: Vector>: Copy;
 
     /// Prepares pixels whose centers have these x. Called once for each window and column of blocks, not for each
     /// primitive.
-    fn column<V: Lanes>(&self, x: V) -> Self::Column<V>;
+    fn column<V: Vector>(&self, x: V) -> Self::Column<V>;
 
     /// Prepares pixels whose centers have these y.
-    fn line<V: Lanes>(&self, y: V) -> Self::Line<V>;
+    fn line<V: Vector>(&self, y: V) -> Self::Line<V>;
 
     /// Loads a primitive from its record.
-    fn load<V: Lanes>(&self, record: &[V::Scalar; LANES]) -> Self::Loaded<V>;
+    fn load<V: Vector>(&self, record: &[V::Scalar; LANES]) -> Self::Loaded<V>;
 
     /// The alpha of a primitive at the pixel centers of a column and a line, before it is capped.
-    fn at<V: Lanes>(
+    fn at<V: Vector>(
         &self,
         primitive: &Self::Loaded<V>,
         column: &Self::Column<V>,
@@ -118,25 +118,25 @@ pub trait Response: Sync {
     /// The depth at the pixels of a sample, finite also where alpha is zero. `center` is the depth of the record, which
     /// all pixels have by default.
     #[inline(always)]
-    fn depth<V: Lanes>(&self, _sample: &Self::Sample<V>, center: V) -> V {
+    fn depth<V: Vector>(&self, _sample: &Self::Sample<V>, center: V) -> V {
         center
     }
 
     /// Adds the gradients from the pixels to the numbers that alpha depends on. `g` is alpha dL/dalpha, the gradient
     /// with respect to the logarithm of alpha. The primitive decides the meaning of the [`SUMS`](Self::SUMS) sums over
     /// pixels.
-    fn backward<V: Lanes>(&self, sample: &Self::Sample<V>, g: V, sums: &mut [V]);
+    fn backward<V: Vector>(&self, sample: &Self::Sample<V>, g: V, sums: &mut [V]);
 
     /// Adds the gradients from the pixels to the numbers that [`depth`](Self::depth) depends on; `g` is the gradient
     /// with respect to the depth at each pixel. By default none: the gradient with respect to a record's depth is
     /// summed anyway.
     #[inline(always)]
-    fn depth_backward<V: Lanes>(&self, _sample: &Self::Sample<V>, _g: V, _sums: &mut [V]) {}
+    fn depth_backward<V: Vector>(&self, _sample: &Self::Sample<V>, _g: V, _sums: &mut [V]) {}
 
     /// The gradient with respect to the primitive's position on the image, in pixels, that each pixel contributes; zero
     /// by default. Used by statistics only.
     #[inline(always)]
-    fn screen_gradient<V: Lanes>(&self, _primitive: &Self::Loaded<V>, _sample: &Self::Sample<V>, _g: V) -> [V; 2] {
+    fn screen_gradient<V: Vector>(&self, _primitive: &Self::Loaded<V>, _sample: &Self::Sample<V>, _g: V) -> [V; 2] {
         [V::zero(); 2]
     }
 }

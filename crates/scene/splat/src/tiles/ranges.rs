@@ -8,7 +8,7 @@ use super::window::{Plane, windows_of, windows_per_tile};
 use super::{Grid, Record, Tiles};
 use crate::memory::grown;
 use std::sync::atomic::AtomicU32;
-use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
+use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row, Vector};
 use weaver_kernels::{Real, parallel};
 
 /// Planes of a window: median, distortion, sum w z, sum w z^2.
@@ -72,21 +72,21 @@ impl<T: Real, P: Footprint + Response> LaneKernel<T> for RangesOfTile<'_, T, P> 
         for (i, window) in windows_of(grid, tile) {
             let planes = planes[i * PLANES..].first_chunk_mut::<PLANES>().expect("planes of each window");
             planes.as_flattened_mut().fill(Row::default());
-            let mut visitor = Ranges::<V, P> { primitive, center: V::zero(), planes };
-            traverse(primitive, alpha_max, &window, list, records, &mut left, &mut visitor);
+            let mut visitor = Ranges::<V::Part, P> { primitive, center: V::Part::zero(), planes };
+            traverse::<V, P>(primitive, alpha_max, &window, list, records, &mut left, &mut visitor);
         }
     }
 }
 
 /// Follows depths front to back.
-struct Ranges<'a, V: Lanes, R> {
+struct Ranges<'a, V: Vector, R> {
     primitive: &'a R,
     /// Depth of the record at hand.
     center: V,
     planes: &'a mut [Plane<V::Scalar>; PLANES],
 }
 
-impl<V: Lanes, R: Response> Visitor<V, R> for Ranges<'_, V, R> {
+impl<V: Vector, R: Response> Visitor<V, R> for Ranges<'_, V, R> {
     #[inline(always)]
     fn begin(&mut self, _primitive: usize, record: &[V::Scalar; LANES]) {
         self.center = V::splat(record[record::DEPTH]);
@@ -95,18 +95,15 @@ impl<V: Lanes, R: Response> Visitor<V, R> for Ranges<'_, V, R> {
     #[inline(always)]
     fn hit(&mut self, hit: &Hit<V, R::Sample<V>>) {
         let z = self.primitive.depth(&hit.sample, self.center);
-        let [median, distortion, first, second] = self.planes.each_mut().map(
-            #[inline(always)]
-            |plane| &mut plane[hit.block].0,
-        );
+        let (cell, [median, distortion, first, second]) = (hit.cell, self.planes.each_mut());
         let more_than_half = hit.transmittance.gt_among(V::constant(0.5), hit.seen);
-        z.or(more_than_half, V::load(median)).store(median);
-        let (m1, m2) = (V::load(first), V::load(second));
+        cell.store(z.or(more_than_half, cell.load(median)), median);
+        let (m1, m2): (V, V) = (cell.load(first), cell.load(second));
         let before = V::constant(1.0) - hit.transmittance;
         let spread = z * z * before + m2 - V::constant(2.0) * z * m1;
-        hit.weight.mul_add(spread, V::load(distortion)).store(distortion);
-        hit.weight.mul_add(z, m1).store(first);
-        hit.weight.mul_add(z * z, m2).store(second);
+        cell.store(hit.weight.mul_add(spread, cell.load(distortion)), distortion);
+        cell.store(hit.weight.mul_add(z, m1), first);
+        cell.store(hit.weight.mul_add(z * z, m2), second);
     }
 
     #[inline(always)]

@@ -1,9 +1,11 @@
 //! Windows of 16 x 16 pixels, which are 4 x 4 blocks of 4 x 4 pixels; a block fits in one [`Lanes`].
+//!
+//! The blocks are worked on in cells of a register each: whole blocks, or their upper and lower halves.
 
 use super::{Grid, Region};
 use crate::each::each;
 use weaver_kernels::Real;
-use weaver_kernels::lanes::{LANES, Lanes, Row};
+use weaver_kernels::lanes::{LANES, Lanes, Row, Vector};
 
 /// Pixels per side of a window.
 pub(crate) const SIDE: usize = 16;
@@ -11,6 +13,43 @@ pub(crate) const SIDE: usize = 16;
 pub(crate) const BLOCK: usize = 4;
 /// One number for each pixel of a window, block by block.
 pub(crate) type Plane<T> = [Row<T>; LANES];
+
+/// The most parts of a block that are worked on one by one.
+pub(crate) const MOST_PARTS: usize = 2;
+/// The most cells of a window.
+pub(crate) const MOST_CELLS: usize = LANES * MOST_PARTS;
+
+/// A part of a block whose pixels fit in a vector, rows of four one after the other: all parts of a block, then those of
+/// the next. Its number is that of the vector in a [`Plane`].
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Cell(pub usize);
+
+impl Cell {
+    /// The block.
+    #[inline(always)]
+    pub fn block<V: Vector>(self) -> usize {
+        const { assert!(LANES / V::WIDTH <= MOST_PARTS && V::WIDTH.is_multiple_of(BLOCK)) };
+        self.0 / (LANES / V::WIDTH)
+    }
+
+    /// Which part of the block.
+    #[inline(always)]
+    pub fn part<V: Vector>(self) -> usize {
+        self.0 % (LANES / V::WIDTH)
+    }
+
+    /// The pixels' numbers in a plane.
+    #[inline(always)]
+    pub fn load<V: Vector>(self, plane: &Plane<V::Scalar>) -> V {
+        V::load_nth(plane, self.0)
+    }
+
+    /// Sets the pixels' numbers in a plane.
+    #[inline(always)]
+    pub fn store<V: Vector>(self, x: V, plane: &mut Plane<V::Scalar>) {
+        x.store_nth(plane, self.0);
+    }
+}
 
 /// A window and the region that is drawn, which it may reach beyond.
 #[derive(Clone, Copy, Debug)]

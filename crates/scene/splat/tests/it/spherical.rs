@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use std::f64::consts::{LN_2, PI};
 use weaver_autograd::Tape;
 use weaver_kernels::Real;
-use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
+use weaver_kernels::lanes::{LANES, LaneMask, Lanes, Vector};
 use weaver_kernels::random::Stream;
 use weaver_splat::tiles::{ALPHA_MIN, Footprint, Projected, Projection, Response, TRANSMITTANCE_END, record};
 use weaver_splat::{PixelSums, Primitive, RasterSettings, RasterizePrimitives, TileSide, TilesPool};
@@ -128,29 +128,29 @@ impl Footprint for Sphere {
 
 impl Response for Sphere {
     const SUMS: usize = 5;
-    type Loaded<V: Lanes> = [V; 5];
+    type Loaded<V: Vector> = [V; 5];
     /// w, and 1 - d . w.
-    type Sample<V: Lanes> = ([V; 3], V);
-    type Column<V: Lanes> = V;
-    type Line<V: Lanes> = V;
+    type Sample<V: Vector> = ([V; 3], V);
+    type Column<V: Vector> = V;
+    type Line<V: Vector> = V;
 
     #[inline(always)]
-    fn column<V: Lanes>(&self, x: V) -> V {
+    fn column<V: Vector>(&self, x: V) -> V {
         x
     }
 
     #[inline(always)]
-    fn line<V: Lanes>(&self, y: V) -> V {
+    fn line<V: Vector>(&self, y: V) -> V {
         y
     }
 
     #[inline(always)]
-    fn load<V: Lanes>(&self, record: &[V::Scalar; LANES]) -> [V; 5] {
+    fn load<V: Vector>(&self, record: &[V::Scalar; LANES]) -> [V; 5] {
         std::array::from_fn(|k| V::splat(record[k]))
     }
 
     #[inline(always)]
-    fn at<V: Lanes>(&self, spot: &[V; 5], &x: &V, &y: &V) -> (V, ([V; 3], V)) {
+    fn at<V: Vector>(&self, spot: &[V; 5], &x: &V, &y: &V) -> (V, ([V; 3], V)) {
         let (x, y) = (x.to_array(), y.to_array());
         let directions: Vec<_> = (0..LANES).map(|lane| self.direction(x[lane].to_f64(), y[lane].to_f64())).collect();
         let w: [V; 3] = std::array::from_fn(|axis| V::from_fn(|lane| V::Scalar::from_f64(directions[lane][axis])));
@@ -159,7 +159,7 @@ impl Response for Sphere {
     }
 
     #[inline(always)]
-    fn backward<V: Lanes>(&self, &(w, away): &([V; 3], V), g: V, sums: &mut [V]) {
+    fn backward<V: Vector>(&self, &(w, away): &([V; 3], V), g: V, sums: &mut [V]) {
         for (sum, x) in sums.iter_mut().zip([g * w[0], g * w[1], g * w[2], g * away, g]) {
             *sum = *sum + x;
         }
