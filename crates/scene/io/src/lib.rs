@@ -1,6 +1,6 @@
 //! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ, SOG, glTF, ksplat), COLMAP, transforms.json,
-//! RealEstate10K, LLFF, Nerfies, safetensors, NPY; scans of lidars (KITTI .bin, PLY, PCD, NPY) and trajectories (KITTI,
-//! TUM).
+//! RealEstate10K, LLFF, Nerfies, cameras of Metashape, RealityScan, Bundler and OpenSfM, safetensors, NPY; scans of
+//! lidars (KITTI .bin, PLY, PCD, NPY) and trajectories (KITTI, TUM).
 //!
 //! [`read_gaussians`] and [`read_cameras`] read every supported format of scenes and of cameras into the types of
 //! `weaver-scene`. Poses are world-to-camera with OpenCV axes, intrinsics are in pixels with pixel centers at
@@ -19,6 +19,7 @@ mod pictures;
 mod tensors;
 
 pub use advice::Advice;
+pub use cameras::project::{Project, ProjectKind};
 pub use cameras::read_cameras;
 pub use cameras::transforms::Transforms;
 pub use cameras::{colmap, dtu, llff, nerfies, realestate};

@@ -325,7 +325,8 @@ impl FrameReader<'_> {
     fn number(&self, key: &str) -> Result<Option<f64>> {
         match self.get(key) {
             None => Ok(None),
-            Some(value) => match value.as_f64() {
+            // nerfstudio quotes the coefficients of RealityScan's tables.
+            Some(value) => match value.as_f64().or_else(|| value.as_str()?.trim().parse().ok()) {
                 Some(x) => Ok(Some(x)),
                 None => Err(self.invalid(key, "a number", value)),
             },

@@ -27,6 +27,8 @@ mod photo_file;
 mod photo_memory;
 mod pillow;
 mod ply;
+mod project;
+mod project_errors;
 mod realestate;
 mod shared;
 mod shell;
