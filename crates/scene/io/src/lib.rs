@@ -16,6 +16,7 @@ mod info;
 mod lidar;
 mod observe;
 mod pictures;
+mod places;
 mod tensors;
 
 pub use advice::Advice;
@@ -57,6 +58,8 @@ pub use pictures::heif::{HeifPhoto, Turned};
 pub use pictures::image::{Background, Image};
 pub use pictures::photo_file::{PhotoFile, list_photos};
 pub use pictures::photo_folder::PhotoFolder;
+pub use pictures::place::{PhotoPlace, photo_place};
+pub use places::{BarInPhoto, Positions, read_positions, read_scale_bar};
 pub use tensors::array::open_array;
 pub use tensors::npy::{Npy, write_npy};
 pub use tensors::npz::Npz;

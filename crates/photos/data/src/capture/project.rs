@@ -17,7 +17,7 @@ pub(super) fn read_cameras(file: &Path) -> Result<Photos, Error> {
 }
 
 fn photos(project: Project) -> Photos {
-    let Project { frames, points, colors, observations, remarks, .. } = project;
+    let Project { frames, points, colors, observations, origin, remarks, .. } = project;
     let photo = |(frame, seen): (_, Vec<([f64; 2], u32)>)| {
         let mut track: Vec<u32> = seen.into_iter().map(|(_, point)| point).collect();
         track.sort_unstable();
@@ -26,5 +26,5 @@ fn photos(project: Project) -> Photos {
     };
     let photos = frames.into_iter().zip(observations).map(photo).collect();
     let points = points.into_iter().map(DVec3::from).collect();
-    Photos { photos, points, colors, remarks, ..Photos::default() }
+    Photos { photos, points, colors, origin, remarks, ..Photos::default() }
 }

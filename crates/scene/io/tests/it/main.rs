@@ -26,6 +26,7 @@ mod owned;
 mod photo_file;
 mod photo_memory;
 mod pillow;
+mod place;
 mod ply;
 mod project;
 mod project_errors;

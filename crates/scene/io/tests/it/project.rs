@@ -305,3 +305,85 @@ fn files_of_nerfstudios_converters_are_read() {
     ));
     assert_eq!((polycam.distortion, polycam.camera.intrinsics.fy), (None, 21.0));
 }
+
+/// Two photos of the MicroPasts' socketed axe of Arreton Down (CC-BY), as PhotoScan 1.1.6 exported them: its own XML, and
+/// the form of Bundler, whose keypoints are offsets from the middle of the photo.
+///
+/// Promise of `metashape_shows_points_where_it_says`.
+#[test]
+fn photoscans_two_exports_agree() {
+    let xml = r#"<?xml version="1.0" encoding="UTF-8"?>
+<document version="1.1.0">
+  <chunk>
+    <sensors>
+      <sensor id="0" label="Canon EOS 600D (55 mm)" type="frame">
+        <resolution width="5184" height="3456"/>
+        <property name="fixed" value="false"/>
+        <calibration type="frame" class="adjusted">
+          <resolution width="5184" height="3456"/>
+          <fx>1.2150562329667689e+004</fx>
+          <fy>1.2150562329667689e+004</fy>
+          <cx>2.6145960461473387e+003</cx>
+          <cy>1.5389560857286074e+003</cy>
+          <k1>5.2280291833021422e-002</k1>
+          <k2>1.4826426326959588e+000</k2>
+          <k3>-1.2252210252903410e+001</k3>
+        </calibration>
+      </sensor>
+    </sensors>
+    <cameras>
+      <camera id="0" label="IMG_8839.JPG" sensor_id="0" enabled="true">
+        <transform>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</transform>
+        <orientation>1</orientation>
+      </camera>
+      <camera id="1" label="IMG_8840.JPG" sensor_id="0" enabled="true">
+        <transform>9.7401361998551461e-001 1.0175464867099787e-001 -2.0234490247237594e-001 2.2938344337397036e+000 -1.0251854243742103e-001 9.9470832825884847e-001 6.7297956130602382e-003 -1.3495339395170852e-001 2.0195894765823139e-001 1.4189191884270654e-002 9.7929119790512320e-001 3.5438782809325425e-001 0 0 0 1</transform>
+        <orientation>1</orientation>
+      </camera>
+    </cameras>
+    <transform>
+      <scale>4.3606757369099497e-002</scale>
+    </transform>
+  </chunk>
+</document>"#;
+    let bundle = "# Bundle file v0.3\n2 5\n\
+        1.2150562330e+004 5.2280291833e-002 1.4826426327e+000\n1 0 0\n0 -1 0\n0 0 -1\n-0.0 0.0 0.0\n\
+        1.2150562330e+004 5.2280291833e-002 1.4826426327e+000\n\
+        9.7401361999e-001 -1.0251854244e-001 2.0195894766e-001\n\
+        -1.0175464867e-001 -9.9470832826e-001 -1.4189191884e-002\n\
+        2.0234490247e-001 -6.7297956131e-003 -9.7929119791e-001\n\
+        -1.0115167335e-001 4.5437163620e-003 -5.1458168356e-003\n\
+        -7.5605799835e-003 3.8789207117e-002 4.4852456195e-001\n115 77 36\n\
+        2 0 0 -182.3035 -862.5134 1 0 -574.4401 -890.8308\n\
+        6.4386730319e-003 -3.9813603621e-004 4.4503847830e-001\n126 93 56\n\
+        2 0 1 198.0723 200.3540 1 1 -114.7031 133.2311\n\
+        9.3495782999e-003 -4.5863296867e-005 4.4604770299e-001\n145 119 65\n\
+        2 0 2 277.2952 190.4116 1 2 -31.4727 114.7086\n\
+        1.1118541601e-002 7.8676237644e-004 4.4652179074e-001\n148 134 82\n\
+        2 0 3 325.1875 167.3495 1 3 16.4065 86.5385\n\
+        3.6629639958e-003 1.6198485386e-003 4.4303005130e-001\n129 102 63\n\
+        2 0 4 123.2781 144.3363 1 4 -207.1672 85.8326\n";
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("list.txt"), "IMG_8839.JPG\nIMG_8840.JPG\n").unwrap();
+    let out = written(folder.path(), "cameras.out", bundle, &["IMG_8839.png", "IMG_8840.png"], [4, 3]);
+    let xml = Project::read_cameras(written(folder.path(), "cameras.xml", xml, &[], [1, 1])).unwrap();
+    let out = Project::read(out).unwrap_or_else(|error| panic!("{error}"));
+    for (a, b) in xml.frames.iter().zip(&out.frames) {
+        let (a, b) = (a.camera.pose, b.camera.pose);
+        assert!(a.center().distance(b.center()) < 1e-9 && a.angle_to(&b) < 1e-7, "{a:?} {b:?}");
+    }
+    let mut off = Vec::new();
+    for (frame, (file, seen)) in xml.frames.iter().zip(out.frames.iter().zip(&out.observations)) {
+        for (pixel, point) in seen {
+            let from_middle = DVec2::from(*pixel) - DVec2::new(file.camera.intrinsics.cx, file.camera.intrinsics.cy);
+            let at = seen_at(frame, out.points[*point as usize]) - DVec2::new(2592.0, 1728.0);
+            off.push(at.distance(from_middle));
+        }
+    }
+    // Over all 12354 points the median is 0.29 pixels, and the mean difference less than a hundredth.
+    assert!(off.len() == 10 && off.iter().all(|off| *off < 1.0), "{off:?}");
+}
+
+fn seen_at(frame: &Frame, point: [f64; 3]) -> DVec2 {
+    seen(frame, DVec3::from(point))
+}
