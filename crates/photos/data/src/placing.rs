@@ -84,10 +84,12 @@ pub struct PositionsFit {
     pub cameras: usize,
     /// Those whose position fits the others.
     pub used: usize,
-    /// Median distance from the given positions, meters, of all.
+    /// Median distance from the given positions along the ground, meters, of all.
     pub median: f64,
-    /// The largest distance of those that fit, meters.
+    /// The largest distance of those that fit along the ground, meters.
     pub largest: f64,
+    /// Median distance from the given heights, meters.
+    pub height: f64,
     /// Deviation of the scale, as a part of it.
     pub scale_deviation: f64,
     /// Deviation of the vertical by the positions alone, degrees.
@@ -115,7 +117,7 @@ impl EstimatedPhotos {
     /// GPS.
     ///
     /// Positions set scale, heading and place by a robust similarity transform, and the vertical too, unless the photos
-    /// know it better: by a drone's gimbal, a ground that is flat, or the horizons of cameras. Positions that leave more
+    /// know it better: by a drone's gimbal, or by their horizons. Then heights only shift it. Positions that leave more
     /// than a tenth of the scale open are not followed. Without positions y is down, as in photos, and the ground is at
     /// y = 0.
     ///
@@ -130,6 +132,7 @@ impl EstimatedPhotos {
         let up = Up::of(self, target.ups());
         let bar = placing.scale_bar.as_deref().map(|file| Bar::read(self, file)).transpose()?;
         let followed = target.fit(up.as_ref(), &mut placement);
+        let up = if followed.is_some() { up } else { up.map(|up| up.by_ground(self)) };
         let by_bar = bar.as_ref().map_or(1.0, Bar::scale);
         let mut onto = match (&followed, &up) {
             (Some(Robust { similarity, .. }), _) => *similarity,

@@ -14,13 +14,14 @@ pub fn remark_placement(placement: &Placement, observe: &mut dyn Observe) {
     });
     match &placement.positions {
         Some(fit) if fit.followed => observe.note(&format!(
-            "cameras: meters, east, north and up by {}: {} of {} cameras agree, off by {:.2} m in the median, {:.2} at \
-             most; scale +- {:.1} %; level by {}",
+            "cameras: meters, east, north and up by {}: {} of {} cameras agree, off by {:.2} m along the \
+             ground in the median, {:.2} at most, and {:.2} m in height; scale +- {:.1} %; level by {}",
             fit.source,
             fit.used,
             fit.cameras,
             fit.median,
             fit.largest,
+            fit.height,
             100.0 * fit.scale_deviation,
             vertical.unwrap_or("nothing")
         )),

@@ -12,6 +12,11 @@ use weaver_geometry::glam::DVec3;
 use weaver_io::{Positions, photo_place, read_positions};
 use weaver_kernels::order::median_mean;
 
+/// Largest expected error of the vertical of a world that positions turn, radians.
+const LEVEL: f64 = 0.35;
+/// Angle between the vertical of positions and that of photos from which the positions are wrong, radians.
+const CONTRADICTED: f64 = 0.2;
+
 /// Positions of cameras beside where these are in the estimate.
 #[derive(Debug, Default)]
 pub(super) struct Target {
@@ -120,16 +125,21 @@ impl Target {
     pub fn fit(&self, up: Option<&Up>, placement: &mut Placement) -> Option<Robust> {
         let Self { from, to, .. } = self;
         let free = free(from, to);
-        // A vertical by a line or a small patch of positions is worse than the photos' own.
-        let tilt = |fit: &Robust| fit.deviation / (fit.spread(to)[1] * (fit.used() as f64).sqrt());
+        // A vertical by a line or a small patch of positions, or by heights that drift, is worse than the photos' own.
+        let tilt = |fit: &Robust| {
+            let level = fit.deviation / (fit.spread(to)[1] * (fit.used() as f64).sqrt());
+            let apart = up.map_or(0.0, |up| (fit.similarity.rotation * up.direction).angle_between(DVec3::Z));
+            if apart > CONTRADICTED { f64::INFINITY } else { level }
+        };
         let level = free.as_ref().map_or(f64::INFINITY, tilt);
-        let better = up.filter(|up| up.source.deviation() < level);
+        let better = up.filter(|up| up.deviation < level);
+        let heights = |fit: &Robust| median_mean(&mut fit.above.iter().map(|x| x.abs()).collect::<Vec<_>>());
         let held = better.and_then(|up| Some((vertical(from, to, up.direction)?, Some(up))));
         let (fit, up) = held.or_else(|| Some((free?, None)))?;
         let used = fit.used();
         let scale_deviation = fit.deviation / (fit.spread(to)[0] * (used as f64).sqrt());
         let enough = used >= 3 && 2 * used > from.len();
-        let followed = enough && scale_deviation < COARSE && level_of(up, level) < 0.2;
+        let followed = enough && scale_deviation < COARSE && level_of(up, level) < LEVEL;
         placement.positions = Some(PositionsFit {
             source: self.source.clone(),
             cameras: from.len(),
@@ -142,6 +152,7 @@ impl Target {
                 .filter(|(_, agrees)| **agrees)
                 .map(|(off, _)| *off)
                 .fold(0.0, f64::max),
+            height: heights(&fit).unwrap_or(f64::NAN),
             scale_deviation: if scale_deviation.is_finite() { scale_deviation } else { 1.0 },
             level_deviation: level.min(1.0).to_degrees(),
             followed,
@@ -156,5 +167,5 @@ impl Target {
 
 /// Deviation of the vertical that is used.
 fn level_of(up: Option<&Up>, free: f64) -> f64 {
-    up.map_or(free, |up| up.source.deviation())
+    up.map_or(free, |up| up.deviation)
 }

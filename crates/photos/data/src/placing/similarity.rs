@@ -9,8 +9,9 @@ use weaver_kernels::random::Stream;
 const DRAWS: u64 = 400;
 /// Rounds of the fit to the positions that agree.
 const ROUNDS: usize = 10;
-/// Median of the absolute values of a normal distribution, over its deviation; in three dimensions.
-const MEDIAN: f64 = 1.5382;
+/// Median of the lengths of normally distributed vectors, over the deviation along an axis, in two and in three
+/// dimensions.
+const MEDIAN: [f64; 2] = [1.1774, 1.5382];
 /// Deviations up to which a position agrees.
 const AGREES: f64 = 3.5;
 /// Spread across a line, over the spread along it, below which a turn about the line is not determined.
@@ -20,8 +21,10 @@ const LINE: f64 = 1e-3;
 #[derive(Clone, Debug)]
 pub(super) struct Robust {
     pub similarity: Similarity,
-    /// Distance of each camera from its position.
+    /// Distance of each camera from its position along the ground.
     pub off: Vec<f64>,
+    /// Height of each camera above its position.
+    pub above: Vec<f64>,
     pub agrees: Vec<bool>,
     /// Deviation of a position, from all that agree.
     pub deviation: f64,
@@ -33,19 +36,19 @@ impl Robust {
         self.agrees.iter().filter(|agrees| **agrees).count()
     }
 
-    /// Root of the mean square distance of the positions that agree from their middle, and the smallest of these roots
-    /// along a horizontal axis.
+    /// Root of the mean square distance along the ground of the positions that agree from their middle, and the smallest
+    /// of these roots along a horizontal axis.
     pub fn spread(&self, to: &[DVec3]) -> [f64; 2] {
         let used: Vec<DVec3> = to.iter().zip(&self.agrees).filter(|(_, agrees)| **agrees).map(|(p, _)| *p).collect();
         let n = used.len().max(1) as f64;
         let middle = used.iter().sum::<DVec3>() / n;
-        let (mut all, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0);
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
         for p in used {
             let d = p - middle;
-            (all, xx, xy, yy) = (all + d.length_squared(), xx + d.x * d.x, xy + d.x * d.y, yy + d.y * d.y);
+            (xx, xy, yy) = (xx + d.x * d.x, xy + d.x * d.y, yy + d.y * d.y);
         }
         let least = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
-        [(all / n).sqrt(), (least.max(0.0) / n).sqrt()]
+        [((xx + yy) / n).sqrt(), (least.max(0.0) / n).sqrt()]
     }
 }
 
@@ -57,10 +60,11 @@ pub(super) fn free(from: &[DVec3], to: &[DVec3]) -> Option<Robust> {
     })
 }
 
-/// Fits a transform that takes a direction to z: two positions or more, not above one another.
+/// Fits a transform that takes a direction to z: two positions or more, not above one another. Heights of positions
+/// shift it, by their median, and tell nothing else: those of satellites drift.
 pub(super) fn vertical(from: &[DVec3], to: &[DVec3], up: DVec3) -> Option<Robust> {
     let level = DMat3::from_quat(DQuat::from_rotation_arc(up, DVec3::Z));
-    robust(from, to, 2, |from, to| {
+    let mut found = robust(from, to, 2, |from, to| {
         let n = from.len() as f64;
         let (from_mean, to_mean) = (from.iter().sum::<DVec3>() / n, to.iter().sum::<DVec3>() / n);
         // Turn and scale in the plane are a complex number.
@@ -74,7 +78,11 @@ pub(super) fn vertical(from: &[DVec3], to: &[DVec3], up: DVec3) -> Option<Robust
         let rotation = DMat3::from_rotation_z(turn.y.atan2(turn.x)) * level;
         let determined = scale.is_finite() && scale > 0.0;
         determined.then(|| Similarity { scale, rotation, translation: to_mean - rotation * from_mean * scale })
-    })
+    })?;
+    let height = median_mean(&mut found.above.clone())?;
+    found.similarity.translation.z -= height;
+    found.above.iter_mut().for_each(|above| *above -= height);
+    Some(found)
 }
 
 /// True for points that are not on a line.
@@ -105,13 +113,17 @@ fn robust(
         let pick = |points: &[DVec3]| which.iter().map(|i| points[*i]).collect::<Vec<_>>();
         fit(&pick(from), &pick(to))
     };
-    let off = |s: &Similarity| from.iter().zip(to).map(|(f, t)| s.apply(*f).distance(*t)).collect::<Vec<f64>>();
+    // With the vertical given, heights do not count.
+    let dimensions = least;
+    let away = |s: &Similarity| from.iter().zip(to).map(|(f, t)| s.apply(*f) - *t).collect::<Vec<DVec3>>();
+    let length = |d: &DVec3| if dimensions == 2 { d.truncate().length() } else { d.length() };
+    let off = |s: &Similarity| away(s).iter().map(length).collect::<Vec<f64>>();
     let rng = Stream::new(0, 0, "placing");
     let drawn = (0..DRAWS).filter_map(|draw| chosen(&rng.fork(draw).permutation(n)[..least]));
     let all: Vec<usize> = (0..n).collect();
     let judged = drawn.chain(chosen(&all)).map(|s| (median_mean(&mut off(&s)).unwrap_or(f64::INFINITY), s));
     let (median, mut similarity) = judged.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let mut deviation = median / MEDIAN * (1.0 + 5.0 / n as f64);
+    let mut deviation = median / MEDIAN[dimensions - 2] * (1.0 + 5.0 / n as f64);
     let mut agrees = vec![true; n];
     for _ in 0..ROUNDS {
         let now = off(&similarity);
@@ -121,11 +133,14 @@ fn robust(
         similarity = next;
         let now = off(&similarity);
         let squares: f64 = used.iter().map(|i| now[*i] * now[*i]).sum();
-        // Seven numbers are fitted to three for each position.
-        let freedom = (3 * used.len()).saturating_sub(7).max(1) as f64 / 3.0;
-        deviation = (squares / freedom / 3.0).sqrt();
+        // Seven numbers are fitted to three for each position, or four to two.
+        let freedom = (dimensions * used.len()).saturating_sub(3 * dimensions - 2).max(1);
+        deviation = (squares / freedom as f64).sqrt();
     }
-    Some(Robust { off: off(&similarity), similarity, agrees, deviation })
+    let away = away(&similarity);
+    let off = away.iter().map(|d| d.truncate().length()).collect();
+    let above = away.iter().map(|d| d.z).collect();
+    Some(Robust { off, above, similarity, agrees, deviation })
 }
 
 #[cfg(test)]
@@ -159,6 +174,10 @@ mod tests {
         let found = vertical(&from, &to, up).unwrap();
         assert!((found.similarity.scale / 30.0 - 1.0).abs() < 0.02);
         assert!((found.similarity.rotation * up).distance(DVec3::Z) < 1e-12);
+        // Heights that drift by a hundred meters tilt nothing.
+        let drifted: Vec<DVec3> = to.iter().zip(0..).map(|(p, i)| *p + DVec3::Z * 5.0 * f64::from(i)).collect();
+        let found = vertical(&from, &drifted, up).unwrap();
+        assert!((found.similarity.scale / 30.0 - 1.0).abs() < 0.02 && found.used() >= 14);
     }
 
     #[test]

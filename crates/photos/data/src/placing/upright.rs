@@ -17,6 +17,9 @@ const UPRIGHT: f64 = 0.2;
 const ROUNDS: usize = 20;
 /// Slope, radians, at which a photo that is held at an angle has half its weight.
 const SLANT: f64 = 0.05;
+/// Least expected error of a vertical, and that of one by photos that look in one direction; radians.
+const LEAST: f64 = 0.01;
+const UNTURNED: f64 = 0.3;
 /// Planes that are tried.
 const DRAWS: u64 = 2000;
 /// Distance of points from the plane that they are on, over the median distance of cameras from points.
@@ -43,14 +46,6 @@ impl Vertical {
             Self::Cameras => "cameras",
         }
     }
-
-    /// Expected error, radians.
-    pub fn deviation(self) -> f64 {
-        match self {
-            Self::Gimbal => 0.01,
-            Self::Ground | Self::Cameras => 0.05,
-        }
-    }
 }
 
 /// The direction up in the world of the estimate.
@@ -58,21 +53,35 @@ impl Vertical {
 pub(super) struct Up {
     pub direction: DVec3,
     pub source: Vertical,
+    /// Expected error, radians.
+    pub deviation: f64,
+    /// True if the horizontal axes of photos point in several directions.
+    turned: bool,
 }
 
 impl Up {
-    /// Finds it; `gimbal` has the directions by photos. `None` if nothing determines it.
+    /// Finds it by gimbals, which have the directions by photos, or by horizons; `None` if nothing determines it.
     pub fn of(found: &EstimatedPhotos, gimbal: &[DVec3]) -> Option<Self> {
         if let Some(direction) = average(gimbal) {
-            return Some(Self { direction, source: Vertical::Gimbal });
+            return Some(Self { direction, source: Vertical::Gimbal, deviation: LEAST, turned: true });
         }
         let poses: Vec<Pose> = found.poses().iter().map(|(_, pose)| *pose).collect();
         let (direction, turned) = of_cameras(&poses)?;
-        let ground = ground(&poses, &found.estimate.points, direction, turned);
-        Some(match ground {
-            Some(direction) => Self { direction, source: Vertical::Ground },
-            None => Self { direction, source: Vertical::Cameras },
-        })
+        let slopes = poses.iter().map(|pose| pose.rotation.row(0).dot(direction).powi(2)).sum::<f64>();
+        let deviation = slopes.sqrt() / poses.len() as f64;
+        let deviation = if turned { deviation.max(LEAST) } else { UNTURNED };
+        Some(Self { direction, source: Vertical::Cameras, deviation, turned })
+    }
+
+    /// The vertical of the ground, if the scene has one that horizons agree with: floors and tables are more level than
+    /// photos, land is not.
+    pub fn by_ground(self, found: &EstimatedPhotos) -> Self {
+        if self.source == Vertical::Gimbal {
+            return self;
+        }
+        let poses: Vec<Pose> = found.poses().iter().map(|(_, pose)| *pose).collect();
+        let ground = ground(&poses, &found.estimate.points, self.direction, self.turned);
+        ground.map_or(self, |direction| Self { direction, source: Vertical::Ground, ..self })
     }
 }
 

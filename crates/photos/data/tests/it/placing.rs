@@ -43,7 +43,8 @@ fn with(file: &Path) -> Placing {
 fn off(found: &EstimatedPhotos, truth: &[Camera], shift: DVec3) -> [f64; 2] {
     let mut worst = [0.0_f64; 2];
     let origin = meters(DVec3::ZERO);
-    let turn = DMat3::from_cols(meters(DVec3::X) - origin, meters(DVec3::Y) - origin, meters(DVec3::Z) - origin) * (1.0 / SCALE);
+    let turn = DMat3::from_cols(meters(DVec3::X) - origin, meters(DVec3::Y) - origin, meters(DVec3::Z) - origin)
+        * (1.0 / SCALE);
     for (camera, truth) in found.estimate.cameras.iter().zip(truth) {
         let Ok(camera) = camera else { continue };
         let away = camera.pose.center().distance(meters(truth.pose.center()) - shift);
@@ -159,7 +160,8 @@ fn scenes_stand_upright() {
     let up = |cameras: &[Camera]| -> DVec3 { -cameras.iter().map(|c| c.pose.rotation.row(1)).sum::<DVec3>() };
     let cameras: Vec<Camera> = found.estimate.cameras.iter().flatten().copied().collect();
     // The drawn world has y down.
-    let tilt = up(&cameras).angle_between(DVec3::NEG_Y).to_degrees() - up(&truth).angle_between(DVec3::NEG_Y).to_degrees();
+    let tilt =
+        up(&cameras).angle_between(DVec3::NEG_Y).to_degrees() - up(&truth).angle_between(DVec3::NEG_Y).to_degrees();
     assert!(tilt.abs() < 12.0, "{tilt} degrees");
     let below = found.estimate.points.iter().filter(|p| p.y > 0.0).count();
     assert!((below as f64 / found.estimate.points.len() as f64 - 0.05).abs() < 0.02, "{below}");
@@ -172,7 +174,8 @@ fn coarse_positions_are_not_followed() {
     let (paths, truth) = photos(folder);
     let mut found = estimated(&paths, truth[0].intrinsics.fx / 96.0);
     // As in one room: positions differ by their errors alone.
-    let rows: String = (0..VIEWS).map(|i| format!("{i}.png,{},{},{}\n", (i * 7) % 5, (i * 3) % 4, (i * 5) % 3)).collect();
+    let rows: String =
+        (0..VIEWS).map(|i| format!("{i}.png,{},{},{}\n", (i * 7) % 5, (i * 3) % 4, (i * 5) % 3)).collect();
     let file = folder.join("positions.csv");
     std::fs::write(&file, format!("name,x,y,z\n{rows}")).unwrap();
     let placement = found.place(&paths, &with(&file)).unwrap();

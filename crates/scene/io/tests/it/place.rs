@@ -18,7 +18,8 @@ fn jpeg(segments: &[&[u8]]) -> Vec<u8> {
 }
 
 fn gps(latitude: [u32; 3], letters: [&str; 2], longitude: [u32; 3], altitude: (u8, u32)) -> Vec<u8> {
-    let parts = |x: [u32; 3]| Value::Rational(vec![(x[0], 1).into(), (x[1], 1).into(), Rational { num: x[2], denom: 100 }]);
+    let parts =
+        |x: [u32; 3]| Value::Rational(vec![(x[0], 1).into(), (x[1], 1).into(), Rational { num: x[2], denom: 100 }]);
     let letter = |text: &str| Value::Ascii(vec![text.as_bytes().to_vec()]);
     let fields = [
         (Tag::GPSLatitudeRef, letter(letters[0])),
