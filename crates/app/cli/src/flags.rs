@@ -9,6 +9,7 @@ mod light;
 mod masks;
 mod matching;
 mod minutes;
+mod placing;
 mod refine;
 
 pub use cameras::CameraChoice;
@@ -20,4 +21,5 @@ pub use light::LightFlags;
 pub use masks::{MASKED, MaskFlags, MaskedFlag};
 pub use matching::{ClipFlags, MatchingFlags};
 pub use minutes::minutes;
+pub use placing::PlacingFlags;
 pub use refine::RefineFlags;

@@ -31,7 +31,8 @@ impl Size {
     }
 }
 
-/// Reads the cameras of a transforms.json, of a folder with a COLMAP model, or of a RealEstate10K file.
+/// Reads the cameras of a transforms.json, of a folder with a COLMAP model, of another program's project, or of a
+/// RealEstate10K file.
 pub fn read(path: &Path, size: Size) -> Result<Vec<Frame>, Failure> {
     Ok(read_with_lenses(path, size)?.into_iter().map(|(frame, _)| frame).collect())
 }

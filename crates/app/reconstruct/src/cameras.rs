@@ -1,17 +1,19 @@
 //! Cameras that are estimated from photos and clips.
 
 mod comparison;
+mod placement;
 mod remarks;
 
 pub use comparison::CameraComparison;
 
 use crate::Error;
+use placement::remark_placement;
 use remarks::{refusal, remark, sureness};
 use std::path::PathBuf;
 use std::time::Instant;
 use weaver_clip::PhotoFiles;
 use weaver_data::capture::{HoldOut, MaskOptions, PhotoMasks};
-use weaver_data::{EstimatePhotosOptions, EstimatedPhotos, OutputFolder, estimate_masked_photos};
+use weaver_data::{EstimatePhotosOptions, EstimatedPhotos, OutputFolder, Placing, estimate_masked_photos};
 use weaver_io::{Observe, Part, check_memory, duration};
 
 /// Name of the command in the record of a folder of estimated cameras, and of the stage.
@@ -35,6 +37,8 @@ pub struct CamerasRequest {
     pub matching: EstimatePhotosOptions,
     /// Masks of the photos: their black pixels are not matched. `None` matches all of each photo.
     pub masks: Option<MaskOptions>,
+    /// The world that they are brought to.
+    pub placing: Placing,
     /// Further files that are read, and that no result may replace.
     pub read: Vec<PathBuf>,
 }
@@ -43,7 +47,8 @@ impl CamerasRequest {
     /// Cameras into a folder, with everything else as usual.
     pub fn new(out: impl Into<PathBuf>) -> Self {
         let matching = EstimatePhotosOptions::default();
-        Self { out: out.into(), frames: None, matching, masks: None, read: Vec::new() }
+        let placing = Placing::default();
+        Self { out: out.into(), frames: None, matching, masks: None, placing, read: Vec::new() }
     }
 }
 
@@ -58,11 +63,15 @@ pub fn cameras(
     observe: &mut dyn Observe,
 ) -> Result<EstimatedPhotos, Error> {
     let masks = request.masks.as_ref();
-    let read = photos.iter().chain(&request.read).chain(masks.and_then(|masks| masks.folder.as_ref()));
+    let read = photos
+        .iter()
+        .chain(&request.read)
+        .chain(request.placing.files())
+        .chain(masks.and_then(|masks| masks.folder.as_ref()));
     let out = OutputFolder::claim(&request.out, COMMAND, read)?;
     let photos = PhotoFiles::collect(photos, request.frames, &out, observe)?;
     let located = vec![false; photos.paths.len()];
-    let matched = Matched { photos: &photos, located: &located, masks };
+    let matched = Matched { photos: &photos, located: &located, masks, placing: &request.placing };
     let EstimatedCameras { found, .. } = estimate(matched, &request.matching, &out, observe)?;
     photos.remove_earlier_frames(&out)?;
     Ok(found)
@@ -90,7 +99,7 @@ impl EstimatedCameras {
     ) -> Result<(Self, PathBuf), Error> {
         let located = vec![false; photos.paths.len()];
         let folder = cameras_folder(out, &photos.paths)?;
-        let matched = Matched { photos, located: &located, masks: None };
+        let matched = Matched { photos, located: &located, masks: None, placing: &Placing::KEEP };
         let estimated = estimate(matched, matching, &folder, observe)?;
         photos.remove_earlier_frames(out)?;
         Ok((estimated, folder.path().join("transforms.json")))
@@ -101,7 +110,7 @@ impl EstimatedCameras {
 pub(crate) fn estimated_capture(
     photos: &PhotoFiles,
     (hold_out, masks): (HoldOut, Option<&MaskOptions>),
-    matching: &EstimatePhotosOptions,
+    (matching, placing): (&EstimatePhotosOptions, &Placing),
     out: &OutputFolder,
     observe: &mut dyn Observe,
 ) -> Result<PathBuf, Error> {
@@ -112,7 +121,7 @@ pub(crate) fn estimated_capture(
     };
     let located: Vec<bool> = (0..photos.paths.len()).map(|i| step < usize::MAX && i % step == 0).collect();
     let folder = cameras_folder(out, &photos.paths)?;
-    estimate(Matched { photos, located: &located, masks }, matching, &folder, observe)?;
+    estimate(Matched { photos, located: &located, masks, placing }, matching, &folder, observe)?;
     photos.remove_earlier_frames(out)?;
     Ok(folder.path().join("transforms.json"))
 }
@@ -137,11 +146,12 @@ struct Matched<'a> {
     /// True for photos that are located alone, and find no points.
     located: &'a [bool],
     masks: Option<&'a MaskOptions>,
+    placing: &'a Placing,
 }
 
 /// Estimates cameras, and writes a capture into a folder.
 fn estimate(
-    Matched { photos, located, masks }: Matched<'_>,
+    Matched { photos, located, masks, placing }: Matched<'_>,
     matching: &EstimatePhotosOptions,
     out: &OutputFolder,
     observe: &mut dyn Observe,
@@ -154,7 +164,7 @@ fn estimate(
     check_memory(MATCHED * photos.len() as u64, "fewer photos at once take less")?;
     observe.note(&format!("cameras: matching {} photos", photos.len()));
     let options = EstimatePhotosOptions { sequence: *sequence, ..*matching };
-    let found = estimate_masked_photos(photos, located, masks.as_ref(), &options)?;
+    let mut found = estimate_masked_photos(photos, located, masks.as_ref(), &options)?;
     found.remarks.iter().for_each(|remark| observe.warning(remark));
     let placed = found.placed().len();
     if placed < 2 {
@@ -171,6 +181,13 @@ fn estimate(
         duration(start.elapsed().as_secs_f64())
     ));
     remark(&found, options.shared, observe);
+    // Photos that could not be read are left out of what was found.
+    let original = |path: &PathBuf| {
+        let at = photos.iter().position(|photo| photo == path);
+        at.and_then(|at| originals.get(at)).unwrap_or(path).clone()
+    };
+    let of_found: Vec<PathBuf> = found.paths.iter().map(original).collect();
+    remark_placement(&found.place(&of_found, placing)?, observe);
     // All is reported before anything is written: an observer that unwinds, since its caller is gone, leaves nothing
     // written.
     let part = Part { label: COMMAND, done: placed, total: photos.len(), note: sureness(&found) };

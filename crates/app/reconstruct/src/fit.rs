@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 use weaver_clip::PhotoFiles;
-use weaver_data::EstimatePhotosOptions;
 use weaver_data::capture::MaskOptions;
 use weaver_data::posed::CaptureCameras;
+use weaver_data::{EstimatePhotosOptions, Placing};
 use weaver_fit::{FitRasterizer, Judge};
 use weaver_io::{Observe, ShellCommand, check_memory, duration, peak_mb};
 use weaver_ranks::{Alone, Ranks};
@@ -136,7 +136,7 @@ pub fn fit(request: FitRequest, context: FitContext, observe: &mut dyn Observe) 
         let inverted = std::mem::take(&mut settings.invert_masks);
         let masks = settings.masks.then_some(MaskOptions { folder: None, inverted });
         let chosen = (settings.hold_out, masks.as_ref());
-        settings.capture = estimated_capture(&photos, chosen, matching, out.out(), observe)?;
+        settings.capture = estimated_capture(&photos, chosen, (matching, &Placing::KEEP), out.out(), observe)?;
         settings.hold_out = held_out_of_estimated(settings.hold_out);
         if let Some(time) = time {
             time.note_share(observe);

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto, PosedPhotos};
 use weaver_data::some_of;
 use weaver_fit::{ColorAgreement, Density, Fit, FitRasterizer, FitSettings, Rates, mean_color};
-use weaver_geometry::Camera;
+use weaver_geometry::{Camera, geodesy};
 use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
 
 /// A photo on disk.
@@ -30,6 +30,8 @@ pub(crate) struct Loaded {
     pub origins: Vec<Origin>,
     /// The capture's points, where its cameras are as they are before the fit.
     pub points: PointCloud,
+    /// The origin of the world, where the capture has one.
+    pub world: Option<geodesy::Origin>,
     pub matching: Option<Matching>,
     /// True if photos agree about colors.
     pub colors: ColorAgreement,
@@ -150,6 +152,6 @@ pub(crate) fn prepare(
     settings.by_photos = ByPhotos::default();
     let Start { gaussians, coverage } = start;
     let found = (settings.init == Initial::Dense && given.is_none()).then_some(gaussians);
-    let points = capture.points;
-    Ok(Loaded { fit, held_out, origins, points, matching, colors, found, coverage, sources, remarks })
+    let (points, world) = (capture.points, capture.origin);
+    Ok(Loaded { fit, held_out, origins, points, world, matching, colors, found, coverage, sources, remarks })
 }

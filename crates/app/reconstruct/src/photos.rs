@@ -1,6 +1,7 @@
 //! Photos to reconstruct from.
 
 use std::path::{Path, PathBuf};
+use weaver_io::{Project, ProjectKind};
 
 /// Files and folders with cameras; a capture has one of them.
 const CAMERAS: [&str; 7] =
@@ -11,7 +12,7 @@ const CAMERAS: [&str; 7] =
 pub enum Photos {
     /// Photos, folders of photos, and clips, whose cameras are estimated.
     Files(Vec<PathBuf>),
-    /// A capture with cameras of its own: a folder, or a transforms.json.
+    /// A capture with cameras of its own: a folder, or a file of cameras.
     Capture(PathBuf),
     /// Photos that come with the program: bananas on a table.
     Demo,
@@ -42,8 +43,14 @@ impl Photos {
     }
 }
 
-/// True for a JSON file, and for a folder with cameras.
+/// True for a file of cameras, and for a folder with cameras.
 fn is_capture(path: &Path) -> bool {
-    path.is_file() && path.extension().is_some_and(|e| e == "json")
+    // A path that cannot be read is named by who reads it.
+    let of_project = match path.is_dir() {
+        true => !matches!(Project::find(path), Ok(None) | Err(weaver_io::Error::Io { .. })),
+        false => matches!(ProjectKind::of(path), Ok(Some(_))),
+    };
+    of_project
+        || path.is_file() && path.extension().is_some_and(|e| e == "json")
         || CAMERAS.iter().any(|name| weaver_io::is_taken(path.join(name)))
 }

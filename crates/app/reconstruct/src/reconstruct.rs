@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 use weaver_clip::PhotoFiles;
-use weaver_data::EstimatePhotosOptions;
 use weaver_data::capture::{HoldOut, MaskOptions};
 use weaver_data::posed::{CaptureCameras, Masked};
+use weaver_data::{EstimatePhotosOptions, Placing};
 use weaver_fit::{FitRasterizer, FitSettings};
 use weaver_io::{Advice, Observe, OutputFolder, ShellCommand};
 use weaver_splat::CpuRasterizer;
@@ -86,6 +86,8 @@ pub struct Request {
     pub frames: Option<usize>,
     /// Options of estimated cameras.
     pub matching: EstimatePhotosOptions,
+    /// The world that estimated cameras are brought to.
+    pub placing: Placing,
     /// Masks of the photos: their black pixels are neither matched nor fitted; `None` uses all of each photo. A
     /// capture has its masks beside it, and no folder is given.
     pub masks: Option<MaskOptions>,
@@ -111,6 +113,7 @@ impl Request {
             html: true,
             frames: None,
             matching: EstimatePhotosOptions::default(),
+            placing: Placing::default(),
             masks: None,
             masked: Masked::default(),
             rasterizer: Arc::new(CpuRasterizer),
@@ -301,7 +304,7 @@ fn capture_of(
     let photos = PhotoFiles::collect(paths, request.frames, out, observe)?;
     let hold_out = request.held_out_of(photos.paths.len());
     let chosen = (hold_out, request.masks.as_ref());
-    let capture = estimated_capture(&photos, chosen, &request.matching, out, observe)?;
+    let capture = estimated_capture(&photos, chosen, (&request.matching, &request.placing), out, observe)?;
     Ok((capture, held_out_of_estimated(hold_out)))
 }
 

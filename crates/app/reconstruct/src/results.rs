@@ -216,7 +216,8 @@ impl Fitting {
         model.write_binary(out.files(MODEL, Model::FILES)?)?;
         // The held-out photos are listed also if there are none.
         let test_filenames = Some(frames[self.fit().photos()..].iter().map(|frame| frame.name.clone()).collect());
-        Transforms { frames, test_filenames, ..Transforms::default() }.write(out.file("transforms.json")?)?;
+        let origin = self.capture.world;
+        Transforms { frames, test_filenames, origin, ..Transforms::default() }.write(out.file("transforms.json")?)?;
         Ok(())
     }
 

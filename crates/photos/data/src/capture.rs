@@ -7,6 +7,7 @@
 //! | `sparse/0`, `images/` | COLMAP | COLMAP | every 8th |
 //! | `cameras.txt` or `<16 hex digits>.txt`, `images/` | RealEstate10K | none | every 8th |
 //! | `cams/` or `Cameras/` of `NAME_cam.txt`, `images/` | DTU, Tanks and Temples, as for MVSNet | none | every 8th |
+//! | `*.xml`, `*.csv`, `*.out`, `reconstruction.json` | Metashape, RealityScan, Bundler, OpenSfM ([`Project`]) | Bundler, OpenSfM | every 8th |
 //! | `cameras_sphere.npz` or `cameras.npz`, `image/`, `mask/` | DTU as for IDR and NeuS | none | every 8th |
 //!
 //! Photos are sorted by path. The largest centered crop of the network's aspect ratio is shrunk with a Lanczos
@@ -30,6 +31,7 @@ mod photo;
 mod photo_cameras;
 mod photo_masks;
 pub mod posed;
+mod project;
 mod realestate;
 mod sparse;
 mod survey;
@@ -48,7 +50,7 @@ use std::path::{Path, PathBuf};
 pub use survey::{Survey, SurveyedPhoto, survey};
 use visible::visible_points;
 use weaver_geometry::Camera;
-use weaver_io::{Image, PhotoFile, is_taken};
+use weaver_io::{Image, PhotoFile, Project, ProjectKind, is_taken};
 
 /// Choice of the views that are kept from training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -85,7 +87,8 @@ impl Default for CaptureOptions {
     }
 }
 
-/// Loads a capture, a folder or a transforms.json of any name, with views in order of their paths.
+/// Loads a capture, with views in order of their paths: a folder, a transforms.json of any name, or the file of another
+/// program's [`Project`].
 ///
 /// # Errors
 /// If the folder is missing or of no known kind, a file of cameras is missing, truncated or malformed, a pose or
@@ -228,7 +231,7 @@ fn name(folder: &Path) -> String {
 
 /// The photos of a capture in order of their paths, each held out or not.
 fn read_split_photos(path: &Path, hold_out: HoldOut) -> Result<Photos, Error> {
-    let mut capture = if path.is_file() { nerf::read(path)? } else { read_photos(path)? };
+    let mut capture = if path.is_file() { read_file(path)? } else { read_photos(path)? };
     let photos = &mut capture.photos;
     if photos.is_empty() {
         return Err(Error::unexpected(path, "photos", "at least one", "none"));
@@ -257,12 +260,17 @@ pub fn has_cameras(path: &Path) -> Result<bool, Error> {
     }
     let known = ["transforms.json", "transforms_train.json", "sparse"];
     let known = known.iter().any(|name| is_taken(path.join(name))) || dtu::cameras(path).is_some();
-    Ok(known || realestate::camera_file(path)?.is_some())
+    Ok(known || Project::find(path)?.is_some() || realestate::camera_file(path)?.is_some())
+}
+
+/// The photos of a file of cameras.
+fn read_file(path: &Path) -> Result<Photos, Error> {
+    if ProjectKind::of(path)?.is_some() { project::read(path) } else { nerf::read(path) }
 }
 
 fn read_photos(folder: &Path) -> Result<Photos, Error> {
     if !folder.is_dir() {
-        return Err(Error::unexpected(folder, "capture", "a folder or a transforms.json", "nothing"));
+        return Err(Error::unexpected(folder, "capture", "a folder or a file of cameras", "nothing"));
     }
     // A link that leads nowhere is named by who reads it, and no other cameras are taken in its place.
     let has = |name: &str| is_taken(folder.join(name));
@@ -274,13 +282,16 @@ fn read_photos(folder: &Path) -> Result<Photos, Error> {
         sparse::read(folder)
     } else if let Some(cameras) = dtu::cameras(folder) {
         dtu::read(folder, &cameras)
+    } else if let Some(file) = Project::find(folder)? {
+        project::read(&file)
     } else if let Some(cameras) = realestate::camera_file(folder)? {
         realestate::read(folder, &cameras)
     } else {
         Err(Error::unexpected(
             folder,
             "cameras",
-            "transforms.json, transforms_train.json, sparse/0, cams/, cameras.npz or a RealEstate10K camera file",
+            "transforms.json, transforms_train.json, sparse/0, cams/, cameras.npz, a RealEstate10K camera file, or one of \
+             Metashape, RealityScan, Bundler or OpenSfM",
             "none of them; `splatweaver cameras` estimates some, `train --teacher` takes those of published weights",
         ))
     }

@@ -12,7 +12,7 @@ mod summary;
 
 use crate::capture::PhotoMasks;
 use crate::unreadable::{Fault, Needed, without_unreadable};
-use crate::{Error, remarks};
+use crate::{Error, Placement, remarks};
 pub use context::EstimatedContext;
 pub use doubt::Doubt;
 use loading::{Loaded, Small, lenses_of, load};
@@ -74,9 +74,11 @@ pub struct EstimatedPhotos {
     /// The photos as they were matched.
     images: Vec<Small>,
     /// Width and height of the files once they are upright.
-    sizes: Vec<(usize, usize)>,
+    pub(crate) sizes: Vec<(usize, usize)>,
     /// Photos whose size leaves the EXIF rotation ambiguous.
-    ambiguous: Vec<bool>,
+    pub(crate) ambiguous: Vec<bool>,
+    /// Where they were brought.
+    pub(crate) placement: Placement,
     /// The masks of photos that have one in a file.
     masks: Vec<Option<PhotoMask>>,
     /// True for photos that are only located.
@@ -171,7 +173,20 @@ pub fn estimate_masked_photos(
     let ambiguous = loaded.iter().map(|loaded| loaded.ambiguous).collect();
     let images = loaded.into_iter().map(|loaded| loaded.image).collect();
     let masks = mask_files;
-    Ok(EstimatedPhotos { paths, remarks, images, sizes, ambiguous, masks, located, holds_out, lens_of, estimate })
+    let placement = Placement::default();
+    Ok(EstimatedPhotos {
+        paths,
+        remarks,
+        images,
+        sizes,
+        ambiguous,
+        placement,
+        masks,
+        located,
+        holds_out,
+        lens_of,
+        estimate,
+    })
 }
 
 impl EstimatedPhotos {
@@ -251,7 +266,8 @@ impl EstimatedPhotos {
         let test_filenames = self.holds_out.then(|| frames.iter().filter_map(tested).collect());
         let frames: Vec<Frame> = frames.into_iter().map(|(_, frame)| frame).collect();
         let paths = frames.iter().map(|frame| frame.path.clone()).collect();
-        Transforms { frames, test_filenames, ..Transforms::default() }.write(staged.file(TRANSFORMS)?)?;
+        let origin = self.placement.origin;
+        Transforms { frames, test_filenames, origin, ..Transforms::default() }.write(staged.file(TRANSFORMS)?)?;
         // Without its images no reader takes a model for one.
         staged.commit(&[&format!("{SPARSE}/images.bin"), TRANSFORMS])?;
         Ok(paths)

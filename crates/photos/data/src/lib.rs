@@ -11,6 +11,7 @@ mod error;
 mod estimated;
 pub mod film;
 mod layout;
+mod placing;
 mod remarks;
 mod sampler;
 mod scene;
@@ -26,6 +27,7 @@ pub use estimated::{
     estimate_masked_photos, estimate_photos,
 };
 pub use layout::Layout;
+pub use placing::{BarFit, Placement, Placing, PositionsFit};
 pub use remarks::some_of;
 pub use sampler::{Sampler, bounded_gap, evaluation_tuples, training_tuple, uniform};
 pub use scene::{NormalizedPoses, Scene, View};

@@ -8,6 +8,7 @@ pub mod axes;
 mod camera;
 mod distortion;
 pub mod fov;
+pub mod geodesy;
 mod pose;
 pub mod pose_code;
 pub mod se3;

@@ -9,7 +9,9 @@ use crate::gaussians::ply::{Table, is_scene};
 use crate::gaussians::sog::META;
 use crate::pictures::photo_file::EXTENSIONS;
 use crate::safetensors::Mapped;
-use crate::{Background, Error, Image, LidarScan, Npy, Npz, OpenScene, Result, SceneFormat, Transforms};
+use crate::{
+    Background, Error, Image, LidarScan, Npy, Npz, OpenScene, Project, ProjectKind, Result, SceneFormat, Transforms,
+};
 use crate::{list_photos, open_scene, read_lidar_scan};
 use std::fmt::Display;
 use std::path::Path;
@@ -20,7 +22,8 @@ use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 ///
 /// Supports photos (JPEG, PNG, TIFF, WebP) and folders of them, Gaussians in every [format](crate::SCENE_FORMATS), PLY
 /// point clouds, scans of lidars (.bin, .pcd), NPY and NPZ, safetensors, transforms.json, COLMAP models (a folder, a
-/// scene with `sparse/0`, or one of the files) and RealEstate10K camera files.
+/// scene with `sparse/0`, or one of the files), [projects](crate::Project) of other programs and RealEstate10K camera
+/// files.
 pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();
     if std::fs::metadata(path).map_err(Error::io(path))?.is_dir() {
@@ -41,6 +44,9 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
         _ if SceneFormat::of(path).is_ok() => scene(path),
         (_, "safetensors") => Ok(weights::weights(&Mapped::open(path)?)),
         (_, "json") if name.ends_with(".index.json") => Ok(weights::weights(&Mapped::open(path)?)),
+        (_, "xml" | "csv" | "out" | "json") if ProjectKind::of(path)?.is_some() => {
+            Ok(project(&Project::read_cameras(path)?))
+        }
         // The cameras are worth describing where the photos are not at hand.
         (_, "json") => {
             let scene = Transforms::read(path);
@@ -149,6 +155,16 @@ fn transforms(scene: &Transforms) -> String {
         lines += &format!("\nfirst: {}, {}", frame.name, camera([width, height], &intrinsics, frame.distortion));
     }
     lines + &centers(scene.frames.iter().map(|f| f.camera.pose))
+}
+
+fn project(project: &Project) -> String {
+    let Project { kind, frames, points, .. } = project;
+    let mut lines = format!("cameras of {}, {} photos, {} points", kind.name(), frames.len(), points.len());
+    if let Some(frame) = frames.first() {
+        let Camera { intrinsics, width, height, .. } = frame.camera;
+        lines += &format!("\nfirst: {}, {}", frame.name, camera([width, height], &intrinsics, frame.distortion));
+    }
+    lines + &centers(frames.iter().map(|f| f.camera.pose))
 }
 
 fn clip(clip: &Clip) -> String {

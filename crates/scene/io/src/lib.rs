@@ -1,6 +1,6 @@
 //! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ, SOG, glTF, ksplat), COLMAP, transforms.json,
-//! RealEstate10K, LLFF, Nerfies, safetensors, NPY; scans of lidars (KITTI .bin, PLY, PCD, NPY) and trajectories (KITTI,
-//! TUM).
+//! RealEstate10K, LLFF, Nerfies, cameras of Metashape, RealityScan, Bundler and OpenSfM, safetensors, NPY; scans of
+//! lidars (KITTI .bin, PLY, PCD, NPY) and trajectories (KITTI, TUM).
 //!
 //! [`read_gaussians`] and [`read_cameras`] read every supported format of scenes and of cameras into the types of
 //! `weaver-scene`. Poses are world-to-camera with OpenCV axes, intrinsics are in pixels with pixel centers at
@@ -16,9 +16,11 @@ mod info;
 mod lidar;
 mod observe;
 mod pictures;
+mod places;
 mod tensors;
 
 pub use advice::Advice;
+pub use cameras::project::{Project, ProjectKind};
 pub use cameras::read_cameras;
 pub use cameras::transforms::Transforms;
 pub use cameras::{colmap, dtu, llff, nerfies, realestate};
@@ -56,6 +58,8 @@ pub use pictures::heif::{HeifPhoto, Turned};
 pub use pictures::image::{Background, Image};
 pub use pictures::photo_file::{PhotoFile, list_photos};
 pub use pictures::photo_folder::PhotoFolder;
+pub use pictures::place::{PhotoPlace, photo_place};
+pub use places::{BarInPhoto, Positions, read_positions, read_scale_bar};
 pub use tensors::array::open_array;
 pub use tensors::npy::{Npy, write_npy};
 pub use tensors::npz::Npz;

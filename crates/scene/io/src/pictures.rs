@@ -7,4 +7,5 @@ pub(crate) mod heif;
 pub(crate) mod image;
 pub(crate) mod photo_file;
 pub(crate) mod photo_folder;
+pub(crate) mod place;
 pub(crate) mod resize;

@@ -1,6 +1,6 @@
 //! `splatweaver cameras`.
 
-use crate::flags::{ClipFlags, CompleteFlag, MaskFlags, MatchingFlags};
+use crate::flags::{ClipFlags, CompleteFlag, MaskFlags, MatchingFlags, PlacingFlags};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, ConsoleObserver, Failure, Output, Threads, in_pool};
@@ -17,6 +17,7 @@ use weaver_reconstruct::{CameraComparison, CamerasRequest, cameras};
   splatweaver cameras photos -o capture
   splatweaver cameras clip.mp4 -o capture --frames 60
   splatweaver cameras a.jpg b.jpg c.jpg -o capture --focal 1.2
+  splatweaver cameras flight -o capture --positions gnss.csv   in meters, east, north and up, without the photos' GPS
   splatweaver cameras photos -o capture --masks masks          masks/a.png is of photos/a.jpg; black is left out
   splatweaver cameras capture/images -o mine --compare capture/transforms.json")]
 pub struct Cameras {
@@ -37,6 +38,8 @@ pub struct Cameras {
     #[command(flatten)]
     pub matching: MatchingFlags,
     #[command(flatten)]
+    pub placing: PlacingFlags,
+    #[command(flatten)]
     pub masks: MaskFlags,
     #[command(flatten)]
     pub complete: CompleteFlag,
@@ -53,6 +56,7 @@ fn estimate(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
         frames: arguments.clip.most(),
         matching: arguments.matching.into(),
         masks: arguments.masks.options(),
+        placing: (&arguments.placing).into(),
         read: Vec::from_iter(arguments.compare.clone()),
         ..CamerasRequest::new(&*arguments.out)
     };

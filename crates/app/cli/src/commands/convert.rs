@@ -1,5 +1,6 @@
 //! `splatweaver convert`.
 
+mod cameras;
 mod contribution;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -13,18 +14,19 @@ use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_io::{Conversion, ConvertError, Converted, Keep, Loss, SCENE_FORMATS, SceneFormat, Score, convert};
 use weaver_scene::{Difference, Gaussians, Region};
 
-/// Writes files of Gaussians in another format; the names of files select the formats.
+/// Writes files of Gaussians in another format, or cameras; the names of files select the formats.
 ///
-/// Several inputs are joined. What is asked for happens in this order: --rotate, --scale, --translate, --crop, --drop-floaters, --keep,
+/// Cameras of Metashape (XML), RealityScan (CSV), Bundler, OpenSfM, COLMAP or a transforms.json become a transforms.json, by that name, or
+/// a folder with one and a COLMAP model with points in sparse/0; --rotate, --scale and --translate move them. Of scenes, several inputs are joined. What is asked for happens in this order: --rotate, --scale, --translate, --crop, --drop-floaters, --keep,
 /// --degree.
 #[derive(Args, Debug)]
 #[command(after_help = after_help(), override_usage = "splatweaver convert [OPTIONS] <IN>... <OUT>")]
 pub struct Convert {
-    /// The files to read
+    /// The files to read; or one file or folder of cameras
     #[arg(value_name = "IN", num_args = 1.., required = true)]
     pub from: Vec<PathBuf>,
-    /// The file to write
-    #[arg(value_name = "OUT", required = true, value_parser = Output::file(&[]))]
+    /// The file to write, or the folder for cameras
+    #[arg(value_name = "OUT", required = true, value_parser = Output::file_or_folder(&[]))]
     pub to: Output,
     /// Turns by so many degrees about the axes x, then y, then z
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
@@ -59,6 +61,16 @@ pub struct Convert {
 }
 
 impl Convert {
+    /// Checks that no flag is given that cameras have no use for.
+    fn check_cameras(&self) -> Result<(), Failure> {
+        let Self { crop, drop_floaters, keep, cameras, degree, .. } = self;
+        if crop.is_some() || *drop_floaters || keep.is_some() || cameras.is_some() || degree.is_some() {
+            let flags = "--crop, --drop-floaters, --keep, --cameras, --degree";
+            return Err(Failure::Usage(format!("{flags}: expected Gaussians, found cameras")));
+        }
+        Ok(())
+    }
+
     /// The movement of all Gaussians, if there is any.
     fn movement(&self) -> Option<Similarity> {
         let Self { rotate, scale, translate, .. } = self;
@@ -131,6 +143,7 @@ fn after_help() -> String {
         "convert scene.ply scene.spz",
         "convert scene.ply scene.sog --degree 1 --keep 500000",
         "convert scene.ply small.ply --keep 0.3 --by contribution --cameras transforms.json",
+        "convert cameras.xml capture",
         "convert left.ply right.spz both.glb",
         "convert scene.ply turned.ply --rotate 180,0,0 --crop -2,-2,-2,2,2,2 --drop-floaters",
     ];
@@ -147,6 +160,12 @@ pub(super) fn scene_format() -> impl TypedValueParser<Value = SceneFormat> {
 
 pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
     let Convert { from, to, .. } = arguments;
+    if let [one] = from.as_slice()
+        && cameras::is_cameras(one)
+    {
+        arguments.check_cameras()?;
+        return cameras::convert(one, to, arguments.movement(), arguments.json, console);
+    }
     let contribution = |gaussians: &Gaussians, drawing| {
         let cameras = arguments.cameras.as_deref().expect("clap requires cameras for this score");
         contributions(gaussians, cameras, (&from[0], drawing)).map_err(|failure| match failure {

@@ -1,7 +1,9 @@
 //! `splatweaver reconstruct`.
 
 use super::fit;
-use crate::flags::{ClipFlags, CompleteFlag, MaskFlags, MaskedFlag, MatchingFlags, hold_out, level, minutes};
+use crate::flags::{
+    ClipFlags, CompleteFlag, MaskFlags, MaskedFlag, MatchingFlags, PlacingFlags, hold_out, level, minutes,
+};
 use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -69,6 +71,8 @@ pub struct Reconstruct {
     #[command(flatten)]
     pub matching: MatchingFlags,
     #[command(flatten)]
+    pub placing: PlacingFlags,
+    #[command(flatten)]
     pub masks: MaskFlags,
     #[command(flatten)]
     pub masked: MaskedFlag,
@@ -118,6 +122,7 @@ fn make(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -
     if let Photos::Capture(_) = photos {
         arguments.matching.check_unused("a capture with cameras of its own")?;
         arguments.clip.check_unused("a capture with cameras of its own")?;
+        arguments.placing.check_unused("a capture with cameras of its own")?;
     }
     let request = Request {
         quality: arguments.quality.into(),
@@ -129,6 +134,7 @@ fn make(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -
         html: !arguments.no_html,
         frames: arguments.clip.most(),
         matching: arguments.matching.into(),
+        placing: (&arguments.placing).into(),
         masks: arguments.masks.options(),
         masked: arguments.masked.masked.unwrap_or_default(),
         live: Listener::of(arguments.live)?,

@@ -4,7 +4,8 @@ use crate::compare::gaussians;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
-use weaver_io::{SCENE_FORMATS, read_gaussians, write_gaussians};
+use weaver_io::colmap::Model;
+use weaver_io::{Image, SCENE_FORMATS, Transforms, read_gaussians, write_gaussians};
 
 fn splatweaver(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_splatweaver")).current_dir(folder).args(arguments).output().unwrap()
@@ -193,4 +194,48 @@ fn an_empty_scene_is_not_written_without_a_word() {
     let done = splatweaver(folder.path(), &["convert", "empty.ply", "none.spz", "--crop", "0,0,0,1", "--keep", "0.5"]);
     let text = String::from_utf8_lossy(&done.stderr).into_owned();
     assert!(done.status.success() && text.contains("warning: none.spz: a scene without Gaussians"), "{text}");
+}
+
+/// Promise (kept): `convert` writes cameras of other programs as transforms.json and COLMAP, with points, tracks and the
+/// origin of the world; the photos stay where they are.
+#[test]
+fn cameras_of_other_programs_become_captures() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::create_dir(path("photos")).unwrap();
+    for name in ["photos/a.png", "photos/b.png"] {
+        Image { width: 60, height: 80, pixels: vec![0.5; 60 * 80 * 3] }.write_png(path(name)).unwrap();
+    }
+    let bundle = "# Bundle file v0.3\n2 1\n100 0.1 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n200 0 0\n1 0 0\n0 1 0\n0 0 1\n-1 0 0\n\
+        0 0 -10\n255 128 0\n2 0 5 0 0 1 0 -20 0\n";
+    std::fs::write(path("bundle.out"), bundle).unwrap();
+    std::fs::write(path("list.txt"), "photos/a.png\nphotos/b.png\n").unwrap();
+    let report = convert(folder.path(), &["bundle.out", "made/capture"]);
+    assert_eq!((&report["photos"], &report["points"]), (&2.into(), &1.into()));
+    let model = Model::read(path("made/capture/sparse/0")).unwrap();
+    assert_eq!(
+        (model.points[0].track.as_slice(), model.images[0].name.as_str()),
+        (&[(1, 0), (2, 0)][..], "../../photos/a.png")
+    );
+    let transforms = Transforms::read(path("made/capture/transforms.json")).unwrap();
+    assert_eq!(transforms.frames[0].distortion, Some(weaver_geometry::Distortion::radial(0.1)));
+    assert!((transforms.frames[1].camera.pose.center().x - 1.0).abs() < 1e-12);
+    // From one to the other, moved.
+    convert(folder.path(), &["made/capture", "moved.json", "--scale", "2", "--translate", "0,0,5"]);
+    let moved = Transforms::read(path("moved.json")).unwrap();
+    assert!((moved.frames[1].camera.pose.center() - weaver_geometry::glam::DVec3::new(2.0, 0.0, 5.0)).length() < 1e-9);
+    // Far worlds keep their origin.
+    let table =
+        "#name,x,y,alt,heading,pitch,roll,f\na.png,500000,5400000,300,0,0,0,18\nb.png,500010,5400000,300,0,0,0,18\n";
+    std::fs::write(path("cameras.csv"), table).unwrap();
+    let report = convert(folder.path(), &["cameras.csv", "far.json"]);
+    let offset = serde_json::json!([500005.0, 5400000.0, 300.0]);
+    assert_eq!(report["origin"]["offset"], offset);
+    let report = convert(folder.path(), &["far.json", "far"]);
+    assert_eq!(report["origin"]["offset"], offset);
+    assert_eq!(Transforms::read(path("far/transforms.json")).unwrap().frames[0].name, "../photos/a.png");
+    let refused = splatweaver(folder.path(), &["convert", "cameras.csv", "far.json", "--keep", "5"]);
+    assert_eq!(refused.status.code(), Some(2));
+    // The files are captures as they are.
+    assert!(splatweaver(folder.path(), &["info", "cameras.csv"]).status.success());
 }

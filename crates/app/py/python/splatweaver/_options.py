@@ -26,7 +26,17 @@ class _Matching(_Shared, total=False):
     match_size: int
 
 
-class CamerasOptions(_Matching, total=False):
+class _Placing(_Matching, total=False):
+    #: Table with the positions of cameras.
+    positions: Path
+    #: Table with the ends of a bar of known length.
+    scale_bar: Path
+    no_gps: bool
+    #: "level" or "keep".
+    up: str
+
+
+class CamerasOptions(_Placing, total=False):
     #: Folder of masks, or True for masks beside the photos.
     masks: Union[bool, Path]
     invert_masks: bool
@@ -36,7 +46,7 @@ class CamerasOptions(_Matching, total=False):
     compare: Path
 
 
-class ReconstructOptions(_Matching, total=False):
+class ReconstructOptions(_Placing, total=False):
     #: Folder of masks, or True for masks beside the photos.
     masks: Union[bool, Path]
     invert_masks: bool

@@ -181,7 +181,7 @@ fn write(survey: &Survey, block: &Block, file: &BlockFile, out: &OutputFolder) -
     let held_out = photos.iter().zip(&frames).filter(|(photo, _)| photo.held_out);
     let test_filenames = Some(held_out.map(|(_, frame)| frame.name.clone()).collect());
     model(survey, block, &frames).write_binary(out.files(&format!("{capture}/sparse/0"), Model::FILES)?)?;
-    Transforms { frames, test_filenames, ..Transforms::default() }
+    Transforms { frames, test_filenames, origin: survey.origin, ..Transforms::default() }
         .write(out.file(format!("{capture}/transforms.json"))?)?;
     let text = serde_json::to_string_pretty(file).expect("numbers and names") + "\n";
     Ok(write_text(out.file(format!("{folder}/{}", BlockFile::NAME))?, &text)?)

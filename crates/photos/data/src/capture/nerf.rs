@@ -40,6 +40,7 @@ fn with_points(path: &Path, transforms: &Transforms) -> Result<Photos, Error> {
     let mut capture = Photos {
         photos: transforms.frames.iter().map(|f| photo(f, held_out.contains(&f.name))).collect(),
         split: transforms.test_filenames.is_some(),
+        origin: transforms.origin,
         synthetic: path.file_name().is_some_and(|name| SYNTHETIC.iter().any(|known| name == *known)),
         ..Photos::default()
     };

@@ -3,6 +3,7 @@
 use crate::Error;
 use crate::undistorted::undistorted;
 use crate::unreadable::Fault;
+use weaver_geometry::geodesy::Origin;
 use weaver_geometry::{Camera, Intrinsics, Undistortion};
 use weaver_io::{Bitmap, PhotoFile};
 
@@ -31,6 +32,8 @@ pub(super) struct Photos {
     pub split: bool,
     /// True if its photos are drawn, so that by convention white lies behind transparent pixels.
     pub synthetic: bool,
+    /// The origin of the world, where the capture has one.
+    pub origin: Option<Origin>,
     /// Remarks for the user.
     pub remarks: Vec<String>,
 }

@@ -2,13 +2,13 @@
 
 use super::photo::Photo;
 use super::photo::Photos;
-use super::{MaskedImage, by_name, masks, nerf, read_cropped, sparse, visible_points};
+use super::{MaskedImage, by_name, masks, nerf, project, read_cropped, sparse, visible_points};
 use crate::{Error, SparsePoints};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
-use weaver_io::Image;
 use weaver_io::colmap::{Model, model_folder};
+use weaver_io::{Image, ProjectKind};
 use weaver_scene::Frame;
 
 /// Photos with their cameras and the points that they show, in the frame of the first camera and in units of their own.
@@ -29,10 +29,11 @@ pub struct PhotoCameras {
 /// [`load`](super::load) does.
 ///
 /// `file` is a transforms.json, with the points of a COLMAP model in `sparse/0` or `sparse` beside it where there is
-/// one; a folder with a COLMAP model, itself or in `sparse/0` or `sparse`; or a RealEstate10K file. A photo's camera is
-/// the one whose name has most parts in common with the end of the photo's path: `a/1.jpg` and `b/1.jpg` differ, and
-/// `1.jpg` is enough where it is the only one. With `masked`, photos are white outside of their masks: those that the
-/// file names, else as [`load_masked_images`](super::load_masked_images) finds them.
+/// one; a folder with a COLMAP model, itself or in `sparse/0` or `sparse`; the file of another program's
+/// [`Project`](weaver_io::Project); or a RealEstate10K file. A photo's camera is the one whose name has most parts in
+/// common with the end of the photo's path: `a/1.jpg` and `b/1.jpg` differ, and `1.jpg` is enough where it is the only
+/// one. With `masked`, photos are white outside of their masks: those that the file names, else as
+/// [`load_masked_images`](super::load_masked_images) finds them.
 ///
 /// # Errors
 /// When the file is missing or malformed; when photos have no camera, several, or one that another photo has, too: all
@@ -90,6 +91,9 @@ fn of_photos(known: Vec<Photo>, file: &Path, photos: &[PathBuf]) -> Result<Vec<P
 fn read(file: &Path) -> Result<Photos, Error> {
     if file.is_dir() {
         return Ok(sparse::photos(&Model::read(model_folder(file))?, &[]));
+    }
+    if ProjectKind::of(file)?.is_some() {
+        return project::read_cameras(file);
     }
     if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt")) {
         let frames = weaver_io::read_cameras(file)?;

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
+use weaver_geometry::geodesy::Origin;
 use weaver_io::PhotoFile;
 use weaver_scene::{Frame, Photo, PointCloud};
 
@@ -94,6 +95,8 @@ pub struct PosedPhotos {
     pub photos: Vec<PosedPhoto>,
     /// Points on surfaces; empty if the capture has none.
     pub points: PointCloud,
+    /// The origin of the world on the Earth or in a survey's frame, where the capture has one.
+    pub origin: Option<Origin>,
     /// True if parts of photos are transparent, and no mask leaves them out, or [empty](Masked::Empty): they show
     /// [`PosedOptions::background`].
     pub transparent: bool,
@@ -123,7 +126,7 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
     let loaded = load_photos(&capture, masks.as_deref(), options);
     let (loaded, unreadable) = without_unreadable(capture.paths(), loaded, needed)?;
     let loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
-    let Photos { points, colors, synthetic, mut remarks, .. } = capture;
+    let Photos { points, colors, synthetic, origin, mut remarks, .. } = capture;
     remarks.extend(unreadable);
     if !options.masks && !synthetic {
         let transparent = loaded.iter().filter(|loaded| loaded.transparent);
@@ -137,6 +140,7 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
         name: name(&canonical),
         photos: loaded.into_iter().map(|loaded| loaded.photo).collect(),
         points: PointCloud { positions: points.iter().map(|p| p.as_vec3().to_array()).collect(), colors },
+        origin,
         remarks,
     })
 }

@@ -8,6 +8,7 @@ use crate::Error;
 use rayon::prelude::*;
 use std::path::Path;
 use weaver_geometry::Camera;
+use weaver_geometry::geodesy::Origin;
 use weaver_scene::{Frame, PointCloud};
 
 /// A photo of a capture before it is read.
@@ -31,6 +32,8 @@ pub struct Survey {
     pub photos: Vec<SurveyedPhoto>,
     /// Points on surfaces; empty if the capture has none.
     pub points: PointCloud,
+    /// The origin of the world, where the capture has one.
+    pub origin: Option<Origin>,
     /// Remarks for the user about how the files were read.
     pub remarks: Vec<String>,
 }
@@ -59,5 +62,5 @@ pub fn survey(path: impl AsRef<Path>, hold_out: HoldOut, masks: bool) -> Result<
     let photos = capture.photos.par_iter().map(sees).collect::<Result<_, Error>>()?;
     let positions = capture.points.iter().map(|p| p.as_vec3().to_array()).collect();
     let points = PointCloud { positions, colors: capture.colors };
-    Ok(Survey { photos, points, remarks: capture.remarks })
+    Ok(Survey { photos, points, origin: capture.origin, remarks: capture.remarks })
 }

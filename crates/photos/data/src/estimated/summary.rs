@@ -1,7 +1,7 @@
 //! Summary of estimated cameras, for programs to read.
 
 use super::EstimatedPhotos;
-use crate::Error;
+use crate::{Error, Placement};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -32,6 +32,9 @@ pub struct CamerasSummary {
     pub spread_of_centers: Option<f64>,
     /// Support of the best explanation with other rotations, over the support of the chosen one.
     pub rival: f64,
+    /// Where the world was brought.
+    #[serde(default)]
+    pub placement: Placement,
     /// Each photo, by its path as it was given.
     pub photos: BTreeMap<String, CameraSummary>,
 }
@@ -107,6 +110,7 @@ impl EstimatedPhotos {
             focal_length_deviation: e.uncertainty.as_ref().and_then(|u| finite(u.focal * self.focal())),
             spread_of_centers: e.uncertainty.as_ref().and_then(|u| finite(u.spread)),
             rival: e.rival,
+            placement: self.placement.clone(),
             photos: (0..self.paths.len()).map(|i| (self.paths[i].display().to_string(), photo(i))).collect(),
         }
     }

@@ -8,6 +8,7 @@ mod film_layouts;
 mod masked;
 mod own_photos;
 mod photo_masks;
+mod placing;
 mod posed;
 mod quality;
 mod real_captures;

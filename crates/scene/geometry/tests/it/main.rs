@@ -2,6 +2,7 @@
 
 mod align;
 mod distortion;
+mod geodesy;
 mod lie;
 mod poses;
 mod sh;

@@ -9,6 +9,7 @@ use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
+use weaver_geometry::geodesy::{Geographic, Origin};
 use weaver_geometry::{Camera, Intrinsics, Pose, axes};
 use weaver_scene::Frame;
 
@@ -25,6 +26,9 @@ pub struct Transforms {
     pub val_filenames: Vec<String>,
     /// Names of the frames to test on. `None` where the file does not say; an empty list says that nothing is held out.
     pub test_filenames: Option<Vec<String>>,
+    /// The origin of the world on the Earth or in a survey's frame (`origin`), for worlds of meters whose axes are east,
+    /// north and up.
+    pub origin: Option<Origin>,
 }
 
 /// Keys of a frame that [`Frame`] has fields for.
@@ -108,6 +112,7 @@ impl Transforms {
             train_filenames: names(path, top, "train_filenames")?.unwrap_or_default(),
             val_filenames: names(path, top, "val_filenames")?.unwrap_or_default(),
             test_filenames: names(path, top, "test_filenames")?,
+            origin: origin(path, top)?,
         })
     }
 
@@ -138,6 +143,13 @@ impl Transforms {
         }
         if let Some(names) = &self.test_filenames {
             root["test_filenames"] = json!(names);
+        }
+        match self.origin {
+            None => {}
+            Some(Origin::Geographic(Geographic { latitude, longitude, altitude })) => {
+                root["origin"] = json!({ "latitude": latitude, "longitude": longitude, "altitude": altitude });
+            }
+            Some(Origin::Local { offset }) => root["origin"] = json!({ "offset": offset }),
         }
         atomic_write(path, |w| {
             serde_json::to_writer_pretty(&mut *w, &root)?;
@@ -325,7 +337,8 @@ impl FrameReader<'_> {
     fn number(&self, key: &str) -> Result<Option<f64>> {
         match self.get(key) {
             None => Ok(None),
-            Some(value) => match value.as_f64() {
+            // nerfstudio quotes the coefficients of RealityScan's tables.
+            Some(value) => match value.as_f64().or_else(|| value.as_str()?.trim().parse().ok()) {
                 Some(x) => Ok(Some(x)),
                 None => Err(self.invalid(key, "a number", value)),
             },
@@ -343,6 +356,21 @@ impl FrameReader<'_> {
 
     fn invalid(&self, key: impl Display, expected: impl Display, found: impl Display) -> Error {
         Error::invalid(self.path, format!("{}.{key}", self.place), expected, found)
+    }
+}
+
+/// The origin of the world, with the keys latitude, longitude and altitude, or offset.
+fn origin(path: &Path, top: &Map<String, Value>) -> Result<Option<Origin>> {
+    let Some(value) = top.get("origin").filter(|value| !value.is_null()) else { return Ok(None) };
+    if let Some(offset) = json::numbers(&value["offset"]) {
+        return Ok(Some(Origin::Local { offset }));
+    }
+    let number = |key: &str| value[key].as_f64();
+    match (number("latitude"), number("longitude"), number("altitude")) {
+        (Some(latitude), Some(longitude), Some(altitude)) => {
+            Ok(Some(Origin::Geographic(Geographic { latitude, longitude, altitude })))
+        }
+        _ => Err(Error::invalid(path, "origin", "latitude, longitude and altitude, or an offset", json::found(value))),
     }
 }
 

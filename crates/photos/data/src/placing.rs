@@ -1,0 +1,199 @@
+//! Estimated cameras in a world of meters, east, north and up, or at least upright: one similarity transform of cameras
+//! and points, after everything else.
+
+mod bar;
+mod positions;
+mod similarity;
+mod upright;
+
+use crate::{Error, EstimatedPhotos};
+use bar::Bar;
+use positions::Target;
+use serde::{Deserialize, Serialize};
+use similarity::Robust;
+use std::path::PathBuf;
+use upright::Up;
+use weaver_geometry::geodesy::Origin;
+use weaver_geometry::glam::{DMat3, DVec3};
+use weaver_geometry::{Pose, Similarity};
+use weaver_kernels::order::{median_mean, quantile};
+
+/// Deviation of a scale, as a part of it, from which positions are too coarse to set it.
+const COARSE: f64 = 0.1;
+/// Part of the points below which the ground is: some are wrong.
+const GROUND: f64 = 0.05;
+
+/// What is known about the world of photos whose cameras are estimated.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Placing {
+    /// A table of positions in place of the photos' own GPS ([`weaver_io::read_positions`]).
+    pub positions: Option<PathBuf>,
+    /// True if the GPS of photos is used.
+    pub gps: bool,
+    /// A table with the ends of a bar of known length ([`weaver_io::read_scale_bar`]).
+    pub scale_bar: Option<PathBuf>,
+    /// True if the world is turned upright; otherwise it is left as it is, and nothing else is used.
+    pub up: bool,
+}
+
+impl Default for Placing {
+    fn default() -> Self {
+        Self { positions: None, gps: true, scale_bar: None, up: true }
+    }
+}
+
+impl Placing {
+    /// The world as it was estimated.
+    pub const KEEP: Self = Self { positions: None, gps: false, scale_bar: None, up: false };
+
+    /// The files that it reads.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.positions.iter().chain(&self.scale_bar)
+    }
+}
+
+/// Where estimated cameras were brought, and by what.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+pub struct Placement {
+    /// True if the world has meters.
+    pub meters: bool,
+    /// True if its axes are east, north and up; otherwise y is down, as in photos.
+    pub east_north_up: bool,
+    /// The source of the vertical: `positions`, `gimbal`, `ground`, `cameras`; `None` if nothing determines it.
+    pub vertical: Option<String>,
+    /// The origin on the Earth or in the frame of the positions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
+    /// Positions of cameras beside those that were given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub positions: Option<PositionsFit>,
+    /// The bar of known length.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale_bar: Option<BarFit>,
+    /// Meters on the ground for each pixel of a photo, the median; `None` without meters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground_sample: Option<f64>,
+}
+
+/// Positions of cameras beside those that were given.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+pub struct PositionsFit {
+    /// `GPS`, or the file.
+    pub source: String,
+    /// Cameras with a position.
+    pub cameras: usize,
+    /// Those whose position fits the others.
+    pub used: usize,
+    /// Median distance from the given positions along the ground, meters, of all.
+    pub median: f64,
+    /// The largest distance of those that fit along the ground, meters.
+    pub largest: f64,
+    /// Median distance from the given heights, meters.
+    pub height: f64,
+    /// Deviation of the scale, as a part of it.
+    pub scale_deviation: f64,
+    /// Deviation of the vertical by the positions alone, degrees.
+    pub level_deviation: f64,
+    /// True if the world follows them; false if they are too coarse.
+    pub followed: bool,
+}
+
+/// A bar of known length.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+pub struct BarFit {
+    /// Its length, meters.
+    pub length: f64,
+    /// Its length in the world, meters: the same, unless positions set the scale.
+    pub found: f64,
+    /// Photos that show it.
+    pub photos: usize,
+    /// Root of the mean square distance of its ends from where the photos show them, pixels.
+    pub error_pixels: f64,
+}
+
+impl EstimatedPhotos {
+    /// Brings cameras and points to the world that positions, a scale bar and the photos themselves tell of; returns
+    /// where that is. `originals` are the files that [`paths`](Self::paths) were made of, in the same order, with their
+    /// GPS.
+    ///
+    /// Positions set scale, heading and place by a robust similarity transform, and the vertical too, unless the photos
+    /// know it better: by a drone's gimbal, or by their horizons. Then heights only shift it. Positions that leave more
+    /// than a tenth of the scale open are not followed. Without positions y is down, as in photos, and the ground is at
+    /// y = 0.
+    ///
+    /// # Errors
+    /// When a table cannot be read, or names no photo that has a camera.
+    pub fn place(&mut self, originals: &[PathBuf], placing: &Placing) -> Result<Placement, Error> {
+        let mut placement = Placement::default();
+        if !placing.up {
+            return Ok(placement);
+        }
+        let target = Target::of(self, originals, placing)?;
+        let up = Up::of(self, target.ups());
+        let bar = placing.scale_bar.as_deref().map(|file| Bar::read(self, file)).transpose()?;
+        let followed = target.fit(up.as_ref(), &mut placement);
+        let up = if followed.is_some() { up } else { up.map(|up| up.by_ground(self)) };
+        let by_bar = bar.as_ref().map_or(1.0, Bar::scale);
+        let mut onto = match (&followed, &up) {
+            (Some(Robust { similarity, .. }), _) => *similarity,
+            (None, Some(up)) => upright(up.direction, by_bar),
+            (None, None) => Similarity { scale: by_bar, rotation: DMat3::IDENTITY, translation: DVec3::ZERO },
+        };
+        placement.east_north_up = followed.is_some();
+        placement.meters = followed.is_some() || bar.is_some();
+        placement.vertical = placement.vertical.or(up.as_ref().map(|up| up.source.name().to_string()));
+        placement.scale_bar = bar.as_ref().map(|bar| bar.fit(onto.scale));
+        // The ground at height 0.
+        let vertical = if placement.east_north_up { DVec3::Z } else { DVec3::NEG_Y };
+        let mut heights: Vec<f64> = self.estimate.points.iter().map(|p| onto.apply(*p).dot(vertical)).collect();
+        if (up.is_some() || followed.is_some()) && !heights.is_empty() {
+            let ground = quantile(&mut heights, GROUND);
+            onto.translation -= vertical * ground;
+            placement.origin = target.origin(ground).filter(|_| placement.east_north_up);
+        }
+        self.apply(&onto);
+        placement.ground_sample = self.ground_sample().filter(|_| placement.meters);
+        self.placement = placement.clone();
+        Ok(placement)
+    }
+
+    /// Moves cameras, points and their deviations.
+    fn apply(&mut self, onto: &Similarity) {
+        let estimate = &mut self.estimate;
+        estimate.cameras.iter_mut().flatten().for_each(|camera| camera.pose = onto.apply_to_pose(&camera.pose));
+        estimate.points.iter_mut().for_each(|point| *point = onto.apply(*point));
+        if let Some(uncertainty) = &mut estimate.uncertainty {
+            uncertainty.centers.iter_mut().for_each(|deviation| *deviation *= onto.scale);
+            uncertainty.spread *= onto.scale;
+        }
+    }
+
+    /// Poses of the photos that have one, with their numbers.
+    fn poses(&self) -> Vec<(usize, Pose)> {
+        let cameras = self.estimate.cameras.iter().enumerate();
+        cameras.filter_map(|(i, camera)| Some((i, camera.ok()?.pose))).collect()
+    }
+
+    /// World units for each pixel of a photo's file: the median over photos of the median depth of points.
+    fn ground_sample(&self) -> Option<f64> {
+        let mut depths = vec![Vec::new(); self.paths.len()];
+        for seen in &self.estimate.observations {
+            if let Ok(camera) = self.estimate.cameras[seen.camera] {
+                depths[seen.camera].push(camera.pose.apply(self.estimate.points[seen.point]).z);
+            }
+        }
+        let sample = |(i, depths): (usize, &mut Vec<f64>)| {
+            let camera = self.estimate.cameras[i].ok()?;
+            let larger = self.sizes[i].0 as f64 / camera.width as f64;
+            Some(median_mean(depths)? / (camera.intrinsics.fx * larger))
+        };
+        let mut samples: Vec<f64> = depths.iter_mut().enumerate().filter_map(sample).collect();
+        median_mean(&mut samples)
+    }
+}
+
+/// The transform that turns a direction to -y by the smallest angle, and scales.
+fn upright(up: DVec3, scale: f64) -> Similarity {
+    let rotation = DMat3::from_quat(weaver_geometry::glam::DQuat::from_rotation_arc(up, DVec3::NEG_Y));
+    Similarity { scale, rotation, translation: DVec3::ZERO }
+}
