@@ -181,7 +181,7 @@ fn estimate(
         duration(start.elapsed().as_secs_f64())
     ));
     remark(&found, options.shared, observe);
-    // Photos that could not be read are left out of what was found.
+    // Photos that could not be read are missing among the found ones.
     let original = |path: &PathBuf| {
         let at = photos.iter().position(|photo| photo == path);
         at.and_then(|at| originals.get(at)).unwrap_or(path).clone()

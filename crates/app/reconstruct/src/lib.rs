@@ -44,6 +44,7 @@ mod pace;
 pub mod partition;
 mod photos;
 mod plan;
+mod prolonging;
 mod reconstruct;
 mod report;
 mod results;

@@ -22,7 +22,8 @@ use weaver_view_run::Listener;
 /// The most passes through the photos in the time of a quality, by docs/results/photos.md: held-out photos gain
 /// nothing from more.
 const MOST_ROUNDS: usize = 200;
-/// Photos of which every eighth, and every sixteenth, is held out where that decides how long a scene is improved.
+/// Numbers of photos from which every eighth, and every sixteenth, is held out where that decides how long a scene is
+/// improved.
 const FEW: usize = 16;
 const MANY: usize = 64;
 const JUDGES: usize = 8;

@@ -239,8 +239,8 @@ impl Fitting {
         self.keeping.is_some_and(|keeping| self.seconds() > keeping.seconds)
     }
 
-    /// Judges the photos that were fitted: all, or evenly spread ones of many, of which there are fewer where the time
-    /// of the run is over.
+    /// Judges the photos that were fitted: all, or evenly spread ones of many, fewer where the time of the run is
+    /// over.
     fn judge_training(&mut self) -> Result<Vec<Judged>, Error> {
         let photos = self.fit().photos();
         let chosen = weaver_data::uniform(photos, photos.min(JUDGED));

@@ -4,8 +4,8 @@
 //! A kernel is written once, generic over [`Lanes`], as a [`LaneKernel`]; [`run`] calls it with the vector type of the
 //! instruction set in use ([`simd::level`]). For `f32` that is one AVX-512 register, two AVX2 registers, or an array;
 //! for `f64` it is always an array. A kernel with many numbers at hand may go through the parts of a vector
-//! ([`Lanes::Part`]), each of which is one register. Fused operations round once on processors that have them, so results may differ in
-//! the last bits between instruction sets, but not between runs with the same one.
+//! ([`Lanes::Part`]), each of which is one register. Fused operations round once on processors that have them, so
+//! results may differ in the last bits between instruction sets, but not between runs with the same one.
 //!
 //! ```
 //! use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes};
@@ -141,8 +141,8 @@ pub trait Vector:
     fn or(self, mask: Self::Mask, other: Self) -> Self;
     /// `self` with the sign bit set where the mask is set.
     fn negative(self, mask: Self::Mask) -> Self;
-    /// Adds to number i of `row` the sum of the lanes of vector i. The order of additions is the same in all instruction
-    /// sets.
+    /// Adds to number i of `row` the sum of the lanes of vector i. The order of additions is the same in all
+    /// instruction sets.
     fn add_sums(of: &[Self; LANES], row: &mut [Self::Scalar; LANES]);
 
     /// A vector with a constant in all lanes.
@@ -179,7 +179,7 @@ pub trait Vector:
 
 /// A vector of sixteen numbers.
 pub trait Lanes: Vector {
-    /// What a kernel computes with that has a choice, and few registers: a register's part of the sixteen, or all.
+    /// The vector for kernels that have a choice, and few registers: a register's part of the sixteen, or all.
     type Part: Vector<Scalar = Self::Scalar>;
     /// Parts of a vector.
     const PARTS: usize = LANES / Self::Part::WIDTH;

@@ -11,6 +11,7 @@ mod error;
 mod estimated;
 pub mod film;
 mod layout;
+mod placement;
 mod placing;
 mod remarks;
 mod sampler;
@@ -27,7 +28,8 @@ pub use estimated::{
     estimate_masked_photos, estimate_photos,
 };
 pub use layout::Layout;
-pub use placing::{BarFit, Placement, Placing, PositionsFit};
+pub use placement::{BarFit, Placement, PositionsFit};
+pub use placing::Placing;
 pub use remarks::some_of;
 pub use sampler::{Sampler, bounded_gap, evaluation_tuples, training_tuple, uniform};
 pub use scene::{NormalizedPoses, Scene, View};

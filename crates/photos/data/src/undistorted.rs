@@ -43,8 +43,8 @@ fn colors(photo: &Bitmap, places: &[DVec2], to: &mut [[u8; 3]]) {
     }
 }
 
-/// The weighted sum of four pixels in each of four rows, the first of which begins at a place of the pixels' bytes: down
-/// the columns first, all twelve bytes of a row at once.
+/// The weighted sum of four pixels in each of four rows, the first of which begins at a place of the pixels' bytes:
+/// down the columns first, all twelve bytes of a row at once.
 #[inline(always)]
 fn sum_inside(photo: &Bitmap, first: usize, across: [f32; 4], down: [f32; 4]) -> [f32; 3] {
     let mut columns = [0.0; 12];

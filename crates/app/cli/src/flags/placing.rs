@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use weaver_command::Failure;
 use weaver_data::Placing;
 
-/// What sets meters and the vertical.
+/// Sources of meters and of the vertical.
 #[derive(Args, Clone, Debug, Default, PartialEq)]
 pub struct PlacingFlags {
     /// Positions of the cameras, in place of the photos' GPS: a table (CSV) that begins with name,x,y,z in meters, or with

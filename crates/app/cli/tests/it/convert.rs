@@ -196,8 +196,8 @@ fn an_empty_scene_is_not_written_without_a_word() {
     assert!(done.status.success() && text.contains("warning: none.spz: a scene without Gaussians"), "{text}");
 }
 
-/// Promise (kept): `convert` writes cameras of other programs as transforms.json and COLMAP, with points, tracks and the
-/// origin of the world; the photos stay where they are.
+/// Promise (kept): `convert` writes cameras of other programs as transforms.json and COLMAP, with points, tracks and
+/// the origin of the world; the photos stay where they are.
 #[test]
 fn cameras_of_other_programs_become_captures() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,7 +1,6 @@
 //! A bar of known length that photos show.
 
-use super::BarFit;
-use crate::{Error, EstimatedPhotos};
+use crate::{BarFit, Error, EstimatedPhotos};
 use std::path::Path;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};

@@ -2,8 +2,8 @@
 
 use super::similarity::{Robust, free, vertical};
 use super::upright::Up;
-use super::{COARSE, Placement, Placing, PositionsFit};
-use crate::{Error, EstimatedPhotos};
+use super::{COARSE, Placing};
+use crate::{Error, EstimatedPhotos, Placement, PositionsFit};
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

@@ -36,8 +36,8 @@ impl Robust {
         self.agrees.iter().filter(|agrees| **agrees).count()
     }
 
-    /// Root of the mean square distance along the ground of the positions that agree from their middle, and the smallest
-    /// of these roots along a horizontal axis.
+    /// Root of the mean square distance along the ground of the positions that agree from their middle, and the
+    /// smallest of these roots along a horizontal axis.
     pub fn spread(&self, to: &[DVec3]) -> [f64; 2] {
         let used: Vec<DVec3> = to.iter().zip(&self.agrees).filter(|(_, agrees)| **agrees).map(|(p, _)| *p).collect();
         let n = used.len().max(1) as f64;

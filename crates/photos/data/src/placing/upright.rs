@@ -30,7 +30,7 @@ const GROUND: [f64; 2] = [0.2, 0.1];
 /// cameras look in one direction.
 const NEAR: [f64; 2] = [0.966, 0.7];
 
-/// What a vertical is known by.
+/// The source of a vertical.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Vertical {
     Gimbal,

@@ -53,7 +53,7 @@ fn off(found: &EstimatedPhotos, truth: &[Camera], shift: DVec3) -> [f64; 2] {
     worst
 }
 
-/// Promise (cameras): positions bring estimated cameras and points to meters, east, north and up; the origin is kept in
+/// Promise (photos): positions bring estimated cameras and points to meters, east, north and up; the origin is kept in
 /// transforms.json and by a capture that is read, and residuals are in cameras.json.
 #[test]
 fn positions_bring_meters_and_north() {
@@ -116,7 +116,7 @@ fn positions_bring_meters_and_north() {
     assert!(away < 1.0 && turned < 1.5, "{away} m, {turned} degrees");
 }
 
-/// Promise (cameras): a bar of known length in two photos sets the scale.
+/// Promise (photos): a bar of known length in two photos sets the scale.
 #[test]
 fn a_bar_sets_the_scale() {
     let temporary = tempfile::tempdir().unwrap();
@@ -144,7 +144,7 @@ fn a_bar_sets_the_scale() {
     assert!((got / wanted - 1.0).abs() < 0.03, "{got} {wanted}");
 }
 
-/// Promise (cameras): without positions a scene stands upright, y down, with the ground at 0; `--up keep` leaves it.
+/// Promise (photos): without positions a scene stands upright, y down, with the ground at 0; `--up keep` leaves it.
 #[test]
 fn scenes_stand_upright() {
     let temporary = tempfile::tempdir().unwrap();

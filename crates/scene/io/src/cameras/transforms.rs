@@ -26,8 +26,8 @@ pub struct Transforms {
     pub val_filenames: Vec<String>,
     /// Names of the frames to test on. `None` where the file does not say; an empty list says that nothing is held out.
     pub test_filenames: Option<Vec<String>>,
-    /// The origin of the world on the Earth or in a survey's frame (`origin`), for worlds of meters whose axes are east,
-    /// north and up.
+    /// The origin of the world on the Earth or in a survey's frame (`origin`), for worlds of meters whose axes are
+    /// east, north and up.
     pub origin: Option<Origin>,
 }
 

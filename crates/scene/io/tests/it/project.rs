@@ -142,7 +142,9 @@ fn components_and_fisheyes_are_followed() {
     assert!(seen(frame, point).distance(DVec2::new(202.0 + 100.0 * bent, 149.0)) < 1e-9);
 }
 
-/// Promise of `metashape_shows_points_where_it_says`. The first row is of a sample that Postshot publishes.
+/// The first row is of a sample that Postshot publishes.
+///
+/// Promise of `metashape_shows_points_where_it_says`.
 #[test]
 fn realityscan_shows_points_where_it_says() {
     let folder = tempfile::tempdir().unwrap();
@@ -276,8 +278,8 @@ fn far_cameras_come_near_the_origin() {
     assert!(project.frames[1].camera.pose.center().distance(DVec3::new(5.25, -0.5, 0.0)) < 1e-6);
 }
 
-/// What nerfstudio's converters write is read: ns-process-data realitycapture quotes coefficients of the lens, metashape
-/// names those of OpenCV, polycam and record3d have a camera in every frame.
+/// Files of nerfstudio's converters are read: ns-process-data realitycapture quotes coefficients of the lens,
+/// metashape names those of OpenCV, polycam and record3d have a camera in every frame.
 #[test]
 fn files_of_nerfstudios_converters_are_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -306,8 +308,8 @@ fn files_of_nerfstudios_converters_are_read() {
     assert_eq!((polycam.distortion, polycam.camera.intrinsics.fy), (None, 21.0));
 }
 
-/// Two photos of the MicroPasts' socketed axe of Arreton Down (CC-BY), as PhotoScan 1.1.6 exported them: its own XML, and
-/// the form of Bundler, whose keypoints are offsets from the middle of the photo.
+/// Two photos of the MicroPasts' socketed axe of Arreton Down (CC-BY), as PhotoScan 1.1.6 exported them: its own XML,
+/// and the form of Bundler, whose keypoints are offsets from the middle of the photo.
 ///
 /// Promise of `metashape_shows_points_where_it_says`.
 #[test]

@@ -19,8 +19,8 @@ pub(crate) const MOST_PARTS: usize = 2;
 /// The most cells of a window.
 pub(crate) const MOST_CELLS: usize = LANES * MOST_PARTS;
 
-/// A part of a block whose pixels fit in a vector, rows of four one after the other: all parts of a block, then those of
-/// the next. Its number is that of the vector in a [`Plane`].
+/// A part of a block whose pixels fit in a vector, rows of four one after the other: all parts of a block, then those
+/// of the next. Its number is that of the vector in a [`Plane`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Cell(pub usize);
 

@@ -31,8 +31,8 @@ impl PhotoFinder {
         &self.folder
     }
 
-    /// The photo of a name: a path from the file's folder or from the root, else the photo that shares the most names at
-    /// the end of its path, else one with another extension, or with any where the name has none.
+    /// The photo of a name: a path from the file's folder or from the root, else the photo that shares the most names
+    /// at the end of its path, else one with another extension, or with any where the name has none.
     ///
     /// # Errors
     /// When several fit equally well: their paths.
