@@ -142,8 +142,9 @@ mod tests {
                 over.extend(plain.read.iter().filter(|path| path.is_dir()).map(|path| path.join("photo.jpg")));
                 if let Some(ending) = output.extension().and_then(|ending| ending.to_str()) {
                     over.extend(["dangling", "socket"].map(|name| folder.join(format!("{name}.{ending}"))));
-                    // The demonstration of `lift` writes a folder.
-                    over.extend((!line.starts_with("lift ")).then(|| folder.to_path_buf()));
+                    // The demonstration of `lift`, and `convert` of cameras, write a folder.
+                    let file = !["lift ", "convert "].iter().any(|command| line.starts_with(command));
+                    over.extend(file.then(|| folder.to_path_buf()));
                 }
                 for path in over {
                     let taken = paths(line, folder, Some((n, &path))).is_ok_and(|paths| paths.check().is_ok());

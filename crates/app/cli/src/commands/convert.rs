@@ -166,6 +166,8 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
         arguments.check_cameras()?;
         return cameras::convert(one, to, arguments.movement(), arguments.json, console);
     }
+    // A folder is for cameras.
+    weaver_io::check_output_file(to, from)?;
     let contribution = |gaussians: &Gaussians, drawing| {
         let cameras = arguments.cameras.as_deref().expect("clap requires cameras for this score");
         contributions(gaussians, cameras, (&from[0], drawing)).map_err(|failure| match failure {

@@ -222,7 +222,7 @@ fn what_cannot_be_solved_is_refused_with_a_reason() {
     let dry = run(folder, "fit photos --cameras estimated --dry-run -o out");
     assert_eq!(dry.status.code(), Some(2), "{}", said(&dry));
     assert!(!folder.join("out").exists());
-    for wrong in ["--focal 0", "--focal x", "--match-size 3", "--quality best"] {
+    for wrong in ["--focal 0", "--focal x", "--match-size 3", "--quality perfect"] {
         let output = run(folder, &format!("reconstruct photos -o out {wrong}"));
         assert_eq!(output.status.code(), Some(2), "{wrong}: {}", said(&output));
     }

@@ -80,7 +80,8 @@ def reconstruct(
     Args:
         photos: Photos, folders of photos, clips, or one capture.
         out: Folder for the results; None is a temporary one, which lives as long as the result.
-        quality: "draft" (half a minute for some 15 photos), "normal" (five minutes) or "fine" (twenty).
+        quality: "draft" (half a minute for some 50 photos), "normal" (five minutes), "fine" (twenty) or "best" (as long as
+            held-out photos gain).
         minutes: Time for all of it [default: the quality's].
         gaussians: The most Gaussians there may be [default: by the size of the photos].
         seed: Seed of everything that is drawn at random.

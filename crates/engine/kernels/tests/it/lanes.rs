@@ -240,7 +240,7 @@ fn scaled_powers_are_accurate_and_end_in_nothing() {
                 // The distance to the next number of this size, or of the smallest normal size.
                 let unit = f64::from(f32::EPSILON) * 2_f64.powi((want.log2().floor() as i32).max(-126));
                 let error = (f64::from(got) - want).abs() / unit;
-                assert!(error < 3.0, "{level:?}: {error} units at {x}");
+                assert!(error < 3.5, "{level:?}: {error} units at {x}");
             }
         }
         let beyond = std::array::from_fn(|i| [-126.1, -127.5, -1e3, -1e9, f32::MIN, f32::NEG_INFINITY][i % 6]);

@@ -213,7 +213,7 @@ fn cameras_of_some_photos_are_those_of_the_capture() {
 fn mistakes_in_folders() {
     let folder = TempDir::new().unwrap();
     let absent = error(&folder.path().join("absent"));
-    assert!(absent.contains("absent") && absent.contains("expected a folder or a transforms.json, found nothing"));
+    assert!(absent.contains("absent") && absent.contains("expected a folder or a file of cameras, found nothing"));
     assert!(error(folder.path()).contains("transforms.json"));
     fs::write(folder.path().join("transforms.json"), r#"{"frames": []}"#).unwrap();
     assert!(error(folder.path()).contains("expected at least one, found none"));
