@@ -48,10 +48,10 @@ fn colors(photo: &Bitmap, places: &[DVec2], to: &mut [[u8; 3]]) {
 #[inline(always)]
 fn sum_inside(photo: &Bitmap, first: usize, across: [f32; 4], down: [f32; 4]) -> [f32; 3] {
     let mut columns = [0.0; 12];
-    for j in 0..4 {
+    for (j, down) in down.iter().enumerate() {
         let row: &[u8; 12] = photo.pixels[first + 3 * j * photo.width..].first_chunk().expect("a row inside");
-        for k in 0..12 {
-            columns[k] += down[j] * f32::from(row[k]);
+        for (sum, x) in columns.iter_mut().zip(row) {
+            *sum += down * f32::from(*x);
         }
     }
     let mut sum = [0.0; 3];
@@ -72,8 +72,9 @@ fn sum_at_border(photo: &Bitmap, corner: DVec2, across: [f32; 4], down: [f32; 4]
         for (i, across) in across.iter().enumerate() {
             let x = within(corner.x + i as f64 - 1.0, photo.width);
             let weight = across * down;
-            for c in 0..3 {
-                sum[c] += weight * f32::from(photo.pixels[3 * (y * photo.width + x) + c]);
+            let color = &photo.pixels[3 * (y * photo.width + x)..][..3];
+            for (sum, c) in sum.iter_mut().zip(color) {
+                *sum += weight * f32::from(*c);
             }
         }
     }

@@ -193,7 +193,7 @@ mod tests {
         let (up, turned) = of_cameras(&poses).unwrap();
         assert!(turned && up.angle_between(DVec3::NEG_Y).to_degrees() < 1.5, "{up}");
         let point = |i: u64| {
-            let height = if i % 2 == 0 { 0.0 } else { -0.5 * rng.uniform::<f64>(3 * i + 2) };
+            let height = if i.is_multiple_of(2) { 0.0 } else { -0.5 * rng.uniform::<f64>(3 * i + 2) };
             DVec3::new(
                 rng.uniform::<f64>(3 * i) - 0.5,
                 height + 0.002 * rng.normal::<f64>(i),

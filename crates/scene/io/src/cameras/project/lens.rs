@@ -47,7 +47,8 @@ pub(super) fn brown(
         reach = next;
     }
     let seen = reach * scale(reach * reach);
-    if !(seen >= LEAST_REACH * corner) {
+    let enough = LEAST_REACH * corner;
+    if (seen - enough).is_nan() || seen < enough {
         return Err((corner - seen) * focal);
     }
     let fitted = rational(scale, reach);
