@@ -132,7 +132,7 @@ def test_failures_have_their_kinds(capture, tmp_path):
     with pytest.raises(InputError, match="unexpected argument '--nonsense'"):
         splatweaver.fit(capture, tmp_path / "c", nonsense=1)
     with pytest.raises(InputError, match="--quality"):
-        splatweaver.reconstruct(capture, tmp_path / "d", quality="best")
+        splatweaver.reconstruct(capture, tmp_path / "d", quality="perfect")
     with pytest.raises(InputError, match="one\\.wsy|--out"):
         splatweaver.compress(tmp_path / "scene.ply", tmp_path / "one.wsy")
     with pytest.raises(NumericError, match="the loss is NaN"):
