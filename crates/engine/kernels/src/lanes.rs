@@ -108,8 +108,9 @@ pub trait Vector:
     fn sqrt(self) -> Self;
     /// 1 / self within two units in the last place, for finite normal numbers with normal reciprocals.
     fn recip(self) -> Self;
-    /// scale * 2^self, within 3.5 units in the last place for -126 <= self < 127; below that range, some number between
-    /// 0 and scale * 2^-126. Faster than [`exp2`](Self::exp2) on some processors.
+    /// scale * 2^self, with a relative error within 3 * 2^-23 for -126 <= self < 127 where the result is a normal
+    /// number; below that range, some number between 0 and scale * 2^-126. Faster than [`exp2`](Self::exp2) on some
+    /// processors.
     fn exp2_times(self, scale: Self) -> Self;
     /// 2^self, within 3 units in the last place where the result is a normal number. Underflows gradually, overflows to
     /// infinity, NaN for NaN.
