@@ -87,13 +87,21 @@ pub trait Vector:
     /// # Panics
     ///
     /// If they do not hold so many.
-    fn load_nth(rows: &[Row<Self::Scalar>; LANES], index: usize) -> Self;
+    #[inline(always)]
+    fn load_nth(rows: &[Row<Self::Scalar>; LANES], index: usize) -> Self {
+        let parts = LANES / Self::WIDTH;
+        Self::load_part(&rows[index / parts].0, index % parts)
+    }
     /// Stores the vector where [`load_nth`](Self::load_nth) finds it.
     ///
     /// # Panics
     ///
     /// If the rows do not hold so many.
-    fn store_nth(self, rows: &mut [Row<Self::Scalar>; LANES], index: usize);
+    #[inline(always)]
+    fn store_nth(self, rows: &mut [Row<Self::Scalar>; LANES], index: usize) {
+        let parts = LANES / Self::WIDTH;
+        self.store_part(&mut rows[index / parts].0, index % parts);
+    }
     /// self * b + c, fused where the processor can.
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// c - self * b, fused where the processor can.

@@ -279,14 +279,6 @@ impl Vector for Ymm2 {
         self.0.store_part(row, 0);
         self.1.store_part(row, 1);
     }
-    #[inline(always)]
-    fn load_nth(rows: &[Row<f32>; LANES], index: usize) -> Self {
-        Self::load(&rows[index].0)
-    }
-    #[inline(always)]
-    fn store_nth(self, rows: &mut [Row<f32>; LANES], index: usize) {
-        self.store(&mut rows[index].0);
-    }
     halves! {
         fn mul_add(self, b: Self, c: Self) -> Self;
         fn neg_mul_add(self, b: Self, c: Self) -> Self;

@@ -4,7 +4,7 @@
 //! supports it. That makes every `unsafe` block below sound.
 #![allow(unsafe_code)]
 
-use super::{LANES, LaneKernel, LaneMask, Lanes, Row, Vector, sealed::Sealed};
+use super::{LANES, LaneKernel, LaneMask, Lanes, Vector, sealed::Sealed};
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -105,14 +105,6 @@ impl Vector for Zmm {
         fn or(self, mask: __mmask16, other: Self) -> Self = Self(_mm512_mask_mov_ps(other.0, mask, self.0));
     }
 
-    #[inline(always)]
-    fn load_nth(rows: &[Row<f32>; LANES], index: usize) -> Self {
-        Self::load(&rows[index].0)
-    }
-    #[inline(always)]
-    fn store_nth(self, rows: &mut [Row<f32>; LANES], index: usize) {
-        self.store(&mut rows[index].0);
-    }
     #[inline(always)]
     fn normal(self) -> (Self, Self) {
         crate::gelu::normal(self)

@@ -1,6 +1,6 @@
 //! Vectors as arrays of sixteen numbers, which the compiler vectorizes as far as it can.
 
-use super::{LANES, LaneMask, Lanes, Row, Vector, sealed::Sealed};
+use super::{LANES, LaneMask, Lanes, Vector, sealed::Sealed};
 use crate::Real;
 use std::array::from_fn;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -90,14 +90,6 @@ impl<T: Real> Vector for Array<T> {
     #[inline(always)]
     fn store_part(self, row: &mut [T; LANES], _part: usize) {
         *row = self.0;
-    }
-    #[inline(always)]
-    fn load_nth(rows: &[Row<T>; LANES], index: usize) -> Self {
-        Self::load(&rows[index].0)
-    }
-    #[inline(always)]
-    fn store_nth(self, rows: &mut [Row<T>; LANES], index: usize) {
-        self.store(&mut rows[index].0);
     }
     // A fused operation would be a library call here.
     #[inline(always)]
