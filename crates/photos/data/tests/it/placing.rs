@@ -89,7 +89,7 @@ fn positions_bring_meters_and_north() {
         let pose = |i: usize| e.estimate.cameras[i].unwrap().pose;
         pose(1).relative_to(&pose(0))
     };
-    assert!(pair(&before).angle_to(&pair(&found)) < 1e-6);
+    assert!(pair(&before).rotation.abs_diff_eq(pair(&found).rotation, 1e-12));
     assert_eq!(before.confidence(), found.confidence());
     let out = folder.join("found");
     found.write(&claimed(&out)).unwrap();
