@@ -160,6 +160,7 @@ fn estimate(
     let PhotoFiles { paths: photos, originals, sequence, .. } = photos;
     let masks = masks.map(|masks| PhotoMasks::find(originals, masks)).transpose()?;
     EstimatedPhotos::check(out, photos)?;
+    placing.check(originals)?;
     masks.as_ref().map_or(Ok(()), |masks| masks.check(out))?;
     check_memory(MATCHED * photos.len() as u64, "fewer photos at once take less")?;
     observe.note(&format!("cameras: matching {} photos", photos.len()));

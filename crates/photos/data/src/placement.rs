@@ -54,7 +54,8 @@ pub struct PositionsFit {
 pub struct BarFit {
     /// Its length, meters.
     pub length: f64,
-    /// Its length in the world, meters: the same, unless positions set the scale.
+    /// Its length in the world, meters: the same, unless positions set the scale; 0 if fewer than two photos that show
+    /// it have a camera.
     pub found: f64,
     /// Photos that show it.
     pub photos: usize,

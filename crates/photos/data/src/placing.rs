@@ -10,16 +10,20 @@ use crate::{Error, EstimatedPhotos, Placement};
 use bar::Bar;
 use positions::Target;
 use similarity::Robust;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use upright::Up;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Pose, Similarity};
+use weaver_io::Positions;
 use weaver_kernels::order::{median_mean, quantile};
 
 /// Deviation of a scale, as a part of it, from which positions are too coarse to set it.
 const COARSE: f64 = 0.1;
 /// Part of the points below which the ground is: some are wrong.
 const GROUND: f64 = 0.05;
+/// Height of a point above or below the median, over the median of these, from which it does not count: points that are
+/// hardly triangulated lie anywhere along their rays.
+const ASTRAY: f64 = 8.0;
 
 /// Knowledge about the world of photos whose cameras are estimated.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,6 +47,35 @@ impl Default for Placing {
 impl Placing {
     /// The world as it was estimated.
     pub const KEEP: Self = Self { positions: None, gps: false, scale_bar: None, up: false };
+
+    /// Checks that its tables can be read and name some of the photos: to be called before these are matched.
+    ///
+    /// # Errors
+    /// When a table cannot be read, or names none of the photos.
+    pub fn check(&self, photos: &[PathBuf]) -> Result<(), Error> {
+        let is_named = |name: &str| {
+            let name = Path::new(name).file_name();
+            photos.iter().any(|photo| photo.file_name() == name || photo.file_stem() == name)
+        };
+        let named = |file: &Path, names: Vec<String>| match names.iter().any(|name| is_named(name)) {
+            true => Ok(()),
+            false => {
+                let found = names.first().map_or("none".into(), |name| format!("{name}, ..."));
+                Err(Error::unexpected(file, "name", "names of the photos", found))
+            }
+        };
+        if let Some(file) = &self.positions {
+            let names = match weaver_io::read_positions(file)? {
+                Positions::Geographic(rows) => rows.into_iter().map(|(name, _)| name).collect(),
+                Positions::Local(rows) => rows.into_iter().map(|(name, _)| name).collect(),
+            };
+            named(file, names)?;
+        }
+        if let Some(file) = &self.scale_bar {
+            named(file, weaver_io::read_scale_bar(file)?.into_iter().map(|row| row.name).collect())?;
+        }
+        Ok(())
+    }
 
     /// The files that it reads.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
@@ -70,6 +103,8 @@ impl EstimatedPhotos {
         let target = Target::of(self, originals, placing)?;
         let up = Up::of(self, target.ups());
         let bar = placing.scale_bar.as_deref().map(|file| Bar::read(self, file)).transpose()?;
+        let (bar, unseen) =
+            bar.map_or((None, None), |bar| bar.map_or_else(|fit| (None, Some(fit)), |bar| (Some(bar), None)));
         let followed = target.fit(up.as_ref(), &mut placement);
         let up = if followed.is_some() { up } else { up.map(|up| up.by_ground(self)) };
         let by_bar = bar.as_ref().map_or(1.0, Bar::scale);
@@ -81,12 +116,11 @@ impl EstimatedPhotos {
         placement.east_north_up = followed.is_some();
         placement.meters = followed.is_some() || bar.is_some();
         placement.vertical = placement.vertical.or(up.as_ref().map(|up| up.source.name().to_string()));
-        placement.scale_bar = bar.as_ref().map(|bar| bar.fit(onto.scale));
+        placement.scale_bar = bar.as_ref().map(|bar| bar.fit(onto.scale)).or(unseen);
         // The ground at height 0.
         let vertical = if placement.east_north_up { DVec3::Z } else { DVec3::NEG_Y };
         let mut heights: Vec<f64> = self.estimate.points.iter().map(|p| onto.apply(*p).dot(vertical)).collect();
-        if (up.is_some() || followed.is_some()) && !heights.is_empty() {
-            let ground = quantile(&mut heights, GROUND);
+        if let Some(ground) = ground(&mut heights).filter(|_| up.is_some() || followed.is_some()) {
             onto.translation -= vertical * ground;
             placement.origin = target.origin(ground).filter(|_| placement.east_north_up);
         }
@@ -131,8 +165,30 @@ impl EstimatedPhotos {
     }
 }
 
+/// The height of the ground, by the heights of points.
+fn ground(heights: &mut Vec<f64>) -> Option<f64> {
+    let middle = median_mean(heights)?;
+    let spread = median_mean(&mut heights.iter().map(|height| (height - middle).abs()).collect::<Vec<_>>())?;
+    heights.retain(|height| (height - middle).abs() <= ASTRAY * spread);
+    (!heights.is_empty()).then(|| quantile(heights, GROUND))
+}
+
 /// The transform that turns a direction to -y by the smallest angle, and scales.
 fn upright(up: DVec3, scale: f64) -> Similarity {
     let rotation = DMat3::from_quat(weaver_geometry::glam::DQuat::from_rotation_arc(up, DVec3::NEG_Y));
     Similarity { scale, rotation, translation: DVec3::ZERO }
+}
+
+#[cfg(test)]
+mod tests {
+    /// A twelfth of the points lies far below, along rays that hardly meet.
+    #[test]
+    fn points_astray_are_no_ground() {
+        let mut heights: Vec<f64> = (0..110).map(|i| f64::from(i) * 0.1).collect();
+        heights.extend((0..10).map(|i| -1e3 * 10_f64.powi(i)));
+        let ground = super::ground(&mut heights).unwrap();
+        assert!((0.4..0.7).contains(&ground), "{ground}");
+        assert_eq!(super::ground(&mut Vec::new()), None);
+        assert_eq!(super::ground(&mut vec![2.0; 5]), Some(2.0));
+    }
 }

@@ -38,7 +38,10 @@ pub fn remark_placement(placement: &Placement, observe: &mut dyn Observe) {
     if let (false, Some(vertical)) = (placement.east_north_up, vertical) {
         observe.note(&format!("cameras: upright by {vertical}"));
     }
-    if let Some(bar) = &placement.scale_bar {
+    if let Some(bar) = placement.scale_bar.as_ref().filter(|bar| bar.photos < 2) {
+        let photos = bar.photos;
+        observe.warning(&format!("--scale-bar: {photos} of its photos have a camera, two are needed: no meters by it"));
+    } else if let Some(bar) = &placement.scale_bar {
         observe.note(&format!(
             "cameras: the bar of {:.4} m is {:.4} m long by {} photos, its ends off by {:.2} pixels",
             bar.length, bar.found, bar.photos, bar.error_pixels

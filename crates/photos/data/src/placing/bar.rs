@@ -21,8 +21,8 @@ pub(super) struct Bar {
 }
 
 impl Bar {
-    /// Triangulates the ends of a bar.
-    pub fn read(found: &EstimatedPhotos, file: &Path) -> Result<Self, Error> {
+    /// Triangulates the ends of a bar; what is left to tell of it where fewer than two of its photos have a camera.
+    pub fn read(found: &EstimatedPhotos, file: &Path) -> Result<Result<Self, BarFit>, Error> {
         let rows = read_scale_bar(file)?;
         let mut seen: Vec<(Camera, f64, [DVec2; 2])> = Vec::new();
         for row in &rows {
@@ -43,8 +43,7 @@ impl Bar {
             }
         }
         if seen.len() < 2 {
-            let expected = "two photos or more that have a camera";
-            return Err(Error::unexpected(file, "photos", expected, seen.len().to_string()));
+            return Ok(Err(BarFit { length: rows[0].length, photos: seen.len(), ..BarFit::default() }));
         }
         let end = |which: usize| triangulated(seen.iter().map(|(camera, _, rays)| (camera, rays[which])));
         let ends = [end(0), end(1)];
@@ -61,7 +60,7 @@ impl Bar {
             let expected = "two ends that photos show from different places";
             return Err(Error::unexpected(file, "ends", expected, "rays that do not meet"));
         }
-        Ok(Self { length, found: between, photos: seen.len(), error })
+        Ok(Ok(Self { length, found: between, photos: seen.len(), error }))
     }
 
     /// Meters for a unit of the world.
