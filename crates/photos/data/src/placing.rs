@@ -21,6 +21,8 @@ use weaver_kernels::order::{median_mean, quantile};
 const COARSE: f64 = 0.1;
 /// Part of the points below which the ground is: some are wrong.
 const GROUND: f64 = 0.05;
+/// Fewer points tell nothing about a ground.
+const FEW: usize = 50;
 /// Height of a point above or below the median, over the median of these, from which it does not count: points that are
 /// hardly triangulated lie anywhere along their rays.
 const ASTRAY: f64 = 8.0;
@@ -119,7 +121,7 @@ impl EstimatedPhotos {
         placement.scale_bar = bar.as_ref().map(|bar| bar.fit(onto.scale)).or(unseen);
         // The ground at height 0.
         let vertical = if placement.east_north_up { DVec3::Z } else { DVec3::NEG_Y };
-        let mut heights: Vec<f64> = self.estimate.points.iter().map(|p| onto.apply(*p).dot(vertical)).collect();
+        let mut heights: Vec<f64> = self.firm_points().iter().map(|p| onto.apply(*p).dot(vertical)).collect();
         if let Some(ground) = ground(&mut heights).filter(|_| up.is_some() || followed.is_some()) {
             onto.translation -= vertical * ground;
             placement.origin = target.origin(ground).filter(|_| placement.east_north_up);
@@ -139,6 +141,15 @@ impl EstimatedPhotos {
             uncertainty.centers.iter_mut().for_each(|deviation| *deviation *= onto.scale);
             uncertainty.spread *= onto.scale;
         }
+    }
+
+    /// The points that three photos or more see; all, where these are few. Two rays may hardly meet.
+    fn firm_points(&self) -> Vec<DVec3> {
+        let points = &self.estimate.points;
+        let mut seen = vec![0; points.len()];
+        self.estimate.observations.iter().for_each(|observation| seen[observation.point] += 1);
+        let firm: Vec<DVec3> = points.iter().zip(&seen).filter(|(_, seen)| **seen >= 3).map(|(p, _)| *p).collect();
+        if firm.len() < FEW { points.clone() } else { firm }
     }
 
     /// Poses of the photos that have one, with their numbers.

@@ -1,5 +1,6 @@
 //! The direction up, by a drone's gimbal, a flat ground, or the horizons of photos.
 
+use super::FEW;
 use crate::EstimatedPhotos;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
@@ -80,7 +81,7 @@ impl Up {
             return self;
         }
         let poses: Vec<Pose> = found.poses().iter().map(|(_, pose)| *pose).collect();
-        let ground = ground(&poses, &found.estimate.points, self.direction, self.turned);
+        let ground = ground(&poses, &found.firm_points(), self.direction, self.turned);
         ground.map_or(self, |direction| Self { direction, source: Vertical::Ground, ..self })
     }
 }
@@ -135,7 +136,7 @@ fn smallest(directions: &[DVec3], weights: &[f64]) -> ([f64; 2], DVec3) {
 
 /// The vertical of a plane that many points are on, few below, and all cameras above.
 fn ground(poses: &[Pose], points: &[DVec3], up: DVec3, turned: bool) -> Option<DVec3> {
-    if points.len() < 50 {
+    if points.len() < FEW {
         return None;
     }
     let centers: Vec<DVec3> = poses.iter().map(Pose::center).collect();

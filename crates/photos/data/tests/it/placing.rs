@@ -161,8 +161,13 @@ fn scenes_stand_upright() {
     let cameras: Vec<Camera> = found.estimate.cameras.iter().flatten().copied().collect();
     let tilt = up(&cameras).angle_between(DVec3::NEG_Y) - up(&truth).angle_between(DVec3::Z);
     assert!(tilt.abs().to_degrees() < 12.0, "{} degrees", tilt.to_degrees());
-    let below = found.estimate.points.iter().filter(|p| p.y > 0.0).count();
-    assert!((below as f64 / found.estimate.points.len() as f64 - 0.05).abs() < 0.02, "{below}");
+    // Of the points that three photos see, a twentieth is below the ground.
+    let mut seen = vec![0; found.estimate.points.len()];
+    found.estimate.observations.iter().for_each(|observation| seen[observation.point] += 1);
+    let firm: Vec<DVec3> =
+        found.estimate.points.iter().zip(seen).filter(|(_, seen)| *seen >= 3).map(|(p, _)| *p).collect();
+    let below = firm.iter().filter(|p| p.y > 0.0).count();
+    assert!(firm.len() > 50 && (below as f64 / firm.len() as f64 - 0.05).abs() < 0.02, "{below} of {}", firm.len());
 }
 
 #[test]
