@@ -10,19 +10,19 @@ mod methods;
 mod old_names;
 mod paths;
 mod processes;
-mod reference;
-mod refine;
 mod request;
 mod table;
 mod units;
 
-pub use weaver_command::{Console, Interrupt, printable};
+pub use weaver_command::{Console, Flag, Interrupt, Value, printable};
 
-pub use command_line::{Flag, flags};
 pub use failure_kind::FailureKind;
-pub use reference::reference;
-pub use request::{Request, Value};
+pub use methods::models;
+pub use old_names::{OldName, current, old_names};
+pub use paths::Paths;
+pub use request::Request;
 
+use clap::CommandFactory;
 use command_line::CommandLine;
 use std::ffi::OsString;
 use weaver_command::Failure;
@@ -78,4 +78,27 @@ pub fn parses(arguments: impl IntoIterator<Item = OsString>) -> Result<(), Strin
         Err(error) if error.use_stderr() => Err(error.render().to_string()),
         _ => Ok(()),
     }
+}
+
+/// Paths of one command line, whose first word is the program's name.
+///
+/// # Errors
+/// The message of wrong usage, and the texts of `--help` and `--version`.
+pub fn paths(arguments: impl IntoIterator<Item = OsString>) -> Result<Paths, String> {
+    CommandLine::of(arguments).map(|line| line.paths).map_err(|error| error.to_string())
+}
+
+/// The definition that the command line is parsed by.
+pub fn program() -> clap::Command {
+    CommandLine::command()
+}
+
+/// The flags of all commands.
+pub fn flags() -> Vec<Flag> {
+    weaver_command::flags(&program())
+}
+
+/// The page `docs/reference/flags.md`, Markdown.
+pub fn reference() -> String {
+    weaver_command::reference(&program())
 }

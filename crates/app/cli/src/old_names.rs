@@ -3,26 +3,33 @@
 use std::ffi::OsString;
 
 /// An old word and its reading.
-struct Old {
-    /// The command, and its second word where it has one.
-    command: &'static str,
+#[derive(Clone, Copy, Debug)]
+pub struct OldName {
+    /// The command, and its second word where it has one. Empty for a flag that had no value and has one now: `word` is
+    /// then the command, `value` the flag.
+    pub command: &'static str,
     /// The word.
-    word: &'static str,
+    pub word: &'static str,
     /// The value that it must have; `None` for any value or none.
-    value: Option<&'static str>,
+    pub value: Option<&'static str>,
     /// The words in its place; with `value`, in place of both.
+    pub now: &'static [&'static str],
+}
+
+const fn renamed(command: &'static str, word: &'static str, now: &'static [&'static str]) -> OldName {
+    OldName { command, word, value: None, now }
+}
+
+const fn replaced(
+    command: &'static str,
+    word: &'static str,
+    value: &'static str,
     now: &'static [&'static str],
+) -> OldName {
+    OldName { command, word, value: Some(value), now }
 }
 
-const fn renamed(command: &'static str, word: &'static str, now: &'static [&'static str]) -> Old {
-    Old { command, word, value: None, now }
-}
-
-const fn replaced(command: &'static str, word: &'static str, value: &'static str, now: &'static [&'static str]) -> Old {
-    Old { command, word, value: Some(value), now }
-}
-
-const OLD: [Old; 22] = [
+const OLD: [OldName; 22] = [
     renamed("fit", "--size", &["--long-side"]),
     renamed("fit", "--views", &["--max-photos"]),
     renamed("fit", "--all", &["--hold-out", "none"]),
@@ -47,8 +54,13 @@ const OLD: [Old; 22] = [
     replaced(SWITCH, "reconstruct", "--hold-out", &["--hold-out", "listed"]),
 ];
 
-/// In place of a command: a word that had no value, and has one now. `word` is the command, `value` the word.
+/// The command of a word that had no value, and has one now.
 const SWITCH: &str = "";
+
+/// All old names.
+pub fn old_names() -> &'static [OldName] {
+    &OLD
+}
 
 /// The words of a command line with today's names, and a line for each name that was another one.
 pub fn current(mut words: Vec<OsString>) -> (Vec<OsString>, Vec<String>) {
@@ -77,16 +89,16 @@ pub fn current(mut words: Vec<OsString>) -> (Vec<OsString>, Vec<String>) {
         };
         let next = value.clone().or_else(|| rest.peek().and_then(|next| next.to_str()).map(String::from));
         let old = OLD.iter().find(|old| match old {
-            Old { command: SWITCH, word, value: flag, .. } => {
+            OldName { command: SWITCH, word, value: flag, .. } => {
                 *word == command && Some(&*name) == *flag && value.is_none() && !next.as_deref().is_some_and(is_value)
             }
-            Old { command: of, word, value, .. } => {
+            OldName { command: of, word, value, .. } => {
                 (*of == command || *of == both)
                     && *word == name
                     && value.is_none_or(|value| next.as_deref() == Some(value))
             }
         });
-        let Some(Old { command: of, now, value: expected, .. }) = old else {
+        let Some(OldName { command: of, now, value: expected, .. }) = old else {
             out.push(word);
             continue;
         };
@@ -107,59 +119,4 @@ pub fn current(mut words: Vec<OsString>) -> (Vec<OsString>, Vec<String>) {
 /// True if a word is a value of `--focal` or of `--hold-out`.
 fn is_value(word: &str) -> bool {
     ["listed", "none"].contains(&word) || word.parse::<f64>().is_ok()
-}
-
-#[cfg(test)]
-#[cfg(feature = "methods")]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_before_become_those_of_today() {
-        for (before, today) in [
-            (
-                "fit a --size 640 --all --poses refine --focal",
-                "fit a --long-side 640 --hold-out none --refine-cameras --refine-focal",
-            ),
-            (
-                "fit a --size=640 --poses=fixed --init network",
-                "fit a --long-side 640 --set poses.refine=false --init built-in",
-            ),
-            ("fit a --focal 1.2 --cameras estimated", "fit a --focal 1.2 --cameras estimated"),
-            ("reconstruct a --hold-out -o b", "reconstruct a --hold-out listed -o b"),
-            ("reconstruct a --hold-out 8 -o b", "reconstruct a --hold-out 8 -o b"),
-            ("eval --scene x.ply --data y --size 5", "compare x.ply --data y --long-side 5"),
-            ("eval --data y --scene=x.ply", "compare --data y x.ply"),
-            ("dynamic train --size 64 --all", "dynamic train --long-side 64 --hold-out none"),
-            ("vad train --plain --steps 5", "vad train --no-experts --steps 5"),
-            ("fit a --views 3", "fit a --max-photos 3"),
-            ("bench mixture --experts 4", "bench mixture --parts 4"),
-            ("cameras a -o b --match-size 300", "cameras a -o b --match-size 300"),
-        ] {
-            let words =
-                |line: &str| std::iter::once("splatweaver").chain(line.split(' ')).map(OsString::from).collect();
-            let (found, notes) = current(words(before));
-            assert_eq!(found, words(today) as Vec<OsString>, "{before}");
-            assert_eq!(notes.is_empty(), before == today, "{notes:?}");
-            assert!(crate::parses(found).is_ok(), "{before}");
-        }
-    }
-
-    /// An old name is no flag of today's, and stands for one that the command has.
-    ///
-    /// Promise (files): an old name of a flag stands for one that the command has, and is none of today's.
-    #[test]
-    fn old_names_stand_for_flags_that_there_are() {
-        let flags = crate::flags();
-        let has = |command: &str, word: &str| {
-            flags.iter().any(|flag| flag.command == command && word.strip_prefix("--") == Some(&flag.name))
-        };
-        for Old { command, word, value, now } in OLD.iter().filter(|old| old.command != SWITCH) {
-            assert!(has(command, now[0]), "{command} {}", now[0]);
-            assert!(value.is_some() || !has(command, word), "{command} {word} is a flag of today's");
-        }
-        for Old { word: command, now, .. } in OLD.iter().filter(|old| old.command == SWITCH) {
-            assert!(has(command, now[0]), "{command} {}", now[0]);
-        }
-    }
 }

@@ -63,6 +63,12 @@ fn is_zero(count: &usize) -> bool {
 }
 
 impl Outcome {
+    /// The outcome of the run that made a scene: summary.json beside it; `None` where there is no such run.
+    pub fn beside(scene: impl AsRef<Path>) -> Option<Self> {
+        let summary = weaver_io::read_text(scene.as_ref().with_file_name("summary.json")).ok()?;
+        serde_json::from_str(&summary).ok()
+    }
+
     /// The color correction that a photo of this name is judged with: of the same name, or of the only one whose file
     /// is called so.
     pub fn exposure_of(&self, photo: &str) -> Option<Exposure> {

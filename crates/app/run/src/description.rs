@@ -1,5 +1,6 @@
 //! The description of a run of any command from its folder: settings, progress, files.
 
+use crate::settings::{self, read_table};
 use crate::{Error, Folder, read_records};
 use serde_json::Value;
 use std::fmt::Write;
@@ -42,6 +43,26 @@ pub fn describe(path: &Path) -> Result<String, Error> {
         let shown = files.iter().take(SHOWN).map(|name| name.as_str()).collect::<Vec<_>>().join(", ");
         let more = files.len().saturating_sub(SHOWN);
         let _ = writeln!(text, "files: {shown}{}", if more > 0 { format!(" and {more} more") } else { String::new() });
+    }
+    Ok(text)
+}
+
+/// Describes a file of settings, TOML: a line for each entry, and of tables and lists of tables their number.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn describe_table(path: &Path) -> Result<String, settings::Error> {
+    let table = read_table(path)?;
+    let mut text = format!("TOML, {} keys\n", table.len());
+    for (key, value) in &table {
+        let value = match value {
+            settings::Value::Table(inner) => format!("{} keys", inner.len()),
+            settings::Value::Array(list) if list.iter().any(|entry| entry.is_table()) => {
+                format!("{} tables", list.len())
+            }
+            value => value.to_string(),
+        };
+        let _ = writeln!(text, "{key}: {value}");
     }
     Ok(text)
 }

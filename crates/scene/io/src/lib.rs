@@ -20,6 +20,7 @@ mod places;
 mod tensors;
 
 pub use advice::Advice;
+pub use cameras::convert::{ConvertedCameras, convert_cameras, is_cameras};
 pub use cameras::project::{Project, ProjectKind};
 pub use cameras::read_cameras;
 pub use cameras::transforms::Transforms;

@@ -1,20 +1,15 @@
 //! `splatweaver align`.
 
-mod guess;
-mod results;
-
 use clap::Args;
-use results::{Results, Row};
 use std::path::PathBuf;
 use weaver_command::{
-    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, in_pool,
+    Console, ConsoleObserver, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Threads, camera_files, choice,
+    device, in_pool,
 };
-use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
-use weaver_fit::align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
-use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Pose};
+use weaver_data::posed::{PosedOptions, load_frames, load_named};
+use weaver_fit::align::{AlignLoss, Method, Options};
 use weaver_io::{SceneFile, read_scene};
-use weaver_trainer::AlignLoss;
+use weaver_reconstruct::{AlignRequest, align_photos, claim_alignment, closest_views};
 
 const DESCENT: &str = "Descent";
 
@@ -91,12 +86,12 @@ pub struct Align {
 }
 
 pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || align_photos(arguments, console))
+    in_pool(arguments.threads.count(), || align_scene(arguments, console))
 }
 
-fn align_photos(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
+fn align_scene(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let read = arguments.photos.iter().chain([&arguments.scene]).chain(&arguments.cameras);
-    let mut results = Results::claim(&arguments.out, read)?;
+    let out = claim_alignment(&arguments.out, read)?;
     let rasterizer = device::rasterizer(&arguments.device)?;
     let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
     let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene, drawing)?;
@@ -111,46 +106,34 @@ fn align_photos(arguments: &Align, console: &mut Console) -> Result<(), Failure>
     let photos = match &arguments.cameras {
         Some(file) => load_named(file, &paths, &loading)?,
         None => {
-            let (frames, file) = guess::nearest(&arguments.scene, &gaussians, &paths, background, &settings)?;
-            load_frames(frames, &file, &loading)?
+            let file = arguments.scene.with_file_name("transforms.json");
+            if !file.is_file() {
+                let expected = "expected first guesses, or the scene's own cameras in";
+                return Err(Failure::Usage(format!("--cameras: {expected} {}", file.display())));
+            }
+            let frames = camera_files::read(&file, camera_files::Size::default())?;
+            load_frames(closest_views(&gaussians, &frames, &paths, background, &settings)?, &file, &loading)?
         }
     };
-    let options = Options {
-        blur: arguments.blur,
-        intrinsics: arguments.refine_focal,
-        ..options(arguments.method, arguments.steps)
-    };
     let loss = arguments.loss.unwrap_or(AlignLoss::of(arguments.method));
-    let mut compare = loss.function();
     let least = loss.least_side();
     if let Some(photo) = photos.iter().find(|found| found.photo.size().into_iter().min() < Some(least)) {
         let (name, [height, width]) = (photo.frame.path.display(), photo.photo.size());
         let expected = format!("--loss ssim: expected photos of at least {least} x {least} pixels");
         return Err(Failure::message(format!("{name}: {expected}, found {width} x {height}")));
     }
-    results.check(&photos)?;
-    let scene = Scene { gaussians: gaussians.as_slices(), background, settings, unit: unit(&photos) };
-    let mut progress = Progress::new("align", 0, photos.len(), console);
-    for (done, photo) in photos.iter().enumerate() {
-        let pixels: Vec<f32> = photo.photo.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
-        let one = [Photo { pixels: &pixels, mask: photo.photo.mask.as_deref(), camera: photo.photo.camera }];
-        let named = |error: AlignError| Failure::message(format!("{}: {error}", photo.frame.path.display()));
-        let aligned = align(&*rasterizer, &scene, &one, &options, &mut compare).map_err(named)?;
-        // Whatever was compared: decibels of all that masks leave, which users know.
-        let decibels = |camera: Camera| -> Result<f64, Failure> {
-            let still = Options { steps: 0, ..Options::of(Method::NoPoSplat) };
-            let moved = [Photo { camera, ..one[0] }];
-            let drawn = align(&*rasterizer, &scene, &moved, &still, mean_square).map_err(named)?;
-            Ok(-10.0 * drawn[0].loss[0].max(1e-10).log10())
-        };
-        for aligned in aligned {
-            let psnr = [decibels(photo.photo.camera)?, decibels(aligned.camera)?];
-            results.push(Row { photo, aligned, psnr })?;
-        }
-        progress.at(done + 1, photos.len(), || photo.photo.name.clone(), console);
+    let options = Options {
+        blur: arguments.blur,
+        intrinsics: arguments.refine_focal,
+        ..options(arguments.method, arguments.steps)
+    };
+    let request =
+        AlignRequest { gaussians: &gaussians, background, settings, photos: &photos, options, loss, rasterizer };
+    let aligned = align_photos(&request, &out, &mut ConsoleObserver::new(console))?;
+    if arguments.json {
+        return console.print(&aligned.json());
     }
-    progress.finish();
-    console.print(&results.finish(arguments.json)?)
+    console.print(&format!("{aligned}cameras: {}", arguments.out.join("transforms.json").display()))
 }
 
 /// The photos; of a folder those in it. None is no mistake: then there is nothing to do.
@@ -169,12 +152,4 @@ fn paths(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 pub fn options(method: Method, steps: Option<u32>) -> Options {
     let options = Options::of(method);
     Options { steps: steps.map_or(options.steps, |steps| steps as usize), ..options }
-}
-
-/// The length that 2Xplat divides by: the largest coordinate of a camera, from the middle of all; 1 for one camera.
-fn unit(photos: &[PosedPhoto]) -> f64 {
-    let centers = || photos.iter().map(|photo| Pose::center(&photo.photo.camera.pose));
-    let middle = centers().sum::<DVec3>() / photos.len().max(1) as f64;
-    let largest = centers().map(|center| (center - middle).abs().max_element()).fold(0.0, f64::max);
-    if largest > 0.0 { largest } else { 1.0 }
 }

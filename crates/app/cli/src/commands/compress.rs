@@ -1,10 +1,14 @@
 //! `splatweaver compress`.
 
 use clap::Args;
+use clap::builder::TypedValueParser;
 use serde_json::json;
+use std::ops::Bound;
 use std::path::PathBuf;
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, ConsoleObserver, DrawingFlags, DrawingOptions, Failure, Output, Threads, in_pool};
+use weaver_command::{
+    Console, ConsoleObserver, DrawingFlags, DrawingOptions, Failure, Output, Threads, in_pool, number,
+};
 use weaver_compress::{Compressed, Judged, MOST_DECIBELS, Pictures, compress_judged};
 use weaver_geometry::Camera;
 use weaver_io::{SceneFile, atomic_write, read_scene, scene_bytes};
@@ -32,7 +36,7 @@ pub struct Compress {
     #[arg(short, long, value_name = "FILE", value_parser = Output::file(&["wsz"]))]
     pub out: Output,
     /// Quality of pictures of the compressed scene beside those of the scene, decibels, at least in those that steps are chosen by; 46 is hard to tell apart, 40 shows on a closer look
-    #[arg(long, value_name = "DECIBELS", default_value = "46", value_parser = decibels)]
+    #[arg(long, value_name = "DECIBELS", default_value = "46", value_parser = decibels())]
     pub psnr: f64,
     /// Cameras of the pictures, every other of which judges what the others have chosen: transforms.json, a folder with a COLMAP model, or a
     /// RealEstate10K file [default: the transforms.json beside the scene, else an orbit]
@@ -48,11 +52,9 @@ pub struct Compress {
     pub drawing: DrawingFlags,
 }
 
-fn decibels(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(decibels) if decibels > 0.0 && decibels <= MOST_DECIBELS => Ok(decibels),
-        _ => Err(format!("expected decibels above 0 and up to {MOST_DECIBELS}, as in 46")),
-    }
+fn decibels() -> impl TypedValueParser<Value = f64> {
+    let expected = format!("expected decibels above 0 and up to {MOST_DECIBELS}, as in 46");
+    number((Bound::Excluded(0.0), Bound::Included(MOST_DECIBELS)), expected)
 }
 
 pub fn run(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {

@@ -3,16 +3,15 @@
 use super::align::{self, LOSSES, METHODS};
 use crate::flags::{CameraChoice, DensityFlags, RefineFlags};
 use crate::methods;
-use crate::refine::refined;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 use weaver_command::{Console, DeviceFlag, Failure, Progress, ShellCommand, Threads, choice, device, in_pool};
-use weaver_fit::align::Method;
+use weaver_fit::align::{AlignLoss, Method};
 use weaver_inference::RunFolder;
 use weaver_splat::Renderer;
 use weaver_trainer::{
-    AlignLoss, Alignment, CameraMode, EvalOptions, LookOf, MatchingOverride, OpenRun, Source, Targets, comparison,
+    Alignment, CameraMode, EvalOptions, LookOf, MatchingOverride, OpenRun, Source, Targets, comparison,
 };
 
 /// Heading of the flags that choose views and figures.
@@ -197,7 +196,7 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
             console.note(&format!("warning: {name} is at step {done} of {planned}{resume}"));
         }
         *run.predictor.renderer() = Renderer::new(rasterizer.clone());
-        run.predictor = refined(run.predictor, &arguments.refine, &[], rasterizer.clone())?;
+        run.predictor = arguments.refine.refined(run.predictor, &[], rasterizer.clone())?;
         if arguments.points && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Given) {
             return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
         }

@@ -6,7 +6,7 @@ mod outcome;
 pub use outcome::{conclude, print};
 
 use super::convert::scene_format;
-use crate::flags::{CameraChoice, CompleteFlag, MASKED, MatchingFlags, hold_out, level, minutes};
+use crate::flags::{CameraChoice, CompleteFlag, MASKED, MatchingFlags, level, minutes};
 use crate::processes::{network, together};
 use clap::Args;
 use initial::Start;
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weaver_command::{
     Console, ConsoleObserver, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_THREADS, Output, Rgb, background, choice,
-    device, in_pool,
+    device, in_pool, number,
 };
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::Masked;
@@ -52,7 +52,7 @@ pub struct Fit {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = RUN)]
     pub gaussians: Option<u32>,
     /// Time for all of it, matching included; the number of steps follows from the measured speed, and steps are left out where the machine turns out slower [default: 2]
-    #[arg(long, value_name = "M", value_parser = minutes, help_heading = RUN)]
+    #[arg(long, value_name = "M", value_parser = minutes(), help_heading = RUN)]
     pub minutes: Option<f64>,
     /// At least so many steps, whatever the time: they may take longer
     #[arg(long, value_name = "N", default_value_t = RunSettings::LEAST_STEPS as u32, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["steps", "resume"], help_heading = RUN)]
@@ -78,7 +78,7 @@ pub struct Fit {
     #[arg(long, help_heading = RUN)]
     pub json: bool,
     /// Time between checkpoints, at least
-    #[arg(long, value_name = "SECONDS", default_value_t = SAVE_EVERY, value_parser = pause, help_heading = RUN)]
+    #[arg(long, value_name = "SECONDS", default_value_t = SAVE_EVERY, value_parser = number(0.0..=1e6, "expected seconds, from 0 to 1000000"), help_heading = RUN)]
     pub save_every: f64,
     #[command(flatten)]
     pub complete: CompleteFlag,
@@ -92,7 +92,7 @@ pub struct Fit {
     pub long_side: Option<u32>,
     /// Which photos are held out: those that the capture lists, or every eighth where it lists none; no photo; or every so many
     /// [default: listed]
-    #[arg(long, value_name = "listed|none|N", value_parser = hold_out, help_heading = PHOTOS)]
+    #[arg(long, value_name = "listed|none|N", help_heading = PHOTOS)]
     pub hold_out: Option<HoldOut>,
     /// At most so many photos to fit to, evenly spread
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = PHOTOS)]
@@ -137,7 +137,7 @@ pub struct Fit {
     #[arg(long = "also", value_parser = scene_format(), value_name = "FORMAT", help_heading = SCENE)]
     pub formats: Vec<SceneFormat>,
     /// Also writes scene.wsz, at a level from 0, the finest, to 3, and fits the last fifth of the run with its rounding in place, without Gaussians that are not worth their bits
-    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "0.25", value_parser = level, help_heading = SCENE)]
+    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "0.25", value_parser = level(), help_heading = SCENE)]
     pub compress: Option<f64>,
     /// Writes no view.html, the page to look at the scene
     #[arg(long, help_heading = SCENE, conflicts_with = "resume")]
@@ -164,13 +164,6 @@ const PHOTOS: &str = "Photos and cameras";
 const SCENE: &str = "Scene";
 const CONFIGURATION: &str = "Configuration";
 const RUN: &str = "Run";
-
-fn pause(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(seconds) if (0.0..=1e6).contains(&seconds) => Ok(seconds),
-        _ => Err("expected seconds, from 0 to 1000000".into()),
-    }
-}
 
 /// Time for a run when nothing is said about it, minutes.
 const MINUTES: f64 = 2.0;
@@ -373,17 +366,4 @@ fn tell(arguments: &Fit, console: &mut Console) -> Result<(), Failure> {
     console.print(&format!("{:<28}{:>9.1} ms", "a step", 1e3 * step))?;
     let FitSettings { gaussians, sh_degree, views_per_step, .. } = settings.fit;
     console.print(&network(bytes_per_step(gaussians, sh_degree), views_per_step, step / views_per_step as f64))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn minutes_are_positive_and_finite() {
-        assert_eq!(minutes("0.5"), Ok(0.5));
-        for wrong in ["0", "-1", "NaN", "inf", "two"] {
-            assert!(minutes(wrong).is_err(), "{wrong}");
-        }
-    }
 }

@@ -1,18 +1,14 @@
 //! `splatweaver infer`.
 
-use super::view::{self, Seen};
 use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, DensityFlags, LightFlags, MatchingFlags, RefineFlags};
 use crate::methods;
-use crate::refine::refined;
 use clap::{ArgGroup, Args};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, mpsc};
 use weaver_clip::PhotoFiles;
-use weaver_command::{
-    Console, ConsoleObserver, DeviceFlag, Failure, Interrupt, Output, Progress, Threads, device, in_pool,
-};
+use weaver_command::{Console, ConsoleObserver, DeviceFlag, Failure, Interrupt, Output, Threads, device, in_pool};
 use weaver_fit::FitRasterizer;
 use weaver_inference::published::{self, Framing};
 use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
@@ -21,6 +17,7 @@ use weaver_io::{Observe, write_text};
 use weaver_reconstruct::{EstimatedCameras, VIEW};
 use weaver_splat::Renderer;
 use weaver_view::HtmlOptions;
+use weaver_view_run::SceneFiles;
 
 /// The file of what `--json` prints.
 pub const FIGURES: &str = "infer.json";
@@ -197,7 +194,7 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     // A network without Gaussians leaves nothing to look at.
     let viewed = report.psnr.is_some() && !arguments.no_html;
     if viewed {
-        write_text(out.file(VIEW)?, &view::scene_page(&Seen::of(out.path()))?.html(HtmlOptions::default())?)?;
+        write_text(out.file(VIEW)?, &SceneFiles::of(out.path()).page()?.html(HtmlOptions::default())?)?;
     }
     let PredictReport { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
     let figures =
@@ -251,7 +248,7 @@ fn own(
     if let Some(remark) = predictor.remark(density) {
         console.note(&format!("warning: {remark}"));
     }
-    let mut predictor = refined(predictor, &arguments.refine, images, rasterizer)?;
+    let mut predictor = arguments.refine.refined(predictor, images, rasterizer)?;
     if arguments.light.light.is_some() && (density != Density::default() || arguments.refine.is_asked()) {
         let message = "--light: expected neither --allocation nor --budget nor --refine with it, found one of them";
         return Err(Failure::Usage(message.into()));
@@ -283,42 +280,11 @@ fn published(
         rasterizer,
         bf16_products: arguments.bf16_products,
     };
-    let (sender, receiver) = mpsc::channel::<published::Progress>();
-    let report = std::thread::scope(|scope| {
-        scope.spawn(move || {
-            let mut progress: Option<Progress> = None;
-            for heard in receiver {
-                let shown = progress.get_or_insert_with(|| Progress::new("infer", 0, heard.total, console));
-                shown.at(heard.done, heard.total, || heard.stage.to_string(), console);
-            }
-            if let Some(progress) = progress {
-                progress.finish();
-            }
-        });
-        let tell = move |progress| {
-            // Sending fails only when the receiving thread is gone, and then there is nothing to show.
-            let _ = sender.send(progress);
-        };
-        // Before the first file is written, Ctrl-C ends the process at once; afterward, once all files are written.
-        published::run(weights, images, &options, out, tell, || {
-            interrupt.watch_after("all files are written");
-        })
-    })?;
+    // Before the first file is written, Ctrl-C ends the process at once; afterward, once all files are written.
+    let writing = || _ = interrupt.watch_after("all files are written");
+    let report = published::run_observed(weights, images, &options, out, &mut ConsoleObserver::new(console), writing)?;
     if interrupt.watch().load(Ordering::Relaxed) {
         return Err(Failure::message("interrupted; the results were complete and are written"));
     }
     Ok(report)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_one_number_or_two() {
-        assert_eq!((size("448"), size("448x252")), (Ok([448, 448]), Ok([252, 448])));
-        for wrong in ["", "x", "448x", "0", "-1", "4.5", "448x252x3", "99999"] {
-            assert!(size(wrong).is_err(), "{wrong}");
-        }
-    }
 }

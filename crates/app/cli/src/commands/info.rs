@@ -1,18 +1,15 @@
 //! `splatweaver info`.
 
-mod json;
-
 use crate::methods;
 use clap::Args;
-use json::of_json;
 use serde_json::Value;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, device};
-use weaver_inference::{Checkpoint, RunFolder};
+use weaver_inference::RunFolder;
 use weaver_io::{TorchCheckpoint, read_part, read_text};
 use weaver_run::Folder;
-use weaver_run::description::{SETTINGS, describe};
+use weaver_run::description::{SETTINGS, describe, describe_table};
+use weaver_trainer::describe_results;
 
 /// Describes a file or a folder.
 ///
@@ -50,18 +47,20 @@ pub fn run(arguments: &Info, console: &mut Console) -> Result<(), Failure> {
 fn described(path: &Path) -> Result<String, Failure> {
     let run = RunFolder::at(path);
     if run.config_path().is_file() {
-        return of_run(&run);
+        return Ok(methods::models().describe(&run)?);
     }
     if path.join(SETTINGS).is_file() {
         let summary = Some(path.join(Folder::SUMMARY)).filter(|summary| summary.is_file());
-        return Ok(describe(path)? + &summary.map(|summary| of_json(&summary)).transpose()?.unwrap_or_default());
+        return Ok(
+            describe(path)? + &summary.map(|summary| describe_results(&summary)).transpose()?.unwrap_or_default()
+        );
     }
     let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().to_lowercase());
     match name.rsplit_once('.').map_or("", |(_, extension)| extension) {
-        "toml" => of_toml(path),
-        "ckpt" | "pt" | "pth" => of_torch(path),
+        "toml" => Ok(describe_table(path)?),
+        "ckpt" | "pt" | "pth" => Ok(TorchCheckpoint::open(path)?.describe()?),
         "bin" if !["cameras.bin", "images.bin", "points3d.bin"].contains(&name.as_str()) => of_bin(path),
-        "json" if is_of_results(path)? => of_json(path),
+        "json" if is_of_results(path)? => Ok(describe_results(path)?),
         "wgi" => methods::describe_picture(path),
         _ if path.is_file() && weaver_clip::is_clip(path) => Ok(weaver_clip::info(path)?),
         _ => Ok(weaver_io::info(path)?),
@@ -83,7 +82,7 @@ fn is_of_results(path: &Path) -> Result<bool, Failure> {
 fn of_bin(path: &Path) -> Result<String, Failure> {
     const ZIP: &[u8] = b"PK";
     if read_part(path, 0..ZIP.len() as u64).is_ok_and(|start| start == ZIP) {
-        return of_torch(path);
+        return Ok(TorchCheckpoint::open(path)?.describe()?);
     }
     weaver_io::info(path).map_err(|error| match error {
         weaver_io::Error::Invalid { path, place, expected, found } => {
@@ -93,56 +92,4 @@ fn of_bin(path: &Path) -> Result<String, Failure> {
         }
         error => error.into(),
     })
-}
-
-fn of_run(run: &RunFolder) -> Result<String, Failure> {
-    let config = methods::models().of_run(run)?.read(run)?;
-    let mut text = format!("run of {}, preset {}\n", config.architecture, config.preset);
-    if run.checkpoint_path().is_file() {
-        let checkpoint = Checkpoint::read(&run.checkpoint_path())?;
-        let _ = writeln!(text, "checkpoint.safetensors: {} of {} steps", checkpoint.step, config.steps);
-    } else {
-        text.push_str("no checkpoint\n");
-    }
-    if run.summary_path().is_file() {
-        text.push_str(&of_json(&run.summary_path())?);
-    }
-    Ok(text)
-}
-
-/// A configuration, checked where it is one of a run, else the tables and keys of the file.
-fn of_toml(path: &Path) -> Result<String, Failure> {
-    let table = weaver_run::settings::read_table(path)?;
-    let mut text = format!("TOML, {} keys\n", table.len());
-    for (key, value) in &table {
-        let value = match value {
-            weaver_run::settings::Value::Table(inner) => format!("{} keys", inner.len()),
-            weaver_run::settings::Value::Array(list) if list.iter().any(|entry| entry.is_table()) => {
-                format!("{} tables", list.len())
-            }
-            value => value.to_string(),
-        };
-        let _ = writeln!(text, "{key}: {value}");
-    }
-    Ok(text)
-}
-
-/// Tensors that are listed.
-const SHOWN: usize = 30;
-
-fn of_torch(path: &Path) -> Result<String, Failure> {
-    let checkpoint = TorchCheckpoint::open(path)?;
-    let tensors = checkpoint.tensors()?;
-    let bytes: usize = tensors.iter().map(|tensor| tensor.bytes()).sum();
-    let mut text = format!("PyTorch checkpoint, {} tensors, {:.3} MB\n", tensors.len(), bytes as f64 / 1e6);
-    for tensor in tensors.iter().take(SHOWN) {
-        let _ = writeln!(text, "{} {} {:?}", tensor.name, tensor.dtype, tensor.shape);
-    }
-    if tensors.len() > SHOWN {
-        let _ = writeln!(text, "and {} others", tensors.len() - SHOWN);
-    }
-    for remark in checkpoint.remarks() {
-        let _ = writeln!(text, "{remark}");
-    }
-    Ok(text)
 }

@@ -6,21 +6,16 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{Console, DrawingFlags, Failure, Output, Progress, Threads, in_pool, memory};
-use weaver_geometry::trajectory::focus;
-use weaver_geometry::{Camera, Pose};
+use weaver_geometry::Camera;
 use weaver_io::ply::write_triangles;
 use weaver_io::{SceneFile, read_scene};
-use weaver_mesh::{DistanceField, DrawnScene, FieldProgress, Mesh, RangeView};
+use weaver_mesh::{DistanceField, DrawnScene, FieldProgress, Mesh, RangeView, SceneScale};
 
 /// Cells of the map of a lidar run, meters.
 const MAP_VOXEL: f64 = 0.1;
-/// The most cells between a camera and what all cameras look at.
-const CELLS: f64 = 256.0;
 /// Cells of the truncation, of a scene and of a map.
 const TRUNCATION: f64 = 5.0;
 const MAP_TRUNCATION: f64 = 3.0;
-/// Distances of the nearest camera from what all look at, beyond which everything is background.
-const FAR: f64 = 2.0;
 /// The largest pieces that are kept, and the least triangles of each.
 const PIECES: (usize, usize) = (50, 50);
 
@@ -98,14 +93,10 @@ fn scene_mesh(file: &Path, arguments: &Meshing, console: &mut Console) -> Result
     })?;
     let frames = camera_files::read(&path, Size::default())?;
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera.shrunk(arguments.long_side as usize)).collect();
-    let distance = distance(&cameras);
-    let scale = distance.or(arguments.far.map(|far| far / FAR)).ok_or_else(|| {
+    let SceneScale { far, voxel } = SceneScale::of(&cameras, arguments.far, arguments.voxel).ok_or_else(|| {
         let path = path.display();
         Failure::Usage(format!("{path}: expected --far with cameras that look at no common point before them"))
     })?;
-    let far = arguments.far.unwrap_or(FAR * scale);
-    let pixels = cameras.iter().map(|camera| camera.intrinsics.fx).fold(0.0, f64::max);
-    let voxel = arguments.voxel.unwrap_or(scale / pixels.min(CELLS));
     let mut scene = DrawnScene::new(&gaussians, background, settings, far).carving();
     let mut progress = Progress::new("mesh", 0, cameras.len(), console);
     for (i, camera) in cameras.iter().enumerate() {
@@ -144,13 +135,4 @@ fn distance_field(
     })?;
     progress.finish();
     Ok(field)
-}
-
-/// The least distance of a camera from the point that all look at, if that is before them.
-fn distance(cameras: &[Camera]) -> Option<f64> {
-    let poses: Vec<Pose> = cameras.iter().map(|camera| camera.pose).collect();
-    let focus = focus(&poses)?;
-    let before = poses.iter().filter(|pose| pose.apply(focus).z > 0.0).count();
-    let nearest = poses.iter().map(|pose| pose.center().distance(focus)).fold(f64::INFINITY, f64::min);
-    (2 * before > poses.len() && nearest > 0.0).then_some(nearest)
 }

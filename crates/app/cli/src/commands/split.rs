@@ -1,10 +1,9 @@
 //! `splatweaver split`.
 
-use crate::flags::hold_out;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Output, ShellCommand, fraction};
+use weaver_command::{Console, Failure, Output, ShellCommand, fraction, number};
 use weaver_data::OutputFolder;
 use weaver_data::capture::HoldOut;
 use weaver_reconstruct::blocks::{BlockCount, BlockFile, Split as Cut, SplitOptions, split};
@@ -27,13 +26,13 @@ pub struct Split {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000), required_unless_present = "memory", conflicts_with = "memory")]
     pub blocks: Option<u16>,
     /// As few blocks as take so many gigabytes each
-    #[arg(long, value_name = "GB", value_parser = gigabytes)]
+    #[arg(long, value_name = "GB", value_parser = number(1e-3..=1e6, "expected gigabytes above 0"))]
     pub memory: Option<f64>,
     /// Folder for the blocks
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
     pub out: Output,
     /// Part of the points that a photo sees which makes it the block's where they lie in it
-    #[arg(long, value_name = "SHARE", default_value_t = SHARE, value_parser = fraction)]
+    #[arg(long, value_name = "SHARE", default_value_t = SHARE, value_parser = fraction())]
     pub share: f64,
     /// Gaussians of the whole scene [default: for each block as many as `fit` takes]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -43,7 +42,7 @@ pub struct Split {
     pub long_side: Option<u32>,
     /// Which photos are held out: those that the capture lists, or every eighth where it lists none; no photo; or every so many
     /// [default: listed]
-    #[arg(long, value_name = "listed|none|N", value_parser = hold_out)]
+    #[arg(long, value_name = "listed|none|N")]
     pub hold_out: Option<HoldOut>,
     /// Leaves out what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
     #[arg(long)]
@@ -55,10 +54,6 @@ pub struct Split {
 
 /// A photo is a block's if this part of what it sees lies there.
 const SHARE: f64 = 0.05;
-
-fn gigabytes(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|size| (1e-3..=1e6).contains(size)).ok_or_else(|| "expected gigabytes above 0".into())
-}
 
 pub fn run(arguments: &Split, console: &mut Console) -> Result<(), Failure> {
     let is_plain = |name: &str| !name.contains(char::is_control);

@@ -1,7 +1,7 @@
 //! Flags of everything that estimates cameras from photos or clips.
 
 use clap::Args;
-use weaver_command::{Failure, choice};
+use weaver_command::{Failure, choice, number};
 use weaver_data::{EstimatePhotosOptions, Find};
 
 /// Heading of these flags.
@@ -44,7 +44,7 @@ impl ClipFlags {
 #[derive(Args, Clone, Copy, Debug, PartialEq)]
 pub struct MatchingFlags {
     /// The focal length of all photos, over their longer side: 0.75 for most phones [default: what the files tell, else estimated]
-    #[arg(long, value_name = "F", value_parser = focal, help_heading = MATCHING)]
+    #[arg(long, value_name = "F", value_parser = number(0.2..=20.0, "expected a number from 0.2 to 20, as in 1.2"), help_heading = MATCHING)]
     pub focal: Option<f64>,
     /// Ignores the focal lengths that files tell
     #[arg(long, help_heading = MATCHING)]
@@ -91,12 +91,5 @@ impl MatchingFlags {
         }
         let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size";
         Err(Failure::Usage(format!("{flags}: expected estimated cameras, found {found}")))
-    }
-}
-
-fn focal(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(focal) if (0.2..=20.0).contains(&focal) => Ok(focal),
-        _ => Err("expected a number from 0.2 to 20, as in 1.2".into()),
     }
 }

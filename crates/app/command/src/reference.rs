@@ -1,16 +1,61 @@
-//! The page of flags: every command with its arguments, from the definition that the program parses by.
+//! The definition of a command line as a list of flags and as a page.
 
-use crate::command_line::CommandLine;
-use clap::CommandFactory;
 use std::fmt::Write;
 
-/// The page `docs/reference/flags.md`, Markdown.
-pub fn reference() -> String {
+/// A flag of a command.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Flag {
+    /// The command, with a space before a second word.
+    pub command: String,
+    /// The long name, without dashes.
+    pub name: String,
+    /// Name of its value, alternatives with `|` between; `None` for a switch.
+    pub value: Option<String>,
+    /// Its value where it is not given, as on the command line; `None` where there is none.
+    pub default: Option<String>,
+}
+
+/// The flags of all commands of a program.
+pub fn flags(program: &clap::Command) -> Vec<Flag> {
+    let mut found = Vec::new();
+    for command in program.get_subcommands() {
+        let inner: Vec<_> = command.get_subcommands().collect();
+        if inner.is_empty() {
+            add_flags(command.get_name().to_string(), command, &mut found);
+        }
+        for second in inner {
+            add_flags(format!("{} {}", command.get_name(), second.get_name()), second, &mut found);
+        }
+    }
+    found
+}
+
+fn add_flags(name: String, command: &clap::Command, found: &mut Vec<Flag>) {
+    for argument in command.get_arguments() {
+        let Some(long) = argument.get_long() else { continue };
+        let values = argument.get_possible_values();
+        let named = argument.get_value_names().map(|names| names.join(" "));
+        let listed = values.iter().map(|value| value.get_name()).collect::<Vec<_>>().join("|");
+        let takes = argument.get_action().takes_values();
+        let value = match (takes, named) {
+            (false, _) => None,
+            (true, Some(named)) if values.is_empty() => Some(named),
+            (true, None) if values.is_empty() => Some("N".into()),
+            (true, _) => Some(listed),
+        };
+        let default = argument.get_default_values().first().filter(|_| takes);
+        let default = default.map(|value| value.to_string_lossy().into_owned());
+        found.push(Flag { command: name.clone(), name: long.to_string(), value, default });
+    }
+}
+
+/// Every command of a program with its arguments: the page `docs/reference/flags.md`, Markdown.
+pub fn reference(program: &clap::Command) -> String {
     let mut page = String::from(
         "# Flags\n\nEvery command with what it takes; generated from the program's own definition. `splatweaver COMMAND --help` prints the same with examples. \
          [Conventions](conventions.md#flags) explain the flags that several commands have.\n",
     );
-    for command in CommandLine::command().get_subcommands().filter(|command| !command.is_hide_set()) {
+    for command in program.get_subcommands().filter(|command| !command.is_hide_set()) {
         add(command.get_name().to_string(), command, &mut page);
         for second in command.get_subcommands() {
             add(format!("{} {}", command.get_name(), second.get_name()), second, &mut page);
