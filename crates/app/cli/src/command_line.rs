@@ -3,9 +3,9 @@
 use crate::commands::Command;
 use crate::methods::Method;
 use crate::paths::Paths;
-use clap::parser::ValueSource;
-use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser};
+use clap::{CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
+use weaver_command::{asked_threads, given_words, grouped};
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -53,47 +53,12 @@ impl CommandLine {
     /// Parses the words of a command line, whose first is the program's name.
     pub fn of(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Self, clap::Error> {
         let matches = Self::grouped().try_get_matches_from(words)?;
-        let (settings, paths, threads) = (settings(&matches), Paths::of(&matches), threads(&matches));
+        let (settings, paths, threads) = (given_words(&matches, &SILENT), Paths::of(&matches), asked_threads(&matches));
         Ok(Self { settings, paths, threads, ..Self::from_arg_matches(&matches)? })
     }
 
     /// The program, whose help lists the commands in groups.
     fn grouped() -> clap::Command {
-        let program = Self::command();
-        let commands: Vec<_> = program.get_subcommands().collect();
-        let width = commands.iter().map(|command| command.get_name().len()).max().unwrap_or(0);
-        let line = |command: &&clap::Command| {
-            let about = command.get_about().map_or(String::new(), ToString::to_string);
-            format!("  {:<width$}  {about}\n", command.get_name())
-        };
-        let mut left = commands.iter();
-        let group = |(title, count): &(&str, usize)| {
-            let lines: String = left.by_ref().take(*count).map(line).collect();
-            format!("{title}:\n{lines}\n")
-        };
-        let all = Command::GROUPS.iter().chain(Method::GROUPS);
-        let groups: String = all.filter(|(_, count)| *count > 0).map(group).collect();
-        let template = format!(
-            "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}Options:\n{{options}}{{after-help}}"
-        );
-        program.help_template(template)
+        grouped(Self::command(), Command::GROUPS.iter().chain(Method::GROUPS))
     }
-}
-
-/// The name of the command and its arguments, a line each.
-fn settings(matches: &ArgMatches) -> String {
-    let Some((name, arguments)) = matches.subcommand() else { return String::new() };
-    let given = arguments.ids().filter(|id| !SILENT.contains(&id.as_str()));
-    let given = given.filter(|id| arguments.value_source(id.as_str()) == Some(ValueSource::CommandLine));
-    let line = |id: &clap::Id| {
-        let values = arguments.try_get_raw(id.as_str()).ok().flatten().into_iter().flatten();
-        format!("{id} {:?}\n", values.collect::<Vec<_>>())
-    };
-    given.fold(format!("{name}\n"), |text, id| text + &line(id))
-}
-
-/// The threads requested of a command or subcommand.
-fn threads(matches: &ArgMatches) -> Option<usize> {
-    let asked = matches.try_get_one::<u16>("threads").ok().flatten().map(|count| usize::from(*count));
-    asked.or_else(|| threads(matches.subcommand()?.1))
 }

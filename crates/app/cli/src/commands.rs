@@ -21,7 +21,7 @@ mod split;
 mod train;
 mod view;
 
-use crate::flags::{CompleteFlag, IfComplete, MaskFlags, PlacingFlags};
+use crate::flags::{CompleteFlag, EstimateFlags, IfComplete};
 use crate::methods::Method;
 use crate::table::table;
 use clap::Subcommand;
@@ -56,27 +56,17 @@ impl Command {
         let unit = |complete: &CompleteFlag, out: &Output, inputs: Vec<PathBuf>, (figures, json), resume| {
             complete.if_complete.map(|IfComplete::Skip| Unit { out: out.to_path_buf(), inputs, figures, json, resume })
         };
-        let read = |photos: &[PathBuf], masks: &MaskFlags, placing: &PlacingFlags| {
-            photos.iter().cloned().chain(masks.folder()).chain(placing.files()).collect()
-        };
+        let read =
+            |photos: &[PathBuf], estimate: &EstimateFlags| photos.iter().cloned().chain(estimate.files()).collect();
         Ok(match self {
             Self::Reconstruct(it) => {
                 let resume = resumed(&it.out, it.json, it.threads.threads);
-                unit(
-                    &it.complete,
-                    &it.out,
-                    read(&it.photos, &it.masks, &it.placing),
-                    (Folder::SUMMARY, it.json),
-                    resume,
-                )
+                unit(&it.complete, &it.out, read(&it.photos, &it.estimate), (Folder::SUMMARY, it.json), resume)
             }
-            Self::Cameras(it) => unit(
-                &it.complete,
-                &it.out,
-                read(&it.photos, &it.masks, &it.placing),
-                (CamerasSummary::NAME, it.json),
-                None,
-            ),
+            Self::Cameras(it) => {
+                let figures = (CamerasSummary::NAME, it.json);
+                unit(&it.complete, &it.out, read(&it.photos, &it.estimate), figures, None)
+            }
             Self::Infer(it) => unit(&it.complete, &it.out, it.read(), (infer::FIGURES, it.json), None),
             Self::Fit(it) if it.complete.if_complete.is_some() => {
                 let out =

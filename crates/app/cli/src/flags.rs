@@ -13,9 +13,8 @@ pub use cameras::CameraChoice;
 pub use complete::{CompleteFlag, IfComplete};
 pub use density::DensityFlags;
 pub use light::LightFlags;
-pub use masks::{MASKED, MaskFlags, MaskedFlag};
-pub use matching::{ClipFlags, MatchingFlags};
-pub use placing::PlacingFlags;
+pub use masks::{MASKED, MaskedFlag};
+pub use matching::{ClipFlags, EstimateFlags, MatchingFlags};
 pub use refine::RefineFlags;
 
 use clap::builder::TypedValueParser;

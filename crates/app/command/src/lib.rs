@@ -34,7 +34,7 @@ pub use observer::ConsoleObserver;
 pub use output::Output;
 pub use printable::printable;
 pub use progress::Progress;
-pub use reference::{Flag, flags, reference};
+pub use reference::{Flag, asked_threads, flags, given_words, grouped, reference};
 pub use settings::{Value, words_of};
 pub use threads::{cores, fewer_threads, in_pool, pool_size};
 pub use weaver_io::{Part, ShellCommand, duration};

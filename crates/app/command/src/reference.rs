@@ -1,5 +1,7 @@
-//! The definition of a command line as a list of flags and as a page.
+//! The definition of a command line: its help in groups, a list of flags, a page; and the words that were given.
 
+use clap::ArgMatches;
+use clap::parser::ValueSource;
 use std::fmt::Write;
 
 /// A flag of a command.
@@ -99,4 +101,41 @@ fn form(argument: &clap::Arg) -> String {
 /// Text in a cell of a table.
 fn cell(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|").replace('<', "&lt;")
+}
+
+/// A program whose help lists its commands in groups: titles, and how many commands are in each, in their order.
+pub fn grouped<'a>(program: clap::Command, groups: impl Iterator<Item = &'a (&'a str, usize)>) -> clap::Command {
+    let commands: Vec<_> = program.get_subcommands().collect();
+    let width = commands.iter().map(|command| command.get_name().len()).max().unwrap_or(0);
+    let line = |command: &&clap::Command| {
+        let about = command.get_about().map_or(String::new(), ToString::to_string);
+        format!("  {:<width$}  {about}\n", command.get_name())
+    };
+    let mut left = commands.iter();
+    let group = |(title, count): &(&str, usize)| {
+        let lines: String = left.by_ref().take(*count).map(line).collect();
+        format!("{title}:\n{lines}\n")
+    };
+    let groups: String = groups.filter(|(_, count)| *count > 0).map(group).collect();
+    let template =
+        format!("{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}Options:\n{{options}}{{after-help}}");
+    program.help_template(template)
+}
+
+/// The name of the command and the arguments that were given on the command line but for `silent` ones, a line each.
+pub fn given_words(matches: &ArgMatches, silent: &[&str]) -> String {
+    let Some((name, arguments)) = matches.subcommand() else { return String::new() };
+    let given = arguments.ids().filter(|id| !silent.contains(&id.as_str()));
+    let given = given.filter(|id| arguments.value_source(id.as_str()) == Some(ValueSource::CommandLine));
+    let line = |id: &clap::Id| {
+        let values = arguments.try_get_raw(id.as_str()).ok().flatten().into_iter().flatten();
+        format!("{id} {:?}\n", values.collect::<Vec<_>>())
+    };
+    given.fold(format!("{name}\n"), |text, id| text + &line(id))
+}
+
+/// The threads requested of a command or of its second word.
+pub fn asked_threads(matches: &ArgMatches) -> Option<usize> {
+    let asked = matches.try_get_one::<u16>("threads").ok().flatten().map(|count| usize::from(*count));
+    asked.or_else(|| asked_threads(matches.subcommand()?.1))
 }

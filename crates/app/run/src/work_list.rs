@@ -2,6 +2,7 @@
 
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use weaver_io::list_folders;
 
 /// A list of work, as a TOML file with tables `[[work]]` has it.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
@@ -47,11 +48,7 @@ impl Work {
                 all.push(WorkInput { path: input.clone(), found: false });
                 continue;
             };
-            let entries =
-                std::fs::read_dir(parent).map_err(|source| weaver_io::Error::Io { path: parent.into(), source })?;
-            let mut folders: Vec<PathBuf> = entries.filter_map(Result::ok).map(|entry| entry.path()).collect();
-            folders.retain(|path| path.is_dir());
-            folders.sort();
+            let folders = list_folders(parent)?;
             all.extend(folders.into_iter().map(|path| WorkInput { path, found: true }));
         }
         Ok(all)

@@ -267,6 +267,14 @@ impl Registry {
         Ok(self.find(Some(name)).map_err(|e| wrong(e.to_string()))?)
     }
 
+    /// Opens the averaged weights of the run in a folder.
+    ///
+    /// # Errors
+    /// As [`of_run`](Self::of_run) and [`ModelEntry::open`].
+    pub fn open_run(&self, folder: &RunFolder) -> Result<OpenRun, Error> {
+        self.of_run(folder)?.open(folder)
+    }
+
     /// Opens a file of weights as if it were a run's: a run's checkpoint, small weights made of one, or a published
     /// checkpoint that makes Gaussians.
     ///

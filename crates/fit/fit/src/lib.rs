@@ -19,6 +19,7 @@ pub mod align;
 mod cameras;
 mod color_agreement;
 mod comparison;
+mod contributions;
 mod device_fit;
 mod device_step;
 mod error;
@@ -47,6 +48,7 @@ mod view;
 
 pub use cameras::{Alignment, Views, motion};
 pub use color_agreement::ColorAgreement;
+pub use contributions::contributions;
 pub use device_fit::{DeviceFit, FitRasterizer, Fitted, FittedRates, PhotoLoss, PhotoStep};
 pub use error::FitError;
 pub use evaluate::{Judge, Quality};

@@ -1,17 +1,15 @@
 //! `splatweaver convert`.
 
-mod contribution;
-
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use contribution::contributions;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, ConsoleObserver, Failure, Output, positive};
+use weaver_command::camera_files::{self, Size};
+use weaver_command::{Console, ConsoleObserver, DrawingOptions, Failure, Output, memory, positive};
 use weaver_geometry::Similarity;
 use weaver_geometry::geodesy::{Geographic, Origin};
 use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_io::{Conversion, ConvertError, ConvertedCameras, Keep, SCENE_FORMATS, SceneFormat, Score};
+use weaver_io::{Conversion, ConvertError, ConvertedCameras, Drawing, Keep, SCENE_FORMATS, SceneFormat, Score};
 use weaver_io::{convert, convert_cameras, is_cameras};
 use weaver_scene::{Gaussians, Region};
 
@@ -198,4 +196,20 @@ fn convert_one(from: &Path, arguments: &Convert, console: &mut Console) -> Resul
     let (inputs, output) = ([from.display().to_string()], to.to_string());
     let report = json!({"inputs": inputs, "output": output, "photos": photos, "points": points, "origin": origin});
     console.print(&serde_json::to_string_pretty(&report)?)
+}
+
+/// Longest side of the pictures: what shows at this size shows at any.
+const LONG_SIDE: usize = 640;
+
+/// What Gaussians add to the pictures of the cameras of a file.
+fn contributions(
+    gaussians: &Gaussians,
+    cameras: &Path,
+    (scene, drawing): (&Path, Drawing),
+) -> Result<Vec<f32>, Failure> {
+    let mut cameras = camera_files::read(cameras, Size::default())?;
+    cameras.iter_mut().for_each(|frame| frame.camera = frame.camera.shrunk(LONG_SIDE));
+    memory::check(memory::of_pictures(&cameras, 1), "smaller cameras reduce it")?;
+    let (background, settings) = DrawingOptions::default().beside(scene, drawing)?;
+    Ok(weaver_fit::contributions(gaussians, cameras.iter().map(|frame| frame.camera), background, &settings)?)
 }

@@ -236,9 +236,6 @@ fn opened(arguments: &Eval) -> Result<Vec<(String, OpenRun)>, Failure> {
         return Ok(vec![("built-in".into(), OpenRun::built_in()?)]);
     }
     let registry = methods::models();
-    let open = |path: &PathBuf| {
-        let folder = RunFolder::at(path);
-        Ok((path.display().to_string(), registry.of_run(&folder)?.open(&folder)?))
-    };
+    let open = |path: &PathBuf| Ok((path.display().to_string(), registry.open_run(&RunFolder::at(path))?));
     arguments.run.iter().map(open).collect()
 }

@@ -10,6 +10,7 @@ use crate::flags::{CameraChoice, CompleteFlag, MASKED, MatchingFlags, level, min
 use crate::processes::{network, together};
 use clap::Args;
 use initial::Start;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weaver_command::{
@@ -21,7 +22,7 @@ use weaver_data::posed::Masked;
 use weaver_fit::{FitSettings, Judge, StrategyKind, bytes_per_step};
 use weaver_io::SceneFormat;
 use weaver_ranks::{Alone, Ranks};
-use weaver_reconstruct::{ByPhotos, FitContext, FitRequest, Folder, Pace, Run, RunSettings, resume};
+use weaver_reconstruct::{ByPhotos, FitContext, FitRequest, Pace, Run, RunSettings, resume};
 use weaver_run::settings::{Layers, source};
 use weaver_trainer::evaluate::load_lpips;
 use weaver_view_run::Listener;
@@ -243,7 +244,7 @@ fn context(arguments: &Fit, initial: Option<Start>, ranks: Option<&Arc<dyn Ranks
 fn request(arguments: &Fit, initial: &Start) -> Result<FitRequest, Failure> {
     let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
     let estimates = arguments.estimates()?;
-    let out = arguments.out.as_deref().map_or_else(|| free_folder(&capture), Path::to_path_buf);
+    let out = arguments.out.as_deref().map_or_else(|| FitRequest::free_folder(&capture), Path::to_path_buf);
     let init = arguments.init.as_deref().map(PathBuf::from).filter(|path| path.is_file());
     let Named { fit, by_photos, gaussians } = fit_settings(arguments)?;
     let settings = RunSettings {
@@ -295,7 +296,7 @@ fn pace(settings: &RunSettings, initial: Start, arguments: &Fit) -> Result<Pace,
 /// Settings of a fit, and which of them nobody has given.
 struct Named {
     fit: FitSettings,
-    by_photos: ByPhotos,
+    by_photos: BTreeSet<ByPhotos>,
     gaussians: Option<usize>,
 }
 
@@ -303,15 +304,16 @@ struct Named {
 fn fit_settings(arguments: &Fit) -> Result<Named, Failure> {
     let (file, sets) = (arguments.config.as_deref(), arguments.settings.as_slice());
     let layers = Layers::of(&RunSettings::usual_fit(), file, sets)?;
-    let by_photos = ByPhotos {
-        exposure: arguments.exposure.is_none() && !layers.gives("exposure"),
-        background: arguments.background.is_none() && !layers.gives("background"),
-        dropout: !layers.gives("dropout"),
-        start: arguments.init.is_none(),
-        means: !layers.gives("rates.means"),
-        fade: !layers.gives("density.opacity_weight"),
-        coarse: !layers.gives("halvings") && !layers.gives("coarse_until"),
-    };
+    let given = [
+        (ByPhotos::Exposure, arguments.exposure.is_some() || layers.gives("exposure")),
+        (ByPhotos::Background, arguments.background.is_some() || layers.gives("background")),
+        (ByPhotos::Dropout, layers.gives("dropout")),
+        (ByPhotos::Start, arguments.init.is_some()),
+        (ByPhotos::Means, layers.gives("rates.means")),
+        (ByPhotos::Fade, layers.gives("density.opacity_weight")),
+        (ByPhotos::Coarse, layers.gives("halvings") || layers.gives("coarse_until")),
+    ];
+    let by_photos = given.into_iter().filter(|(_, given)| !given).map(|(setting, _)| setting).collect();
     let given = arguments.gaussians.is_some() || layers.gives("gaussians");
     let mut fit = layers.finish(&source(file, sets))?;
     let set = |to: &mut usize, value: Option<u32>| *to = value.map_or(*to, |value| value as usize);
@@ -332,31 +334,14 @@ fn fit_settings(arguments: &Fit) -> Result<Named, Failure> {
     Ok(Named { fit, by_photos, gaussians })
 }
 
-/// The folder of a capture's fit that is given none.
-fn free_folder(capture: &Path) -> PathBuf {
-    let absolute = std::path::absolute(capture).unwrap_or(capture.into());
-    let folder = if absolute.is_file() { absolute.parent().unwrap_or(&absolute).to_path_buf() } else { absolute };
-    let name = folder.file_name().map_or("capture".into(), |name| name.to_string_lossy().into_owned());
-    Folder::free(Path::new("fits"), &name)
-}
-
 fn tell(arguments: &Fit, console: &mut Console) -> Result<(), Failure> {
     let initial = Start::of(arguments.init.as_deref())?;
     let (settings, plan) = request(arguments, &initial)?.plan(Some(device::rasterizer(&arguments.device)?))?;
-    let mb = |bytes: u64| format!("{:>9.1} MB", bytes as f64 / 1e6);
     let time = settings.minutes.map_or(format!("{} steps", settings.fit.steps), |m| format!("{m} minutes"));
-    let [width, height] = plan.size;
+    let ([width, height], photos, held_out) = (plan.size, plan.training, plan.held_out);
+    let gaussians = settings.fit.gaussians;
     console.print(&format!(
-        "{} photos of at most {width}x{height}, {} held out; at most {} Gaussians, {time}\n\
-         photos      {}\nGaussians   {}\nrasterizer  {}\nstart       {}\nat most     {}",
-        plan.training,
-        plan.held_out,
-        settings.fit.gaussians,
-        mb(plan.photos),
-        mb(plan.gaussians),
-        mb(plan.rasterizer),
-        mb(plan.start),
-        mb(plan.total())
+        "{photos} photos of at most {width}x{height}, {held_out} held out; at most {gaussians} Gaussians, {time}\n{plan}"
     ))?;
     let pace = pace(&settings, initial, arguments)?;
     if settings.minutes.is_none() {

@@ -233,8 +233,7 @@ fn own(
     }
     let (mut predictor, seed): (Box<dyn Predictor>, u64) = match (&arguments.run, &arguments.weights) {
         (Some(run), _) => {
-            let folder = RunFolder::at(run);
-            let run = methods::models().of_run(&folder)?.open(&folder)?;
+            let run = methods::models().open_run(&RunFolder::at(run))?;
             (run.predictor, run.seed)
         }
         (None, Some(weights)) => {

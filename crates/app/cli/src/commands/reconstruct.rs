@@ -1,7 +1,7 @@
 //! `splatweaver reconstruct`.
 
 use super::fit;
-use crate::flags::{ClipFlags, CompleteFlag, MaskFlags, MaskedFlag, MatchingFlags, PlacingFlags, level, minutes};
+use crate::flags::{CompleteFlag, EstimateFlags, MaskedFlag, level, minutes};
 use clap::Args;
 use clap::builder::ArgPredicate;
 use std::path::PathBuf;
@@ -65,13 +65,7 @@ pub struct Reconstruct {
     #[command(flatten)]
     pub live: LiveFlag,
     #[command(flatten)]
-    pub clip: ClipFlags,
-    #[command(flatten)]
-    pub matching: MatchingFlags,
-    #[command(flatten)]
-    pub placing: PlacingFlags,
-    #[command(flatten)]
-    pub masks: MaskFlags,
+    pub estimate: EstimateFlags,
     #[command(flatten)]
     pub masked: MaskedFlag,
     #[command(flatten)]
@@ -106,9 +100,7 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
 fn make(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let photos = if arguments.demo { Photos::Demo } else { Photos::at(&arguments.photos) };
     if let Photos::Capture(_) = photos {
-        arguments.matching.check_unused("a capture with cameras of its own")?;
-        arguments.clip.check_unused("a capture with cameras of its own")?;
-        arguments.placing.check_unused("a capture with cameras of its own")?;
+        arguments.estimate.check_unused("a capture with cameras of its own")?;
     }
     let request = Request {
         quality: arguments.quality,
@@ -118,10 +110,10 @@ fn make(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -
         seed: arguments.seed,
         compress: arguments.compress,
         html: !arguments.no_html,
-        frames: arguments.clip.most(),
-        matching: arguments.matching.into(),
-        placing: (&arguments.placing).into(),
-        masks: arguments.masks.options(),
+        frames: arguments.estimate.clip.most(),
+        matching: arguments.estimate.matching.into(),
+        placing: (&arguments.estimate.placing).into(),
+        masks: arguments.estimate.masks.options(),
         masked: arguments.masked.masked.unwrap_or_default(),
         live: Listener::of(arguments.live)?,
         ..Request::new(&*arguments.out)

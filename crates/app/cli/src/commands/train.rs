@@ -11,8 +11,7 @@ use weaver_command::{
 };
 use weaver_inference::RunFolder;
 use weaver_trainer::{
-    CURVES, ConfigSource, Error, Folder, Observer, Ranks, ResolvedConfig, StepReport, Summary, Training, claim_run,
-    reclaim_run,
+    CURVES, ConfigSource, Folder, Ranks, ResolvedConfig, StepReport, Summary, Training, claim_run, reclaim_run,
 };
 use weaver_view_run::{Listener, LiveRun, LiveView, Server, live};
 
@@ -123,24 +122,47 @@ fn run_in(
     };
     let registry = methods::models();
     let rasterizer = device::rasterizer(&arguments.device)?;
-    if let Some(path) = &arguments.resume {
-        let folder = RunFolder::at(path);
-        let entry = registry.of_run(&folder)?;
-        let config = entry.read(&folder)?;
-        check_trace(arguments, &config)?;
-        let claimed = writes.then(|| reclaim_run(path)).transpose()?;
-        return in_pool(arguments.threads.map(usize::from).or(config.threads), || {
-            let mut session = entry.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
-            session.draw_by(rasterizer);
-            let Some(session) = joined(session)? else { return Ok(()) };
-            let Some(claimed) = &claimed else {
-                return dry_run(session, &config, console);
-            };
-            train(session, claimed, arguments, listener, console, interrupt)
-        });
+    let resumed = arguments.resume.as_deref().map(RunFolder::at);
+    let (entry, config) = match &resumed {
+        Some(folder) => {
+            let entry = registry.of_run(folder)?;
+            (entry, entry.read(folder)?)
+        }
+        None => {
+            let entry = registry.find(arguments.model.as_deref())?;
+            (entry, entry.resolve(&source(arguments))?)
+        }
+    };
+    if let Some(trace) = &arguments.trace {
+        weaver_io::check_output_file(trace, &config.inputs)?;
     }
-    let entry = registry.find(arguments.model.as_deref())?;
-    let config = entry.resolve(&ConfigSource {
+    // Claimed before anything is read; nothing is left behind when the data cannot be.
+    let claim = || match (&arguments.resume, &arguments.out) {
+        (Some(path), _) => reclaim_run(path),
+        (None, Some(out)) => claim_run(out, &config),
+        (None, None) => claim_run(&Folder::free(Path::new("runs"), &config.preset), &config),
+    };
+    let claimed = writes.then(claim).transpose()?;
+    in_pool(arguments.threads.map(usize::from).or(config.threads), || {
+        let mut session = match &resumed {
+            Some(folder) => entry.resume(folder, arguments.steps.map(|steps| steps as usize))?,
+            None => entry.start(&config)?,
+        };
+        session.draw_by(rasterizer);
+        let Some(session) = joined(session)? else { return Ok(()) };
+        let Some(claimed) = &claimed else {
+            return dry_run(session, &config, console);
+        };
+        if resumed.is_none() {
+            claimed.store_text(&config.toml)?;
+        }
+        train(session, claimed, arguments, listener, console, interrupt)
+    })
+}
+
+/// Sources of the configuration of a new run.
+fn source(arguments: &Train) -> ConfigSource {
+    ConfigSource {
         preset: arguments.preset.clone(),
         file: arguments.config.clone(),
         settings: arguments.settings.clone(),
@@ -150,34 +172,14 @@ fn run_in(
         seed: arguments.seed,
         threads: arguments.threads.map(usize::from),
         steps: arguments.steps.map(|steps| steps as usize),
-    })?;
-    let path =
-        arguments.out.as_deref().map_or_else(|| Folder::free(Path::new("runs"), &config.preset), Path::to_path_buf);
-    check_trace(arguments, &config)?;
-    // Claimed before anything is read; nothing is left behind when the data cannot be.
-    let claimed = writes.then(|| claim_run(&path, &config)).transpose()?;
-    in_pool(config.threads, || {
-        let mut session = entry.start(&config)?;
-        session.draw_by(rasterizer);
-        let Some(session) = joined(session)? else { return Ok(()) };
-        let Some(claimed) = &claimed else {
-            return dry_run(session, &config, console);
-        };
-        claimed.store_text(&config.toml)?;
-        train(session, claimed, arguments, listener, console, interrupt)
-    })
+    }
 }
 
-/// Checks that the file of a trace can be written.
-fn check_trace(arguments: &Train, config: &ResolvedConfig) -> Result<(), Failure> {
-    Ok(arguments.trace.as_ref().map_or(Ok(()), |path| weaver_io::check_output_file(path, &config.inputs))?)
-}
-
-/// Measures what the run would take. Nothing is left behind.
+/// Measures the resources of the run. Nothing is left behind.
 fn dry_run(session: Box<dyn Training>, config: &ResolvedConfig, console: &mut Console) -> Result<(), Failure> {
     console.print(session.plan().trim_end())?;
     let path = std::env::temp_dir().join(format!("splatweaver-dry-run-{}", std::process::id()));
-    // With a folder for temporary files that is not there.
+    // The folder for temporary files itself may not exist.
     let made: Vec<&Path> = path.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists()).skip(1).collect();
     let folder = claim_run(&path, config)?;
     let measured = session.dry_run(&folder);
@@ -217,11 +219,14 @@ fn train(
     let (names, showing) = (&CURVES, LiveView::Pictures(&samples));
     let followed = LiveRun { folder: folder.path(), steps: total, names, showing, stop };
     let server = listener.map(|listener| Server::of_run(&path, followed, listener)).transpose()?;
-    let progress = Progress::new("train", done, total, console);
     let summary = live(server, console, |console| {
-        let mut shown = Shown { progress, label, total, console };
-        let result = session.train(folder, &mut shown, stop);
-        shown.progress.finish();
+        let mut progress = Progress::new("train", done, total, console);
+        let mut show = |report: &StepReport| {
+            progress.at(report.step, total, || label(report), console);
+            Ok(())
+        };
+        let result = session.train(folder, &mut show, stop);
+        progress.finish();
         result
     })?;
     report(&summary, folder, arguments.json, console)
@@ -243,20 +248,4 @@ fn report(summary: &Summary, folder: &Folder, json: bool, console: &mut Console)
         console.print(&evaluation.table())?;
     }
     console.print(&format!("report: {}", folder.path().join(Folder::REPORT).display()))
-}
-
-/// Shows each step.
-struct Shown<'a, 'c> {
-    progress: Progress,
-    label: fn(&StepReport) -> String,
-    total: usize,
-    console: &'a mut Console<'c>,
-}
-
-impl Observer for Shown<'_, '_> {
-    fn step(&mut self, report: &StepReport) -> Result<(), Error> {
-        let label = self.label;
-        self.progress.at(report.step, self.total, || label(report), self.console);
-        Ok(())
-    }
 }

@@ -1,6 +1,9 @@
 //! Flags of everything that estimates cameras from photos or clips.
 
+use super::masks::MaskFlags;
+use super::placing::PlacingFlags;
 use clap::Args;
+use std::path::PathBuf;
 use weaver_command::{Failure, choice, number};
 use weaver_data::{EstimatePhotosOptions, Find};
 
@@ -26,17 +29,6 @@ impl ClipFlags {
     /// The most frames of each clip.
     pub fn most(self) -> Option<usize> {
         self.frames.map(|most| most as usize)
-    }
-
-    /// Checks that no flag is given, for input without a clip.
-    ///
-    /// # Errors
-    /// When a flag is given; `found` names the input in place of a clip.
-    pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
-        match self.frames {
-            None => Ok(()),
-            Some(_) => Err(Failure::Usage(format!("--frames: expected a clip, found {found}"))),
-        }
     }
 }
 
@@ -86,10 +78,45 @@ impl MatchingFlags {
     /// # Errors
     /// When a flag is given; `found` names the source of cameras.
     pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
-        if *self == Self::default() {
-            return Ok(());
-        }
         let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size";
-        Err(Failure::Usage(format!("{flags}: expected estimated cameras, found {found}")))
+        unused(self, flags, "estimated cameras", found)
+    }
+}
+
+/// Everything that decides about cameras which are estimated from photos and clips alone.
+#[derive(Args, Clone, Debug)]
+pub struct EstimateFlags {
+    #[command(flatten)]
+    pub clip: ClipFlags,
+    #[command(flatten)]
+    pub matching: MatchingFlags,
+    #[command(flatten)]
+    pub placing: PlacingFlags,
+    #[command(flatten)]
+    pub masks: MaskFlags,
+}
+
+impl EstimateFlags {
+    /// Checks that no flag is given but masks, for a capture with cameras of its own.
+    ///
+    /// # Errors
+    /// When a flag is given; `found` names the source of cameras.
+    pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
+        self.matching.check_unused(found)?;
+        unused(&self.clip, "--frames", "a clip", found)?;
+        unused(&self.placing, "--positions, --scale-bar, --no-gps, --up", "estimated cameras", found)
+    }
+
+    /// The files and folders that are read beside the photos.
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        self.masks.folder().into_iter().chain(self.placing.files())
+    }
+}
+
+/// Checks that flags have their defaults.
+fn unused<T: Default + PartialEq>(given: &T, flags: &str, expected: &str, found: &str) -> Result<(), Failure> {
+    match *given == T::default() {
+        true => Ok(()),
+        false => Err(Failure::Usage(format!("{flags}: expected {expected}, found {found}"))),
     }
 }

@@ -3,7 +3,6 @@
 use super::matching::MATCHING;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use weaver_command::Failure;
 use weaver_data::Placing;
 
 /// Sources of meters and of the vertical.
@@ -49,17 +48,5 @@ impl PlacingFlags {
     /// The files that are read.
     pub fn files(&self) -> impl Iterator<Item = PathBuf> {
         self.positions.clone().into_iter().chain(self.scale_bar.clone())
-    }
-
-    /// Checks that no flag is given, for cameras that are not estimated.
-    ///
-    /// # Errors
-    /// When a flag is given; `found` names the source of cameras.
-    pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
-        if *self == Self::default() {
-            return Ok(());
-        }
-        let flags = "--positions, --scale-bar, --no-gps, --up";
-        Err(Failure::Usage(format!("{flags}: expected estimated cameras, found {found}")))
     }
 }
