@@ -1,11 +1,11 @@
 //! The command line and its help texts.
 
 use crate::commands::Command;
+use crate::flags::CameraChoice;
 use crate::methods::Method;
-use crate::paths::Paths;
 use clap::{CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
-use weaver_command::{asked_threads, given_words, grouped};
+use weaver_command::{Paths, asked_threads, given_words, grouped};
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -53,7 +53,8 @@ impl CommandLine {
     /// Parses the words of a command line, whose first is the program's name.
     pub fn of(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Self, clap::Error> {
         let matches = Self::grouped().try_get_matches_from(words)?;
-        let (settings, paths, threads) = (given_words(&matches, &SILENT), Paths::of(&matches), asked_threads(&matches));
+        let (settings, paths, threads) =
+            (given_words(&matches, &SILENT), Paths::of::<CameraChoice>(&matches), asked_threads(&matches));
         Ok(Self { settings, paths, threads, ..Self::from_arg_matches(&matches)? })
     }
 

@@ -26,7 +26,7 @@ use crate::methods::Method;
 use crate::table::table;
 use clap::Subcommand;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Interrupt, Output};
+use weaver_command::{Console, Failure, Interrupt, Output, in_pool};
 use weaver_data::CamerasSummary;
 use weaver_run::Folder;
 
@@ -82,31 +82,31 @@ impl Command {
 table! {
     Command:
     "Reconstruct": {
-        Reconstruct(reconstruct::Reconstruct) => reconstruct::run,
-        Cameras(cameras::Cameras) => |it, console, _| cameras::run(it, console),
+        Reconstruct(reconstruct::Reconstruct) => |it, console, interrupt| in_pool(it.threads.count(), || reconstruct::run(it, console, interrupt)),
+        Cameras(cameras::Cameras) => |it, console, _| in_pool(it.threads.count(), || cameras::run(it, console)),
         Fit(fit::Fit) => fit::run,
-        Infer(infer::Infer) => infer::run,
+        Infer(infer::Infer) => |it, console, interrupt| in_pool(it.threads.count(), || infer::run(it, console, interrupt)),
         Split(split::Split) => |it, console, _| split::run(it, console),
         Merge(merge::Merge) => |it, console, _| merge::run(it, console),
         Plan(plan::Plan) => |it, console, _| plan::run(it, console),
     }
     "Look": {
-        View(view::View) => view::run,
-        Render(render::Render) => |it, console, _| render::run(it, console),
-        Compare(compare::Compare) => |it, console, _| compare::run(it, console),
+        View(view::View) => |it, console, interrupt| in_pool(it.threads.count(), || view::run(it, console, interrupt)),
+        Render(render::Render) => |it, console, _| in_pool(it.threads.count(), || render::run(it, console)),
+        Compare(compare::Compare) => |it, console, _| in_pool(it.threads.count(), || compare::run(it, console)),
         Info(info::Info) => |it, console, _| info::run(it, console),
-        Compress(compress::Compress) => |it, console, _| compress::run(it, console),
+        Compress(compress::Compress) => |it, console, _| in_pool(it.threads.count(), || compress::run(it, console)),
         Convert(convert::Convert) => |it, console, _| convert::run(it, console),
     }
     "Learn": {
         Train(train::Train) => train::run,
-        Eval(eval::Eval) => |it, console, _| eval::run(it, console),
+        Eval(eval::Eval) => |it, console, _| in_pool(it.threads.count(), || eval::run(it, console)),
         Config(config::Config) => |it, console, _| config::run(it, console),
         ConvertWeights(convert_weights::ConvertWeights) => convert_weights::run,
     }
     "More": {
-        Align(align::Align) => |it, console, _| align::run(it, console),
-        Mesh(mesh::Meshing) => |it, console, _| mesh::run(it, console),
+        Align(align::Align) => |it, console, _| in_pool(it.threads.count(), || align::run(it, console)),
+        Mesh(mesh::Meshing) => |it, console, _| in_pool(it.threads.count(), || mesh::run(it, console)),
         Completions(completions::Completions) => |it, console, _| completions::run(it, console),
     }
     and Method

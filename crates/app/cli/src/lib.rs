@@ -8,18 +8,16 @@ mod failure_kind;
 mod flags;
 mod methods;
 mod old_names;
-mod paths;
 mod processes;
 mod request;
 mod table;
 mod units;
 
-pub use weaver_command::{Console, Flag, Interrupt, Value, printable};
+pub use weaver_command::{Console, Flag, Interrupt, OldName, Paths, Value, printable};
 
 pub use failure_kind::FailureKind;
 pub use methods::models;
-pub use old_names::{OldName, current, old_names};
-pub use paths::Paths;
+pub use old_names::{OLD, current};
 pub use request::Request;
 
 use clap::CommandFactory;

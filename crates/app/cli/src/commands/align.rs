@@ -4,7 +4,7 @@ use clap::Args;
 use std::path::PathBuf;
 use weaver_command::{
     Console, ConsoleObserver, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Threads, camera_files, choice,
-    device, in_pool,
+    device,
 };
 use weaver_data::posed::{PosedOptions, load_frames, load_named};
 use weaver_fit::align::{AlignLoss, Method, Options};
@@ -86,10 +86,6 @@ pub struct Align {
 }
 
 pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || align_scene(arguments, console))
-}
-
-fn align_scene(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let read = arguments.photos.iter().chain([&arguments.scene]).chain(&arguments.cameras);
     let out = claim_alignment(&arguments.out, read)?;
     let rasterizer = device::rasterizer(&arguments.device)?;

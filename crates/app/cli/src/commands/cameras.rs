@@ -3,7 +3,7 @@
 use crate::flags::{CompleteFlag, EstimateFlags};
 use clap::Args;
 use std::path::PathBuf;
-use weaver_command::{Console, ConsoleObserver, Failure, Output, Threads, in_pool};
+use weaver_command::{Console, ConsoleObserver, Failure, Output, Threads};
 use weaver_reconstruct::{CameraComparison, CamerasRequest, cameras};
 
 /// Estimates the cameras of photos by matching them.
@@ -41,10 +41,6 @@ pub struct Cameras {
 }
 
 pub fn run(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || estimate(arguments, console))
-}
-
-fn estimate(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
     let request = CamerasRequest {
         frames: arguments.estimate.clip.most(),
         matching: arguments.estimate.matching.into(),

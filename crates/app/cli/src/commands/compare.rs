@@ -2,9 +2,7 @@
 
 use clap::Args;
 use std::path::PathBuf;
-use weaver_command::{
-    Console, ConsoleObserver, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Threads, device, in_pool,
-};
+use weaver_command::{Console, ConsoleObserver, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Threads, device};
 use weaver_data::capture::posed::PosedOptions;
 use weaver_fit::Judge;
 use weaver_io::{SceneFile, read_scene};
@@ -49,10 +47,6 @@ pub struct Compare {
 }
 
 pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || compare(arguments, console))
-}
-
-fn compare(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     let Compare { scene, data, .. } = arguments;
     let mut renderer = Renderer::new(device::rasterizer(&arguments.device)?);
     let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);

@@ -6,9 +6,7 @@ use serde_json::json;
 use std::ops::Bound;
 use std::path::PathBuf;
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{
-    Console, ConsoleObserver, DrawingFlags, DrawingOptions, Failure, Output, Threads, in_pool, number,
-};
+use weaver_command::{Console, ConsoleObserver, DrawingFlags, DrawingOptions, Failure, Output, Threads, number};
 use weaver_compress::{Compressed, Judged, MOST_DECIBELS, Pictures, compress_judged};
 use weaver_geometry::Camera;
 use weaver_io::{SceneFile, atomic_write, read_scene, scene_bytes};
@@ -58,10 +56,6 @@ fn decibels() -> impl TypedValueParser<Value = f64> {
 }
 
 pub fn run(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || compress_scene(arguments, console))
-}
-
-fn compress_scene(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
     let Compress { scene, out, .. } = arguments;
     let SceneFile { gaussians, drawing } = read_scene(scene)?;
     let named = |error: &dyn std::fmt::Display| Failure::message(format!("{}: {error}", scene.display()));

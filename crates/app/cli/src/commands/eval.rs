@@ -6,7 +6,7 @@ use crate::methods;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use weaver_command::{Console, DeviceFlag, Failure, Progress, ShellCommand, Threads, choice, device, in_pool};
+use weaver_command::{Console, DeviceFlag, Failure, Progress, ShellCommand, Threads, choice, device};
 use weaver_fit::align::{AlignLoss, Method};
 use weaver_inference::RunFolder;
 use weaver_splat::Renderer;
@@ -136,10 +136,6 @@ pub struct AlignFlags {
 const MATCHED: usize = 384;
 
 pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || evaluate(arguments, console))
-}
-
-fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     let several = arguments.run.len() > 1;
     if arguments.data.is_empty() && !arguments.unseen && (several || arguments.run.is_empty()) {
         let runs = if several { "one --run" } else { "--run" };

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use weaver_clip::PhotoFiles;
-use weaver_command::{Console, ConsoleObserver, DeviceFlag, Failure, Interrupt, Output, Threads, device, in_pool};
+use weaver_command::{Console, ConsoleObserver, DeviceFlag, Failure, Interrupt, Output, Threads, device};
 use weaver_fit::FitRasterizer;
 use weaver_inference::published::{self, Framing};
 use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
@@ -128,10 +128,6 @@ impl Infer {
 }
 
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || infer(arguments, console, interrupt))
-}
-
-fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let asked = arguments.cameras == Some(CameraChoice::Estimated);
     let mut cameras = match &arguments.cameras {
         None | Some(CameraChoice::Estimated | CameraChoice::Predicted) => None,

@@ -5,7 +5,7 @@ use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, DrawingFlags, Failure, Output, Progress, Threads, in_pool, memory};
+use weaver_command::{Console, DrawingFlags, Failure, Output, Progress, Threads, memory};
 use weaver_geometry::Camera;
 use weaver_io::ply::write_triangles;
 use weaver_io::{SceneFile, read_scene};
@@ -51,7 +51,7 @@ pub struct Meshing {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    threads: Threads,
+    pub threads: Threads,
     // Last: its heading would be that of what follows.
     #[command(flatten)]
     drawing: DrawingFlags,
@@ -59,23 +59,21 @@ pub struct Meshing {
 
 pub fn run(arguments: &Meshing, console: &mut Console) -> Result<(), Failure> {
     let Meshing { scene, out, .. } = arguments;
-    in_pool(arguments.threads.count(), || {
-        let file = if scene.is_dir() { scene.join("scene.ply") } else { scene.clone() };
-        let is_map = scene.is_dir() && !file.exists();
-        let (mesh, colors) = match is_map {
-            true => (map_mesh(scene, arguments.voxel.unwrap_or(MAP_VOXEL), console)?, Vec::new()),
-            false => scene_mesh(&file, arguments, console)?,
-        };
-        write_triangles(out, &mesh.vertices, &colors, &mesh.triangles)?;
-        let (vertices, triangles, area) = (mesh.vertices.len(), mesh.triangles.len(), mesh.area());
-        if arguments.json {
-            let area_key = if is_map { "area_m2" } else { "area" };
-            let figures = json!({ "vertices": vertices, "triangles": triangles, area_key: area });
-            return console.print(&serde_json::to_string_pretty(&figures)?);
-        }
-        let (out, unit) = (out.display(), if is_map { "m^2" } else { "square units" });
-        console.print(&format!("{out}: {vertices} vertices, {triangles} triangles, {area:.1} {unit}"))
-    })
+    let file = if scene.is_dir() { scene.join("scene.ply") } else { scene.clone() };
+    let is_map = scene.is_dir() && !file.exists();
+    let (mesh, colors) = match is_map {
+        true => (map_mesh(scene, arguments.voxel.unwrap_or(MAP_VOXEL), console)?, Vec::new()),
+        false => scene_mesh(&file, arguments, console)?,
+    };
+    write_triangles(out, &mesh.vertices, &colors, &mesh.triangles)?;
+    let (vertices, triangles, area) = (mesh.vertices.len(), mesh.triangles.len(), mesh.area());
+    if arguments.json {
+        let area_key = if is_map { "area_m2" } else { "area" };
+        let figures = json!({ "vertices": vertices, "triangles": triangles, area_key: area });
+        return console.print(&serde_json::to_string_pretty(&figures)?);
+    }
+    let (out, unit) = (out.display(), if is_map { "m^2" } else { "square units" });
+    console.print(&format!("{out}: {vertices} vertices, {triangles} triangles, {area:.1} {unit}"))
 }
 
 /// The mesh of the map of a lidar run, as its keyframes see it.

@@ -5,7 +5,7 @@ use crate::flags::{CompleteFlag, EstimateFlags, MaskedFlag, level, minutes};
 use clap::Args;
 use clap::builder::ArgPredicate;
 use std::path::PathBuf;
-use weaver_command::{Console, ConsoleObserver, Failure, Interrupt, LiveFlag, Output, Threads, choice, in_pool};
+use weaver_command::{Console, ConsoleObserver, Failure, Interrupt, LiveFlag, Output, Threads, choice};
 use weaver_data::capture::HoldOut;
 use weaver_reconstruct::{Photos, Quality, Request, reconstruct};
 use weaver_view_run::Listener;
@@ -94,10 +94,6 @@ impl Reconstruct {
 }
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || make(arguments, console, interrupt))
-}
-
-fn make(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let photos = if arguments.demo { Photos::Demo } else { Photos::at(&arguments.photos) };
     if let Photos::Capture(_) = photos {
         arguments.estimate.check_unused("a capture with cameras of its own")?;

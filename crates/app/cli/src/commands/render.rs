@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use weaver_clip::{Film, Gif, PictureSink, VIDEOS, Video, WebP};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{
-    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, in_pool,
-    memory, rate,
+    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, memory, rate,
 };
 use weaver_geometry::Camera;
 use weaver_io::{Image, OutputFolder, SceneFile, read_scene};
@@ -84,10 +83,6 @@ const PATHS: [(&str, CameraPath, &str); 3] = [
 const WIDTH: usize = 640;
 
 pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || draw(arguments, console))
-}
-
-fn draw(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let read: Vec<&Path> = std::iter::once(&arguments.scene).chain(&arguments.cameras).map(PathBuf::as_path).collect();
     let out = arguments.out.as_ref().map(|folder| OutputFolder::claim(folder, "render", &read)).transpose()?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };

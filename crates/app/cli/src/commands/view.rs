@@ -3,7 +3,7 @@
 use crate::methods;
 use clap::Args;
 use std::path::PathBuf;
-use weaver_command::{Console, DrawingFlags, Failure, Interrupt, Output, Threads, in_pool, positive};
+use weaver_command::{Console, DrawingFlags, Failure, Interrupt, Output, Threads, positive};
 use weaver_reconstruct::Outcome;
 use weaver_view::HtmlOptions;
 use weaver_view_run::{Access, Listener, PageFile, SceneFiles, ScenePage, serve};
@@ -69,19 +69,17 @@ pub struct View {
 }
 
 pub fn run(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || {
-        let page = page(arguments)?;
-        let View { html, lossless, yes, open, host, port, .. } = arguments;
-        if let Some(path) = html {
-            let (options, moments) = (HtmlOptions { lossless: *lossless }, arguments.moments.into());
-            return PageFile { path, options, moments, any_size: *yes }.write(&page, *open, console);
-        }
-        let access = if *host { Access::Network } else { Access::Local };
-        if *host {
-            console.note("warning: everybody in the network who has the address can look at the scene and save changed ones beside it");
-        }
-        serve(&page, Listener::bind(access, *port)?, *open, console, interrupt)
-    })
+    let page = page(arguments)?;
+    let View { html, lossless, yes, open, host, port, .. } = arguments;
+    if let Some(path) = html {
+        let (options, moments) = (HtmlOptions { lossless: *lossless }, arguments.moments.into());
+        return PageFile { path, options, moments, any_size: *yes }.write(&page, *open, console);
+    }
+    let access = if *host { Access::Network } else { Access::Local };
+    if *host {
+        console.note("warning: everybody in the network who has the address can look at the scene and save changed ones beside it");
+    }
+    serve(&page, Listener::bind(access, *port)?, *open, console, interrupt)
 }
 
 /// The scene with everything that is shown of it.

@@ -42,8 +42,8 @@ fn old_names_stand_for_flags_that_there_are() {
     let has = |command: &str, word: &str| {
         flags.iter().any(|flag| flag.command == command && word.strip_prefix("--") == Some(&flag.name))
     };
-    for OldName { command, word, value, now } in weaver_cli::old_names() {
-        let (command, word) = if command.is_empty() { (*word, None) } else { (*command, Some(word)) };
+    for OldName { command, word, value, now } in weaver_cli::OLD {
+        let (command, word) = if command.is_empty() { (word, None) } else { (command, Some(word)) };
         assert!(has(command, now[0]), "{command} {}", now[0]);
         if let Some(word) = word {
             assert!(value.is_some() || !has(command, word), "{command} {word} is a flag of today's");

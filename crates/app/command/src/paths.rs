@@ -1,9 +1,8 @@
 //! The paths of a command line, checked together before the command begins.
 
-use crate::flags::CameraChoice;
+use crate::{Failure, Output};
 use clap::ArgMatches;
 use std::path::PathBuf;
-use weaver_command::{Failure, Output};
 
 /// The paths among a command's arguments. The type of an argument marks written paths; all others are read.
 #[derive(Debug, Default)]
@@ -15,16 +14,14 @@ pub struct Paths {
 }
 
 impl Paths {
-    /// The paths of a command and of its second word.
-    pub(crate) fn of(matches: &ArgMatches) -> Self {
+    /// The paths of a command and of its second word. `C` is a type of arguments that may name a file which is read.
+    pub fn of<C: Clone + Into<Option<PathBuf>> + Send + Sync + 'static>(matches: &ArgMatches) -> Self {
         let mut paths = Self::default();
         let mut level = Some(matches);
         while let Some(matches) = level {
             for id in matches.ids() {
                 paths.read.extend(values::<PathBuf>(matches, id.as_str()));
-                paths
-                    .read
-                    .extend(values::<CameraChoice>(matches, id.as_str()).into_iter().filter_map(CameraChoice::file));
+                paths.read.extend(values::<C>(matches, id.as_str()).into_iter().filter_map(Into::into));
                 paths.written.extend(values::<Output>(matches, id.as_str()));
             }
             level = matches.subcommand().map(|(_, matches)| matches);
