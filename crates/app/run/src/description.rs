@@ -47,6 +47,20 @@ pub fn describe(path: &Path) -> Result<String, Error> {
     Ok(text)
 }
 
+/// True if a JSON file is of results, and no file of cameras, of a scene or of an index of weights.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn is_of_results(path: &Path) -> Result<bool, Error> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    if name == "meta.json" || name.ends_with(".index.json") {
+        return Ok(false);
+    }
+    // Text that is no JSON is refused by the readers of cameras, which name the place.
+    let value: Option<Value> = serde_json::from_str(&read_text(path)?).ok();
+    Ok(name == "summary.json" || value.is_some_and(|value| value.get("frames").is_none()))
+}
+
 /// Describes a file of settings, TOML: a line for each entry, and of tables and lists of tables their number.
 ///
 /// # Errors

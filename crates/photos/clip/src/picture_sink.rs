@@ -35,6 +35,29 @@ impl PictureSink<'_> {
         self.films.par_iter_mut().try_for_each(push)
     }
 
+    /// Draws a picture for each name, and writes it: all threads draw one picture after the other, while up to `at_once`
+    /// earlier pictures are written, one per thread.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write), and as `draw`, which receives the number of the name.
+    pub fn fill<E: From<Error> + Send>(
+        &mut self,
+        names: &[String],
+        at_once: usize,
+        mut draw: impl FnMut(usize) -> Result<Image, E> + Send,
+    ) -> Result<(), E> {
+        let mut waiting = Vec::new();
+        let numbered: Vec<(usize, &String)> = names.iter().enumerate().collect();
+        for group in numbered.chunks(at_once.max(1)) {
+            let mut drawn =
+                || group.iter().map(|(i, name)| Ok((name.as_str(), draw(*i)?))).collect::<Result<Vec<_>, E>>();
+            let (drawn, written) = rayon::join(&mut drawn, || self.write(&waiting));
+            written?;
+            waiting = drawn?;
+        }
+        Ok(self.write(&waiting)?)
+    }
+
     /// Completes the films, and returns the paths of folder and films.
     ///
     /// # Errors

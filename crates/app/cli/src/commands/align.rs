@@ -8,7 +8,7 @@ use weaver_command::{
 };
 use weaver_data::posed::{PosedOptions, load_frames, load_named};
 use weaver_fit::align::{AlignLoss, Method, Options};
-use weaver_io::{SceneFile, read_scene};
+use weaver_io::{SceneFile, photos_at, read_scene};
 use weaver_reconstruct::{AlignRequest, align_photos, claim_alignment, closest_views};
 
 const DESCENT: &str = "Descent";
@@ -92,7 +92,8 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
     let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene, drawing)?;
     let gaussians = gaussians.to_activated();
-    let paths = paths(&arguments.photos)?;
+    // No photo is no mistake: then there is nothing to do.
+    let paths = photos_at(&arguments.photos)?;
     let loading = PosedOptions {
         long_side: arguments.long_side.map(|size| size as usize),
         masks: arguments.masks,
@@ -121,7 +122,7 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let options = Options {
         blur: arguments.blur,
         intrinsics: arguments.refine_focal,
-        ..options(arguments.method, arguments.steps)
+        ..Options::of(arguments.method).in_steps(arguments.steps.map(|steps| steps as usize))
     };
     let request =
         AlignRequest { gaussians: &gaussians, background, settings, photos: &photos, options, loss, rasterizer };
@@ -130,22 +131,4 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
         return console.print(&aligned.json());
     }
     console.print(&format!("{aligned}cameras: {}", arguments.out.join("transforms.json").display()))
-}
-
-/// The photos; of a folder those in it. None is no mistake: then there is nothing to do.
-fn paths(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
-    let mut paths = Vec::new();
-    for path in asked {
-        match path.is_dir() {
-            true => paths.extend(weaver_io::list_photos(path)?),
-            false => paths.push(path.clone()),
-        }
-    }
-    Ok(paths)
-}
-
-/// Options of a method, in so many steps or as many as it usually has.
-pub fn options(method: Method, steps: Option<u32>) -> Options {
-    let options = Options::of(method);
-    Options { steps: steps.map_or(options.steps, |steps| steps as usize), ..options }
 }

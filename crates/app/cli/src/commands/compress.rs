@@ -78,6 +78,7 @@ pub fn run(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
     let pictures = Pictures { cameras: &cameras, background, settings };
     let judged = compress_judged(&gaussians, &pictures, arguments.psnr, &mut ConsoleObserver::new(console))
         .map_err(|error| named(&error))?;
+    let quality = judged.to_string();
     let Judged { compressed: Compressed { bytes, psnr: chosen, .. }, choosing, judging, psnr } = judged;
     atomic_write(out, |file| std::io::Write::write_all(file, &bytes))?;
     let (before, after) = (scene_bytes(scene)?, bytes.len());
@@ -90,24 +91,13 @@ pub fn run(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
         });
         return console.print(&serde_json::to_string_pretty(&result)?);
     }
-    let of_choosing = format!("{chosen:.2} dB in {choosing} that the steps were chosen by");
-    let quality = match psnr {
-        Some(psnr) => format!("{psnr:.2} dB beside the scene in {judging} pictures, {of_choosing}"),
-        None => format!("beside the scene {of_choosing}, and no other to judge"),
-    };
-    console.print(&format!(
-        "{quality}; {bits:.1} bits a Gaussian: {after} bytes, {:.1} times fewer\nscene: {}",
-        before as f64 / after.max(1) as f64,
-        out.display()
-    ))
+    let (times, out) = (before as f64 / after.max(1) as f64, out.display());
+    console.print(&format!("{quality}; {bits:.1} bits a Gaussian: {after} bytes, {times:.1} times fewer\nscene: {out}"))
 }
 
 /// Some of the cameras of a file, evenly spread, for pictures of a size that is drawn fast.
 fn of_file(file: &std::path::Path) -> Result<Vec<Camera>, Failure> {
     let frames = camera_files::read(file, Size::default())?;
-    if frames.is_empty() {
-        return Err(Failure::message(format!("{}: expected cameras, found none", file.display())));
-    }
     let chosen = weaver_data::uniform(frames.len(), frames.len().min(2 * MOST));
     Ok(chosen.into_iter().map(|i| frames[i].camera.shrunk(LONG_SIDE)).collect())
 }

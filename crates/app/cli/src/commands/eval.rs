@@ -1,18 +1,15 @@
 //! `splatweaver eval`.
 
-use super::align::{self, LOSSES, METHODS};
+use super::align::{LOSSES, METHODS};
 use crate::flags::{CameraChoice, DensityFlags, RefineFlags};
 use crate::methods;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 use weaver_command::{Console, DeviceFlag, Failure, Progress, ShellCommand, Threads, choice, device};
-use weaver_fit::align::{AlignLoss, Method};
-use weaver_inference::RunFolder;
+use weaver_fit::align::{AlignLoss, Method, Options as AlignOptions};
 use weaver_splat::Renderer;
-use weaver_trainer::{
-    Alignment, CameraMode, EvalOptions, LookOf, MatchingOverride, OpenRun, Source, Targets, comparison,
-};
+use weaver_trainer::{Alignment, CameraMode, EvalOptions, LookOf, MatchingOverride, Source, Targets, comparison};
 
 /// Heading of the flags that choose views and figures.
 const WHAT: &str = "What is judged";
@@ -159,7 +156,7 @@ pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     let long_side = arguments.match_size.map_or(MATCHED, |side| side as usize);
     let flags = &arguments.align;
     let rasterizer = device::rasterizer(&arguments.device)?;
-    let runs = opened(arguments)?;
+    let runs = methods::models().open_all(arguments.weights.as_deref(), &arguments.run)?;
     // One table is of the same photos: in drawn light only if all runs draw it alike.
     let alike = runs.iter().all(|(_, run)| run.data.looks == runs[0].1.data.looks);
     if !alike && !arguments.as_taken {
@@ -173,7 +170,7 @@ pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         matching: estimated.then_some(MatchingOverride { long_side, focal_known: !arguments.unknown_focal }),
         density: arguments.density.into(),
         align: flags.align.then(|| Alignment {
-            options: align::options(flags.align_as, flags.align_steps),
+            options: AlignOptions::of(flags.align_as).in_steps(flags.align_steps.map(|steps| steps as usize)),
             loss: flags.align_loss.unwrap_or(AlignLoss::of(flags.align_as)),
         }),
         look: arguments.light_of,
@@ -221,17 +218,4 @@ pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         }
         (all, false) => console.print(&comparison(all)),
     }
-}
-
-/// Opens the networks that are judged, with their names.
-fn opened(arguments: &Eval) -> Result<Vec<(String, OpenRun)>, Failure> {
-    if let Some(weights) = &arguments.weights {
-        return Ok(vec![(weights.display().to_string(), methods::models().open_weights(weights)?)]);
-    }
-    if arguments.run.is_empty() {
-        return Ok(vec![("built-in".into(), OpenRun::built_in()?)]);
-    }
-    let registry = methods::models();
-    let open = |path: &PathBuf| Ok((path.display().to_string(), registry.open_run(&RunFolder::at(path))?));
-    arguments.run.iter().map(open).collect()
 }

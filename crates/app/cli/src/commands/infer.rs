@@ -3,7 +3,6 @@
 use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, DensityFlags, LightFlags, MatchingFlags, RefineFlags};
 use crate::methods;
 use clap::{ArgGroup, Args};
-use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -168,16 +167,18 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     let of_run = arguments.weights.as_deref().map(is_of_run).transpose()?.unwrap_or(false);
     let report = match &arguments.weights {
         Some(weights) if !of_run => {
-            if arguments.masks {
-                return Err(Failure::Usage("--masks: expected weights of a run, found a published checkpoint".into()));
-            }
-            if arguments.light.light.is_some() {
-                return Err(Failure::Usage(
-                    "--light: expected a run that knows about light, found a published checkpoint".into(),
-                ));
-            }
-            if arguments.refine.is_asked() {
-                let message = "--refine: expected weights of a run; published checkpoints are not refined yet";
+            let refused = [
+                (arguments.masks, "--masks: expected weights of a run, found a published checkpoint"),
+                (
+                    arguments.light.light.is_some(),
+                    "--light: expected a run that knows about light, found a published checkpoint",
+                ),
+                (
+                    arguments.refine.is_asked(),
+                    "--refine: expected weights of a run; published checkpoints are not refined yet",
+                ),
+            ];
+            if let Some((_, message)) = refused.into_iter().find(|(given, _)| *given) {
                 return Err(Failure::Usage(message.into()));
             }
             published(weights, &images, (cameras, rasterizer), (arguments, &out), console, interrupt)?
@@ -192,27 +193,16 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     if viewed {
         write_text(out.file(VIEW)?, &SceneFiles::of(out.path()).page()?.html(HtmlOptions::default())?)?;
     }
-    let PredictReport { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
-    let figures =
-        json!({"gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks});
-    let figures = serde_json::to_string_pretty(&figures)?;
+    let figures = report.json();
     write_text(out.file(FIGURES)?, &format!("{figures}\n"))?;
     if arguments.json {
         return console.print(&figures);
     }
     let file = |name: &str| arguments.out.join(name).display().to_string();
-    let result = match report.psnr {
-        Some(psnr) => format!(
-            "{} Gaussians, {:.3} per pixel; the input views come back at {psnr:.2} dB\nscene: {}",
-            report.gaussians,
-            report.gaussians_per_pixel,
-            file("scene.ply")
-        ),
-        None => format!("points: {}\ncameras: {}", file("points.ply"), file("transforms.json")),
-    };
     let looks = arguments.light.light.as_ref().map_or(String::new(), |_| format!("\nlooks: {}", file("looks.png")));
     let look = if viewed { format!("\nlook: {}", file(VIEW)) } else { String::new() };
-    console.print(&format!("{result}\noverview: {}{looks}{look}", report.overview.display()))
+    let (text, overview) = (report.text(&arguments.out), report.overview.display());
+    console.print(&format!("{text}\noverview: {overview}{looks}{look}"))
 }
 
 /// Runs the network of a run, of a file of a run's weights, or the one that comes with the program.

@@ -2,13 +2,11 @@
 
 use crate::methods;
 use clap::Args;
-use serde_json::Value;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, device};
 use weaver_inference::RunFolder;
-use weaver_io::{TorchCheckpoint, read_part, read_text};
 use weaver_run::Folder;
-use weaver_run::description::{SETTINGS, describe, describe_table};
+use weaver_run::description::{SETTINGS, describe, describe_table, is_of_results};
 use weaver_trainer::describe_results;
 
 /// Describes a file or a folder.
@@ -58,38 +56,9 @@ fn described(path: &Path) -> Result<String, Failure> {
     let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().to_lowercase());
     match name.rsplit_once('.').map_or("", |(_, extension)| extension) {
         "toml" => Ok(describe_table(path)?),
-        "ckpt" | "pt" | "pth" => Ok(TorchCheckpoint::open(path)?.describe()?),
-        "bin" if !["cameras.bin", "images.bin", "points3d.bin"].contains(&name.as_str()) => of_bin(path),
         "json" if is_of_results(path)? => Ok(describe_results(path)?),
         "wgi" => methods::describe_picture(path),
         _ if path.is_file() && weaver_clip::is_clip(path) => Ok(weaver_clip::info(path)?),
         _ => Ok(weaver_io::info(path)?),
     }
-}
-
-/// True if JSON is no file of cameras, of a scene or of an index of weights.
-fn is_of_results(path: &Path) -> Result<bool, Failure> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    if name == "meta.json" || name.ends_with(".index.json") {
-        return Ok(false);
-    }
-    // What is no JSON is told by those who read cameras, with its place.
-    let value: Option<Value> = serde_json::from_str(&read_text(path)?).ok();
-    Ok(name == "summary.json" || value.is_some_and(|value| value.get("frames").is_none()))
-}
-
-/// A checkpoint of PyTorch, or a scan of a lidar.
-fn of_bin(path: &Path) -> Result<String, Failure> {
-    const ZIP: &[u8] = b"PK";
-    if read_part(path, 0..ZIP.len() as u64).is_ok_and(|start| start == ZIP) {
-        return Ok(TorchCheckpoint::open(path)?.describe()?);
-    }
-    weaver_io::info(path).map_err(|error| match error {
-        weaver_io::Error::Invalid { path, place, expected, found } => {
-            let expected =
-                format!("a checkpoint of PyTorch 1.6 or later (a ZIP archive), or a scan of a lidar: {expected}");
-            weaver_io::Error::Invalid { path, place, expected, found }.into()
-        }
-        error => error.into(),
-    })
 }

@@ -31,12 +31,8 @@ pub fn run(arguments: &Merge, console: &mut Console) -> Result<(), Failure> {
     remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     write_scene(out, &gaussians, drawing)?;
     if arguments.json {
-        let report = json!({
-            "output": out.display().to_string(),
-            "gaussians": gaussians.len(),
-            "fitted": fitted,
-            "background": background,
-        });
+        let (output, gaussians) = (out.display().to_string(), gaussians.len());
+        let report = json!({"output": output, "gaussians": gaussians, "fitted": fitted, "background": background});
         return console.print(&serde_json::to_string_pretty(&report)?);
     }
     let [r, g, b] = background;

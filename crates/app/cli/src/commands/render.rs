@@ -7,7 +7,6 @@ use weaver_command::camera_files::{self, Size};
 use weaver_command::{
     Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, memory, rate,
 };
-use weaver_geometry::Camera;
 use weaver_io::{Image, OutputFolder, SceneFile, read_scene};
 use weaver_scene::{CameraPath, Frame, Gaussians, middle};
 use weaver_splat::Renderer;
@@ -111,27 +110,12 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let mut output = PictureSink { folder: out.as_ref(), films: films(arguments, &cameras)? };
     let activated = gaussians.to_activated();
     let mut progress = Progress::new("render", 0, cameras.len(), console);
-    let jobs: Vec<_> = cameras.iter().zip(&stems).collect();
-    let (mut done, mut waiting) = (0, Vec::new());
-    // All threads draw one picture after the other, while earlier pictures are written, one per thread.
-    for group in jobs.chunks(at_once.max(1)) {
-        let draw = || -> Result<Vec<_>, Failure> {
-            let mut drawn = Vec::new();
-            for (view, stem) in group {
-                let camera = std::slice::from_ref(&view.camera);
-                let pixels = renderer.render(&activated, camera, background, &settings)?;
-                let Camera { width, height, .. } = view.camera;
-                drawn.push((stem.as_str(), Image { width, height, pixels: pixels.concat() }));
-                done += 1;
-                progress.at(done, cameras.len(), String::new, console);
-            }
-            Ok(drawn)
-        };
-        let (drawn, written) = rayon::join(draw, || output.write(&waiting));
-        written?;
-        waiting = drawn?;
-    }
-    output.write(&waiting)?;
+    output.fill(&stems, at_once, |i| -> Result<Image, Failure> {
+        let camera = cameras[i].camera;
+        let pixels = renderer.render(&activated, &[camera], background, &settings)?.concat();
+        progress.at(i + 1, cameras.len(), String::new, console);
+        Ok(Image { width: camera.width, height: camera.height, pixels })
+    })?;
     progress.finish();
     let places: Vec<String> = output.finish()?.iter().map(|path| path.display().to_string()).collect();
     let places = places.join(" and ");

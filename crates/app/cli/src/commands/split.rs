@@ -3,10 +3,10 @@
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Output, ShellCommand, fraction, number};
+use weaver_command::{Console, Failure, Output, fraction, number};
 use weaver_data::OutputFolder;
 use weaver_data::capture::HoldOut;
-use weaver_reconstruct::blocks::{BlockCount, BlockFile, Split as Cut, SplitOptions, split};
+use weaver_reconstruct::blocks::{BlockCount, BlockFile, SplitOptions, split};
 
 /// Cuts a capture that is too large for one fit into blocks, each a capture of its own.
 ///
@@ -87,24 +87,9 @@ pub fn run(arguments: &Split, console: &mut Console) -> Result<(), Failure> {
         ));
     }
     if arguments.json {
-        return console.print(&serde_json::to_string_pretty(&json!({
-            "blocks": found.blocks,
-            "background": found.background,
-        }))?);
+        let report = json!({"blocks": found.blocks, "background": found.background});
+        return console.print(&serde_json::to_string_pretty(&report)?);
     }
-    found.blocks.iter().try_for_each(|block| console.print(&command(&found, block, arguments).to_string()))
-}
-
-/// The command that fits a block.
-fn command(found: &Cut, block: &BlockFile, arguments: &Split) -> ShellCommand {
-    let folder = arguments.out.join(block.folder());
-    let [r, g, b] = found.background;
-    let fit = ShellCommand::new("splatweaver fit").path(folder.join(BlockFile::CAPTURE));
-    let fit = fit.then("-o").path(folder.join(BlockFile::FIT)).then("--gaussians").word(block.gaussians.to_string());
-    let fit = fit.then("--background").word(format!("{r:.3},{g:.3},{b:.3}"));
-    let fit = match arguments.long_side {
-        Some(side) => fit.then("--long-side").word(side.to_string()),
-        None => fit,
-    };
-    if arguments.masks { fit.then("--masks") } else { fit }
+    let command = |block| found.fit_command(block, &arguments.out, &options).to_string();
+    found.blocks.iter().try_for_each(|block| console.print(&command(block)))
 }
