@@ -1,4 +1,4 @@
-//! The commands: a file each, with the words that it takes and what it does, and a row of the table.
+//! The commands: a file each, with its words and its work, and a row of the table.
 
 mod align;
 mod cameras;
@@ -21,12 +21,12 @@ mod split;
 mod train;
 mod view;
 
-use crate::flags::{CompleteFlag, EstimateFlags, IfComplete};
+use crate::flags::{EstimateFlags, IfComplete};
 use crate::methods::Method;
 use crate::table::table;
 use clap::Subcommand;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Interrupt, Output, in_pool};
+use weaver_command::{Console, Failure, Interrupt, in_pool};
 use weaver_data::CamerasSummary;
 use weaver_run::Folder;
 
@@ -36,7 +36,7 @@ pub struct Unit {
     pub out: PathBuf,
     /// Files and folders that it reads.
     pub inputs: Vec<PathBuf>,
-    /// The file in the folder that has what `--json` prints.
+    /// The file in the folder with the output of `--json`.
     pub figures: &'static str,
     /// Figures are to be printed.
     pub json: bool,
@@ -50,32 +50,28 @@ impl Command {
     /// # Errors
     /// When it has no folder of its own.
     pub fn unit(&self) -> Result<Option<Unit>, Failure> {
-        let resumed = |out: &Output, json, threads| {
-            Some(Self::Fit(fit::Fit { resume: Some(out.to_path_buf()), json, threads, ..fit::Fit::default() }))
-        };
-        let unit = |complete: &CompleteFlag, out: &Output, inputs: Vec<PathBuf>, (figures, json), resume| {
-            complete.if_complete.map(|IfComplete::Skip| Unit { out: out.to_path_buf(), inputs, figures, json, resume })
-        };
         let read =
             |photos: &[PathBuf], estimate: &EstimateFlags| photos.iter().cloned().chain(estimate.files()).collect();
-        Ok(match self {
-            Self::Reconstruct(it) => {
-                let resume = resumed(&it.out, it.json, it.threads.threads);
-                unit(&it.complete, &it.out, read(&it.photos, &it.estimate), (Folder::SUMMARY, it.json), resume)
-            }
-            Self::Cameras(it) => {
-                let figures = (CamerasSummary::NAME, it.json);
-                unit(&it.complete, &it.out, read(&it.photos, &it.estimate), figures, None)
-            }
-            Self::Infer(it) => unit(&it.complete, &it.out, it.read(), (infer::FIGURES, it.json), None),
-            Self::Fit(it) if it.complete.if_complete.is_some() => {
-                let out =
-                    it.out.as_ref().ok_or_else(|| Failure::Usage("--if-complete: expected --out with it".into()))?;
-                let resume = resumed(out, it.json, it.threads);
-                unit(&it.complete, out, it.read(), (Folder::SUMMARY, it.json), resume)
-            }
-            _ => None,
-        })
+        let (complete, out, figures, json) = match self {
+            Self::Reconstruct(it) => (it.complete, Some(&it.out), Folder::SUMMARY, it.json),
+            Self::Cameras(it) => (it.complete, Some(&it.out), CamerasSummary::NAME, it.json),
+            Self::Infer(it) => (it.complete, Some(&it.out), infer::FIGURES, it.json),
+            Self::Fit(it) => (it.complete, it.out.as_ref(), Folder::SUMMARY, it.json),
+            _ => return Ok(None),
+        };
+        let Some(IfComplete::Skip) = complete.if_complete else { return Ok(None) };
+        let out = out.ok_or_else(|| Failure::Usage("--if-complete: expected --out with it".into()))?.to_path_buf();
+        // The threads of a fit that goes on.
+        let (inputs, fitted) = match self {
+            Self::Reconstruct(it) => (read(&it.photos, &it.estimate), Some(it.threads.threads)),
+            Self::Cameras(it) => (read(&it.photos, &it.estimate), None),
+            Self::Infer(it) => (it.read(), None),
+            Self::Fit(it) => (it.read(), Some(it.threads)),
+            _ => (Vec::new(), None),
+        };
+        let resume = |threads| fit::Fit { resume: Some(out.clone()), json, threads, ..fit::Fit::default() };
+        let resume = fitted.map(|threads| Self::Fit(resume(threads)));
+        Ok(Some(Unit { out, inputs, figures, json, resume }))
     }
 }
 

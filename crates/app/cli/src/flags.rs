@@ -3,18 +3,15 @@
 mod cameras;
 mod complete;
 mod density;
+mod estimate;
 mod light;
-mod masks;
-mod matching;
-mod placing;
 mod refine;
 
 pub use cameras::CameraChoice;
 pub use complete::{CompleteFlag, IfComplete};
 pub use density::DensityFlags;
+pub use estimate::{ClipFlags, EstimateFlags, MASKED, MaskedFlag, MatchingFlags};
 pub use light::LightFlags;
-pub use masks::{MASKED, MaskedFlag};
-pub use matching::{ClipFlags, EstimateFlags, MatchingFlags};
 pub use refine::RefineFlags;
 
 use clap::builder::TypedValueParser;

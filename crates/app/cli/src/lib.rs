@@ -13,7 +13,7 @@ mod request;
 mod table;
 mod units;
 
-pub use weaver_command::{Console, Flag, Interrupt, OldName, Paths, Value, printable};
+pub use weaver_command::{Console, Interrupt, Value, printable};
 
 pub use failure_kind::FailureKind;
 pub use methods::models;
@@ -68,35 +68,7 @@ impl Refusal {
     }
 }
 
-/// Checks the words of one command line, whose first is the program's name, without running it.
-///
-/// Returns the message of wrong usage otherwise. `--help` and `--version` are accepted.
-pub fn parses(arguments: impl IntoIterator<Item = OsString>) -> Result<(), String> {
-    match CommandLine::of(arguments) {
-        Err(error) if error.use_stderr() => Err(error.render().to_string()),
-        _ => Ok(()),
-    }
-}
-
-/// Paths of one command line, whose first word is the program's name.
-///
-/// # Errors
-/// The message of wrong usage, and the texts of `--help` and `--version`.
-pub fn paths(arguments: impl IntoIterator<Item = OsString>) -> Result<Paths, String> {
-    CommandLine::of(arguments).map(|line| line.paths).map_err(|error| error.to_string())
-}
-
 /// The definition that the command line is parsed by.
 pub fn program() -> clap::Command {
     CommandLine::command()
-}
-
-/// The flags of all commands.
-pub fn flags() -> Vec<Flag> {
-    weaver_command::flags(&program())
-}
-
-/// The page `docs/reference/flags.md`, Markdown.
-pub fn reference() -> String {
-    weaver_command::reference(&program())
 }

@@ -4,7 +4,7 @@ use crate::command_line::CommandLine;
 use crate::{FailureKind, Refusal, units};
 use clap::CommandFactory;
 use std::ffi::OsString;
-use weaver_command::{Console, Failure, Interrupt, Value, fewer_threads, words_of};
+use weaver_command::{Console, Failure, Interrupt, Paths, Value, fewer_threads, words_of};
 use weaver_kernels::simd;
 
 /// A command and its settings, ready to run, as the command line and the Python package make them.
@@ -38,6 +38,11 @@ impl Request {
             let line = told.split_whitespace().collect::<Vec<_>>().join(" ");
             Refusal { kind: FailureKind::Input, line: Some(line) }
         })
+    }
+
+    /// Its paths.
+    pub fn paths(&self) -> &Paths {
+        &self.0.paths
     }
 
     /// Runs the command, with its output on the console.

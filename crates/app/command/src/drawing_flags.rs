@@ -8,10 +8,12 @@ use clap::Args;
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Drawing")]
 pub struct DrawingFlags {
-    /// Color where nothing is: white, black or R,G,B from 0 to 1 [default: what summary.json beside the scene says, or white]
+    /// Color where nothing is: white, black or R,G,B from 0 to 1 [default: what summary.json beside the scene says, or
+    /// white]
     #[arg(long, value_name = "COLOR", value_parser = background)]
     pub background: Option<Rgb>,
-    /// Opacities are lowered where a Gaussian is widened to a pixel; =false if not [default: what summary.json says, or false]
+    /// Opacities are lowered where a Gaussian is widened to a pixel; =false if not [default: what summary.json says, or
+    /// false]
     #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
     pub antialiased: Option<bool>,
     /// Gaussians nearer to a camera than this are not drawn, world units [default: what summary.json says, or 0.01]

@@ -13,7 +13,8 @@ pub const MOST_SEED: u64 = i64::MAX as u64;
 /// Where Gaussians are drawn.
 #[derive(Args, Clone, Debug, Default)]
 pub struct DeviceFlag {
-    /// Where Gaussians are drawn and differentiated: on the processor, on the fastest GPU, or on one that `splatweaver info
+    /// Where Gaussians are drawn and differentiated: on the processor, on the fastest GPU, or on one that `splatweaver
+    /// info
     /// --devices` lists, by its number or a part of its name [default: cpu]
     #[arg(long, value_name = "cpu|gpu|gpu:N|NAME")]
     pub device: Option<String>,

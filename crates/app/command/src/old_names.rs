@@ -41,7 +41,8 @@ impl OldName {
 /// The command of a word that had no value, and has one now.
 const SWITCH: &str = "";
 
-/// The words of a command line with today's names in place of `old` ones, and a line for each name that was another one.
+/// The words of a command line with today's names in place of `old` ones, and a line for each name that was another
+/// one.
 pub fn current_names(words: Vec<OsString>, old: &[OldName]) -> (Vec<OsString>, Vec<String>) {
     let mut notes = Vec::new();
     let text = |word: Option<&OsString>| word.and_then(|word| word.to_str()).unwrap_or_default().to_string();

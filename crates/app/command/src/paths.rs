@@ -5,7 +5,7 @@ use clap::ArgMatches;
 use std::path::PathBuf;
 
 /// The paths among a command's arguments. The type of an argument marks written paths; all others are read.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Paths {
     /// Files and folders that are read.
     pub read: Vec<PathBuf>,

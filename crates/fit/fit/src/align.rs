@@ -34,8 +34,9 @@
 //!   [`Rasterizer`](weaver_splat::Rasterizer).
 //! - [`Method`]: ours (steps in units of the depth that a camera sees, small and blurred photos first), NoPoSplat's,
 //!   2Xplat's.
-//! - Any loss on slices: one of [`AlignLoss`], such as [`mean_square`] or the loss of a fit ([`Photometric`](weaver_losses::Photometric)), which
-//!   finds more cameras. Masks leave pixels out. Focal lengths descend as well if asked to.
+//! - Any loss on slices: one of [`AlignLoss`], such as [`mean_square`] or the loss of a fit
+//!   ([`Photometric`](weaver_losses::Photometric)), which finds more cameras. Masks leave pixels out. Focal lengths
+//!   descend as well if asked to.
 //! - [`Outcome`] tells why a guess stands where nothing better was found.
 //! - [`Descent`], of weaver-pose, is the bare descent of one camera under gradients of anybody's loss.
 //!

@@ -35,8 +35,8 @@ impl PictureSink<'_> {
         self.films.par_iter_mut().try_for_each(push)
     }
 
-    /// Draws a picture for each name, and writes it: all threads draw one picture after the other, while up to `at_once`
-    /// earlier pictures are written, one per thread.
+    /// Draws a picture for each name, and writes it: all threads draw one picture after the other, while up to
+    /// `at_once` earlier pictures are written, one per thread.
     ///
     /// # Errors
     /// As [`write`](Self::write), and as `draw`, which receives the number of the name.

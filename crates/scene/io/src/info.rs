@@ -22,9 +22,9 @@ use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 /// Describes a file or a folder: its format, how much it holds, and ranges of values.
 ///
 /// Supports photos (JPEG, PNG, TIFF, WebP) and folders of them, Gaussians in every [format](crate::SCENE_FORMATS), PLY
-/// point clouds, scans of lidars (.bin, .pcd), NPY and NPZ, safetensors, PyTorch checkpoints, transforms.json, COLMAP models (a folder, a
-/// scene with `sparse/0`, or one of the files), [projects](crate::Project) of other programs and RealEstate10K camera
-/// files.
+/// point clouds, scans of lidars (.bin, .pcd), NPY and NPZ, safetensors, PyTorch checkpoints, transforms.json, COLMAP
+/// models (a folder, a scene with `sparse/0`, or one of the files), [projects](crate::Project) of other programs and
+/// RealEstate10K camera files.
 pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();
     if std::fs::metadata(path).map_err(Error::io(path))?.is_dir() {

@@ -8,7 +8,7 @@ use weaver_command::{
 };
 use weaver_data::posed::{PosedOptions, load_frames, load_named};
 use weaver_fit::align::{AlignLoss, Method, Options};
-use weaver_io::{SceneFile, photos_at, read_scene};
+use weaver_io::photos_at;
 use weaver_reconstruct::{AlignRequest, align_photos, claim_alignment, closest_views};
 
 const DESCENT: &str = "Descent";
@@ -29,10 +29,10 @@ pub const LOSSES: [(&str, AlignLoss, &str); 3] = [
 
 const SWITCH: [(&str, bool, &str); 2] = [("on", true, ""), ("off", false, "")];
 
-/// Finds where photos of a finished scene were taken: their cameras move until what the scene shows is the photo.
+/// Finds where photos of a finished scene were taken: their cameras move until the scene looks like the photo.
 ///
-/// Writes transforms.json, a COLMAP model in sparse/0, the folder renders and align.json. A photo's first guess should be within a few
-/// degrees; a photo for which nothing better is found keeps its guess, and the table says why.
+/// Writes transforms.json, a COLMAP model in sparse/0, the folder renders and align.json. A photo's first guess should
+/// be within a few degrees; a photo for which nothing better is found keeps its guess, and the table says why.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver align scene.ply --photos new --cameras guess.json -o aligned
@@ -45,8 +45,9 @@ pub struct Align {
     /// Photos, or folders of photos
     #[arg(long, value_name = "DIR|FILE", required = true, num_args = 1..)]
     pub photos: Vec<PathBuf>,
-    /// First guesses, matched with photos by name: transforms.json, a folder with a COLMAP model, or a RealEstate10K file
-    /// [default: for each photo that camera of the transforms.json beside the scene from which the scene looks most like it]
+    /// First guesses, matched with photos by name: transforms.json, a folder with a COLMAP model, or a RealEstate10K
+    /// file [default: for each photo that camera of the transforms.json beside the scene from which the scene looks
+    /// most like it]
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     /// Folder for the results
@@ -67,7 +68,8 @@ pub struct Align {
     /// Focal lengths descend as well
     #[arg(long, help_heading = DESCENT)]
     pub refine_focal: bool,
-    /// Does not count what is black in masks: mask_path of the cameras, a file in masks/ named as the photo, or its alpha
+    /// Does not count pixels that are black in masks: mask_path of the cameras, a file in masks/ named as the photo, or
+    /// its alpha
     #[arg(long, help_heading = DESCENT)]
     pub masks: bool,
     /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
@@ -89,8 +91,7 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let read = arguments.photos.iter().chain([&arguments.scene]).chain(&arguments.cameras);
     let out = claim_alignment(&arguments.out, read)?;
     let rasterizer = device::rasterizer(&arguments.device)?;
-    let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
-    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene, drawing)?;
+    let (gaussians, background, settings) = DrawingOptions::from(arguments.drawing).read(&arguments.scene)?;
     let gaussians = gaussians.to_activated();
     // No photo is no mistake: then there is nothing to do.
     let paths = photos_at(&arguments.photos)?;

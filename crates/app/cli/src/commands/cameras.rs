@@ -8,9 +8,10 @@ use weaver_reconstruct::{CameraComparison, CamerasRequest, cameras};
 
 /// Estimates the cameras of photos by matching them.
 ///
-/// Writes transforms.json, a COLMAP model with points and tracks in sparse/0, and points.png: what of each photo was found in others, green
-/// where it is exact. The folder is a capture for fit, infer and train. No network is involved, and the same photos give the same cameras. Of a clip sharp
-/// frames become photos, as many steps of the camera apart; they are written to the folder `frames`.
+/// Writes transforms.json, a COLMAP model with points and tracks in sparse/0, and points.png: the points of each photo
+/// that were found in others, green where they are exact. The folder is a capture for fit, infer and train. No network
+/// is involved, and the same photos give the same cameras. Of a clip sharp frames become photos, as many steps of the
+/// camera apart; they are written to the folder `frames`.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver cameras photos -o capture
@@ -26,7 +27,8 @@ pub struct Cameras {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
     pub out: Output,
-    /// Other cameras of the same photos: says how far the estimated ones are off, once moved, turned and scaled to fit best
+    /// Other cameras of the same photos: says how far the estimated ones are off, once moved, turned and scaled to fit
+    /// best
     #[arg(long, value_name = "FILE", conflicts_with = "json")]
     pub compare: Option<PathBuf>,
     /// Prints the result as JSON, and nothing else on standard output

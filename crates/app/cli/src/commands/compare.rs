@@ -5,12 +5,11 @@ use std::path::PathBuf;
 use weaver_command::{Console, ConsoleObserver, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Threads, device};
 use weaver_data::capture::posed::PosedOptions;
 use weaver_fit::Judge;
-use weaver_io::{SceneFile, read_scene};
 use weaver_reconstruct::{ComparedScene, SceneComparison};
 use weaver_splat::Renderer;
 use weaver_trainer::evaluate::load_lpips;
 
-/// Compares what a file of Gaussians shows with the photos of a capture.
+/// Compares a file of Gaussians with the photos of a capture.
 ///
 /// At the photos' own size, by those that the capture holds out, or by all where it holds none out.
 #[derive(Args, Debug)]
@@ -28,7 +27,8 @@ pub struct Compare {
     /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub long_side: Option<u32>,
-    /// Does not count what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
+    /// Does not count pixels that are black in masks: mask_path of transforms.json, a file in masks/ named as the
+    /// photo, or its alpha
     #[arg(long)]
     pub masks: bool,
     /// Also LPIPS, with the weights in this safetensors file
@@ -50,8 +50,7 @@ pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     let Compare { scene, data, .. } = arguments;
     let mut renderer = Renderer::new(device::rasterizer(&arguments.device)?);
     let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
-    let SceneFile { gaussians, drawing } = read_scene(scene)?;
-    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(scene, drawing)?;
+    let (gaussians, background, settings) = DrawingOptions::from(arguments.drawing).read(scene)?;
     let long_side = arguments.long_side.map(|side| side as usize);
     let masks = arguments.masks;
     let options = PosedOptions { long_side, background, masks, held_out_only: true, ..PosedOptions::default() };

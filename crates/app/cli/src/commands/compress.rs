@@ -9,7 +9,7 @@ use weaver_command::camera_files::{self, Size};
 use weaver_command::{Console, ConsoleObserver, DrawingFlags, DrawingOptions, Failure, Output, Threads, number};
 use weaver_compress::{Compressed, Judged, MOST_DECIBELS, Pictures, compress_judged};
 use weaver_geometry::Camera;
-use weaver_io::{SceneFile, atomic_write, read_scene, scene_bytes};
+use weaver_io::{atomic_write, scene_bytes};
 
 /// Longest side of the pictures that the scene is judged by, pixels.
 const LONG_SIDE: usize = 384;
@@ -19,8 +19,9 @@ const OF_ORBIT: usize = 6;
 
 /// Compresses a file of Gaussians to a wanted quality of its pictures, as .wsz.
 ///
-/// Positions, scales, opacities, rotations, colors and harmonics are rounded so that one more bit would gain as much in any of them; what a bit
-/// gains is measured in pictures of the scene; others say how good it is. `splatweaver convert scene.ply scene.wsz` takes fixed steps, and no time.
+/// Positions, scales, opacities, rotations, colors and harmonics are rounded so that one more bit would gain as much in
+/// any of them; the gain of a bit is measured in pictures of the scene; others say how good it is. `splatweaver convert
+/// scene.ply scene.wsz` takes fixed steps, and no time.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver compress scene.ply -o scene.wsz
@@ -33,11 +34,12 @@ pub struct Compress {
     /// The file to write, .wsz
     #[arg(short, long, value_name = "FILE", value_parser = Output::file(&["wsz"]))]
     pub out: Output,
-    /// Quality of pictures of the compressed scene beside those of the scene, decibels, at least in those that steps are chosen by; 46 is hard to tell apart, 40 shows on a closer look
+    /// Quality of pictures of the compressed scene beside the scene's, decibels, at least in those that steps
+    /// are chosen by; 46 is hard to tell apart, 40 shows on a closer look
     #[arg(long, value_name = "DECIBELS", default_value = "46", value_parser = decibels())]
     pub psnr: f64,
-    /// Cameras of the pictures, every other of which judges what the others have chosen: transforms.json, a folder with a COLMAP model, or a
-    /// RealEstate10K file [default: the transforms.json beside the scene, else an orbit]
+    /// Cameras of the pictures, every other one judges the choice of the others: transforms.json, a folder with
+    /// a COLMAP model, or a RealEstate10K file [default: the transforms.json beside the scene, else an orbit]
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     /// Prints the result as JSON, and nothing else on standard output
@@ -57,9 +59,8 @@ fn decibels() -> impl TypedValueParser<Value = f64> {
 
 pub fn run(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
     let Compress { scene, out, .. } = arguments;
-    let SceneFile { gaussians, drawing } = read_scene(scene)?;
     let named = |error: &dyn std::fmt::Display| Failure::message(format!("{}: {error}", scene.display()));
-    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(scene, drawing)?;
+    let (gaussians, background, settings) = DrawingOptions::from(arguments.drawing).read(scene)?;
     let cameras = match &arguments.cameras {
         Some(file) => of_file(file)?,
         None => {

@@ -15,8 +15,10 @@ use weaver_scene::{Gaussians, Region};
 
 /// Writes files of Gaussians in another format, or cameras; the names of files select the formats.
 ///
-/// Cameras of Metashape (XML), RealityScan (CSV), Bundler, OpenSfM, COLMAP or a transforms.json become a transforms.json, by that name, or
-/// a folder with one and a COLMAP model with points in sparse/0; --rotate, --scale and --translate move them. Of scenes, several inputs are joined. What is asked for happens in this order: --rotate, --scale, --translate, --crop, --drop-floaters, --keep,
+/// Cameras of Metashape (XML), RealityScan (CSV), Bundler, OpenSfM, COLMAP or a transforms.json become a
+/// transforms.json, by that name, or a folder with one and a COLMAP model with points in sparse/0; --rotate, --scale
+/// and --translate move them. Of scenes, several inputs are joined. Changes happen in this order: --rotate,
+/// --scale, --translate, --crop, --drop-floaters, --keep,
 /// --degree.
 #[derive(Args, Debug)]
 #[command(after_help = after_help(), override_usage = "splatweaver convert [OPTIONS] <IN>... <OUT>")]
@@ -36,7 +38,7 @@ pub struct Convert {
     /// Moves, world units
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     pub translate: Option<Triple>,
-    /// Keeps what has its center in a box (X,Y,Z,X,Y,Z: two corners) or a sphere (X,Y,Z,RADIUS)
+    /// Keeps Gaussians with their center in a box (X,Y,Z,X,Y,Z: two corners) or a sphere (X,Y,Z,RADIUS)
     #[arg(long, value_name = "BOX|SPHERE", allow_hyphen_values = true)]
     pub crop: Option<Region>,
     /// Leaves out Gaussians that are unusually far from all others
@@ -48,13 +50,14 @@ pub struct Convert {
     /// The score that they are judged by
     #[arg(long, value_enum, value_name = "SCORE", default_value_t, requires = "keep")]
     pub by: ScoreName,
-    /// Cameras of the scene as it is read, for --by contribution: transforms.json, a folder with a COLMAP model, or a RealEstate10K file
+    /// Cameras of the scene as it is read, for --by contribution: transforms.json, a folder with a COLMAP model, or a
+    /// RealEstate10K file
     #[arg(long, value_name = "FILE", required_if_eq("by", "contribution"), requires = "keep", conflicts_with_all = ["rotate", "scale", "translate"])]
     pub cameras: Option<PathBuf>,
     /// Largest degree of spherical harmonics that stays
     #[arg(long, value_name = "0..4", value_parser = clap::value_parser!(u8).range(0..=4))]
     pub degree: Option<u8>,
-    /// Prints what was done as JSON, and nothing else on standard output
+    /// Prints the result as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
 }
@@ -198,10 +201,10 @@ fn convert_one(from: &Path, arguments: &Convert, console: &mut Console) -> Resul
     console.print(&serde_json::to_string_pretty(&report)?)
 }
 
-/// Longest side of the pictures: what shows at this size shows at any.
+/// Longest side of the pictures: a Gaussian that shows at this size shows at any.
 const LONG_SIDE: usize = 640;
 
-/// What Gaussians add to the pictures of the cameras of a file.
+/// Contributions of Gaussians to the pictures of the cameras of a file.
 fn contributions(
     gaussians: &Gaussians,
     cameras: &Path,

@@ -34,7 +34,8 @@ const TARGETS: [(&str, Targets, &str); 4] = [
 
 /// Renders held-out views and compares them with the photos.
 ///
-/// From the Gaussians that a network makes of their nearest training views. `splatweaver compare` judges one file of Gaussians.
+/// From the Gaussians that a network makes of their nearest training views. `splatweaver compare` judges one file of
+/// Gaussians.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver eval --run runs/mine
@@ -48,7 +49,8 @@ const TARGETS: [(&str, Targets, &str); 4] = [
   splatweaver eval --run runs/wild --light-of half
   splatweaver eval --run runs/mine --unseen --json > unseen.json")]
 pub struct Eval {
-    /// The run folder; several are told apart in one table, on the same --data [default: the weights that come with the program]
+    /// The run folder; several are told apart in one table, on the same --data [default: the weights that come with the
+    /// program]
     #[arg(long, help_heading = WHAT)]
     pub run: Vec<PathBuf>,
     /// A file of weights instead: a run's checkpoint.safetensors, small weights made of one, or a published checkpoint
@@ -66,9 +68,9 @@ pub struct Eval {
     /// Cameras of the context views; `estimated` by matching these photos, the held-out view aside [default: the run's]
     #[arg(long, value_name = "predicted|given|estimated", help_heading = VIEWS)]
     pub cameras: Option<CameraChoice>,
-    /// Where held-out photos are drawn from: from the data's cameras in the frame of the first, or in that which fits all of the context's
-    /// centers; from where the model says that they were taken, having seen them beside the context photos, as 2Xplat is published,
-    /// with predicted cameras; or `context`, whose photos then judge instead
+    /// Where held-out photos are drawn from: from the data's cameras in the frame of the first, or in that which fits
+    /// all of the context's centers; from where the model says that they were taken, having seen them beside the
+    /// context photos, as 2Xplat is published, with predicted cameras; or `context`, whose photos then judge instead
     #[arg(long, value_parser = choice(&TARGETS), default_value = "data", help_heading = VIEWS)]
     pub targets: Targets,
     /// With estimated cameras: focal lengths are not told, as by photos without EXIF
@@ -80,16 +82,17 @@ pub struct Eval {
     /// Given cameras come with the points that the context photos see: depth is brought to these
     #[arg(long, help_heading = VIEWS)]
     pub points: bool,
-    /// Does not count what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha; without
-    /// it, what the run leaves out is left out
+    /// Does not count pixels that are black in masks: mask_path of transforms.json, a file in masks/ named as the
+    /// photo, or its alpha; without it, masks count as in the run
     #[arg(long, conflicts_with = "unseen", help_heading = VIEWS)]
     pub masks: bool,
-    /// In whose light held-out views are drawn, for runs of --model wild: told by the left `half` of the photo, by all of it (`own`), by
-    /// nobody (`none`), or by another photo (`wrong`); all figures are then of the right halves [default: the first context photo's, and
-    /// all of each view]
+    /// In whose light held-out views are drawn, for runs of --model wild: told by the left `half` of the photo, by all
+    /// of it (`own`), by nobody (`none`), or by another photo (`wrong`); all figures are then of the right halves
+    /// [default: the first context photo's, and all of each view]
     #[arg(long, value_name = "half|own|none|wrong", conflicts_with_all = ["refine", "refine_steps", "align"], help_heading = VIEWS)]
     pub light_of: Option<LookOf>,
-    /// Leaves photos as they were taken, where the run was trained with data.looks; a table of runs not all of which were does so, too
+    /// Leaves photos as they were taken, where the run was trained with data.looks; a table of runs not all of which
+    /// were does so, too
     #[arg(long, help_heading = VIEWS)]
     pub as_taken: bool,
     #[command(flatten)]
@@ -114,8 +117,9 @@ pub struct Eval {
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Alignment")]
 pub struct AlignFlags {
-    /// Moves the camera of each held-out view until the render is most like its photo, for figures beside the others: they have looked at
-    /// what they are judged by. What that gains with given cameras, where there is nothing to move, is printed with them
+    /// Moves the camera of each held-out view until the render is most like its photo, for figures beside the others:
+    /// they have looked at their own judges. The gain with given cameras, where there is nothing to move,
+    /// is printed with them
     #[arg(long, conflicts_with_all = ["refine", "refine_steps"])]
     pub align: bool,
     /// Which numbers of the camera move, and at what rate

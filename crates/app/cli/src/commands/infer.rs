@@ -18,7 +18,7 @@ use weaver_splat::Renderer;
 use weaver_view::HtmlOptions;
 use weaver_view_run::SceneFiles;
 
-/// The file of what `--json` prints.
+/// The file with the output of `--json`.
 pub const FIGURES: &str = "infer.json";
 /// Heading of flags.
 const PUBLISHED: &str = "With --weights";
@@ -26,8 +26,8 @@ const PUBLISHED: &str = "With --weights";
 /// Turns photos into Gaussians, cameras, renders, depth and expert maps.
 ///
 /// Writes scene.ply, transforms.json, a COLMAP model in sparse/0, the folders input, render, depth and experts, and
-/// overview.png. From a checkpoint without a Gaussian head (VGGT), or with --geometry: points.ply, depth.safetensors and the
-/// cameras.
+/// overview.png. From a checkpoint without a Gaussian head (VGGT), or with --geometry: points.ply, depth.safetensors
+/// and the cameras.
 #[derive(Args, Debug)]
 #[command(group(ArgGroup::new("network").args(["run", "weights"])))]
 #[command(after_help = "Examples:
@@ -60,20 +60,20 @@ pub struct Infer {
     /// Seed of the router's noise [default: 0]
     #[arg(long, value_name = "S", requires = "weights", help_heading = PUBLISHED)]
     pub seed: Option<u64>,
-    /// Round to bf16 (8 bits) what bf16 matrices are multiplied with; faster on processors with AVX-512 BF16,
+    /// Round the other factor of bf16 matrices to bf16 (8 bits) as well; faster on processors with AVX-512 BF16,
     /// the same on others
     #[arg(long, requires = "weights", help_heading = PUBLISHED)]
     pub bf16_products: bool,
     /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, or clips; the first one's camera becomes the origin
     #[arg(required = true)]
     pub photos: Vec<PathBuf>,
-    /// Cameras of the photos, matched by the ends of their paths: transforms.json or a folder with a COLMAP model, whose points
-    /// repair depth; or `estimated`: by matching, as `splatweaver cameras` does, whose results go to the folder `cameras`
-    /// [default: with --run and --weights predicted, else estimated]
+    /// Cameras of the photos, matched by the ends of their paths: transforms.json or a folder with a COLMAP model,
+    /// whose points repair depth; or `estimated`: by matching, as `splatweaver cameras` does, whose results go to the
+    /// folder `cameras` [default: with --run and --weights predicted, else estimated]
     #[arg(long, value_name = "estimated|predicted|FILE")]
     pub cameras: Option<CameraChoice>,
-    /// Gives no Gaussians to what is black in masks: mask_path of --cameras, a file in a folder masks beside the photo, or beside its
-    /// folder, named as the photo, or its alpha
+    /// Gives no Gaussians to pixels that are black in masks: mask_path of --cameras, a file in a folder masks beside
+    /// the photo, or beside its folder, named as the photo, or its alpha
     #[arg(long)]
     pub masks: bool,
     #[command(flatten)]

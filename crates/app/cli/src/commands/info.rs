@@ -11,9 +11,10 @@ use weaver_trainer::describe_results;
 
 /// Describes a file or a folder.
 ///
-/// Files: photos, clips, pictures of `image fit` (.wgi), scenes in every format, safetensors, PyTorch checkpoints, NPY, NPZ, transforms.json, COLMAP,
-/// RealEstate10K, scans of lidars (.bin, .pcd), TOML, and JSON of results. Folders: runs of train, fit, reconstruct, lidar, image fit, dynamic, vad and
-/// bench compress, COLMAP models, captures, weights, photos.
+/// Files: photos, clips, pictures of `image fit` (.wgi), scenes in every format, safetensors, PyTorch checkpoints, NPY,
+/// NPZ, transforms.json, COLMAP, RealEstate10K, scans of lidars (.bin, .pcd), TOML, and JSON of results. Folders: runs
+/// of train, fit, reconstruct, lidar, image fit, dynamic, vad and bench compress, COLMAP models, captures, weights,
+/// photos.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver info scene.ply
@@ -26,7 +27,7 @@ pub struct Info {
     /// The file, or the folder of a run, of a capture, of weights or of photos
     #[arg(required_unless_present = "devices")]
     pub file: Option<PathBuf>,
-    /// Lists what Gaussians can be drawn on, for --device of other commands
+    /// Lists the devices that Gaussians can be drawn on, for --device of other commands
     #[arg(long, conflicts_with = "file")]
     pub devices: bool,
     /// Lists it as JSON
@@ -41,7 +42,7 @@ pub fn run(arguments: &Info, console: &mut Console) -> Result<(), Failure> {
     }
 }
 
-/// Files of this program's own, and else what weaver-io knows.
+/// Files of this program's own, and else those of weaver-io.
 fn described(path: &Path) -> Result<String, Failure> {
     let run = RunFolder::at(path);
     if run.config_path().is_file() {

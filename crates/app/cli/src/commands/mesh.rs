@@ -5,10 +5,9 @@ use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, DrawingFlags, Failure, Output, Progress, Threads, memory};
+use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, memory};
 use weaver_geometry::Camera;
 use weaver_io::ply::write_triangles;
-use weaver_io::{SceneFile, read_scene};
 use weaver_mesh::{DistanceField, DrawnScene, FieldProgress, Mesh, RangeView, SceneScale};
 
 /// Cells of the map of a lidar run, meters.
@@ -21,8 +20,8 @@ const PIECES: (usize, usize) = (50, 50);
 
 /// Makes a mesh of a scene as its cameras see it, or of the map of a lidar run.
 ///
-/// Drawn depth is averaged as truncated signed distances, whose zero level becomes triangles by surface nets; vertices of scenes take the
-/// colors that cameras see, and of their pieces the 50 largest of at least 50 triangles stay.
+/// Drawn depth is averaged as truncated signed distances, whose zero level becomes triangles by surface nets; vertices
+/// of scenes take the colors that cameras see, and of their pieces the 50 largest of at least 50 triangles stay.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver mesh scene -o surface.ply
@@ -32,16 +31,19 @@ pub struct Meshing {
     /// The folder of a result, a file of Gaussians, or the folder of a run of `lidar` that is complete
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
-    /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file [default: the transforms.json of the folder]
+    /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file [default: the transforms.json of
+    /// the folder]
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// The mesh, PLY
     #[arg(short, long, value_name = "FILE", default_value = "mesh.ply", value_parser = Output::file(&["ply"]))]
     out: Output,
-    /// Side of a cell, world units [default: 0.1 m of a map; of a scene a 256th of the cameras' distance, and at least a pixel]
+    /// Side of a cell, world units [default: 0.1 m of a map; of a scene a 256th of the cameras' distance, and at least
+    /// a pixel]
     #[arg(long, value_name = "DISTANCE")]
     voxel: Option<f64>,
-    /// Distance from a camera beyond which everything is background, world units [default: twice the least distance of a camera from what all look at]
+    /// Distance from a camera beyond which everything is background, world units [default: twice the least distance of
+    /// a camera from the point that all look at]
     #[arg(long, value_name = "DISTANCE")]
     far: Option<f64>,
     /// Longest side that photos are shrunk to, for drawing
@@ -83,8 +85,7 @@ fn map_mesh(run: &Path, voxel: f64, console: &mut Console) -> Result<Mesh, Failu
 
 /// The mesh of a scene, and the colors of its vertices.
 fn scene_mesh(file: &Path, arguments: &Meshing, console: &mut Console) -> Result<(Mesh, Vec<[u8; 3]>), Failure> {
-    let SceneFile { gaussians, drawing } = read_scene(file)?;
-    let (background, settings) = weaver_command::DrawingOptions::from(arguments.drawing).beside(file, drawing)?;
+    let (gaussians, background, settings) = DrawingOptions::from(arguments.drawing).read(file)?;
     let beside = arguments.scene.is_dir().then(|| arguments.scene.join("transforms.json"));
     let path = arguments.cameras.clone().or(beside.filter(|path| path.exists())).ok_or_else(|| {
         Failure::Usage(format!("{}: expected --cameras with a scene that has none beside it", file.display()))

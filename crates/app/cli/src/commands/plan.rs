@@ -12,11 +12,13 @@ use weaver_data::capture::has_cameras;
 use weaver_io::list_photos;
 use weaver_run::{Work, WorkInput, WorkList};
 
-/// Expands a list of captures into one command a line, each a unit of work for any engine, with the time and memory that it takes.
+/// Expands a list of captures into one command a line, each a unit of work for any engine, with the time and memory
+/// that it takes.
 ///
-/// The list is a TOML file: `[[work]]` with `command` (reconstruct, fit, cameras or infer), `inputs` (captures or folders of photos; a last part `*`
-/// stands for every folder that the command can be given), `out` (each result goes to OUT/NAME) and `flags`. Lines end in a comment with minutes and megabytes where these are known;
-/// every command is checked, and nothing is written. Minutes of a fit of so many steps are measured with --measure.
+/// The list is a TOML file: `[[work]]` with `command` (reconstruct, fit, cameras or infer), `inputs` (captures or
+/// folders of photos; a last part `*` stands for every folder that the command can be given), `out` (each result goes
+/// to OUT/NAME) and `flags`. Lines end in a comment with minutes and megabytes where these are known; every command is
+/// checked, and nothing is written. Minutes of a fit of so many steps are measured with --measure.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver plan list.toml

@@ -15,10 +15,11 @@ const FIT: &str = "Fit";
 
 /// A scene from a folder of photos, or a video, and nothing else.
 ///
-/// A capture's own cameras are taken where there are any; else they are estimated. Then Gaussians are fitted to the photos. Writes
-/// scene.ply, cameras, summary.json and report.html, and with estimated cameras the folder `cameras` as `splatweaver cameras` does.
-/// Photos overlap best when each place is seen in three of them or more, from places that are apart. Of a clip (MP4, MOV, MKV, WebM, AVI
-/// and what else ffmpeg reads) sharp frames become photos, as many steps of the camera apart; they are written to the folder `frames`.
+/// A capture's own cameras are taken where there are any; else they are estimated. Then Gaussians are fitted to the
+/// photos. Writes scene.ply, cameras, summary.json and report.html, and with estimated cameras the folder `cameras` as
+/// `splatweaver cameras` does. Photos overlap best when each place is seen in three of them or more, from places that
+/// are apart. Of a clip (MP4, MOV, MKV, WebM, AVI and others that ffmpeg reads) sharp frames become photos, as many
+/// steps of the camera apart; they are written to the folder `frames`.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver reconstruct --demo -o scene                      photos that come with the program
@@ -37,17 +38,21 @@ pub struct Reconstruct {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
     pub out: Output,
-    /// Time for all of it, and size of the photos; a fit ends early once it has used each photo 200 times, or 40 times where they are larger than the least. It takes longer where matching leaves less than a quarter of the time, which the fit gets all the same, or where 200 steps do
+    /// Time for all of it, and size of the photos; a fit ends early once it has used each photo 200 times, or 40 times
+    /// where they are larger than the least. It takes longer where matching leaves less than a quarter of the time,
+    /// which the fit gets all the same, or where 200 steps do
     #[arg(long, value_parser = choice(&QUALITIES), default_value = "normal", default_value_if("demo", ArgPredicate::Equals("true".into()), "draft"), help_heading = FIT)]
     pub quality: Quality,
-    /// Time for all of it, matching included, which is used up; the fit gets at least a quarter of it and 200 steps, whatever matching took [default: the quality's]
+    /// Time for all of it, matching included, which is used up; the fit gets at least a quarter of it and 200 steps,
+    /// whatever matching took [default: the quality's]
     #[arg(long, value_name = "M", value_parser = minutes(), help_heading = FIT)]
     pub minutes: Option<f64>,
-    /// The most Gaussians there may be [default: as many as the time can put in place, at most 0.4 for each pixel of a photo]
+    /// The most Gaussians there may be [default: as many as the time can put in place, at most 0.4 for each pixel of a
+    /// photo]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = FIT)]
     pub gaussians: Option<u32>,
-    /// Which photos are not shown to the fit, which is judged by them: none; those that a capture lists, or every eighth where none are
-    /// listed; or every so many
+    /// Which photos are not shown to the fit, which is judged by them: none; those that a capture lists, or every
+    /// eighth where none are listed; or every so many
     #[arg(long, value_name = "listed|none|N", default_value = "none", help_heading = FIT)]
     pub hold_out: HoldOut,
     /// Seed of everything that is drawn at random
@@ -56,7 +61,8 @@ pub struct Reconstruct {
     /// Prints the result as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
-    /// Also writes scene.wsz, at a level from 0, the finest, to 3, and fits the last fifth of the run with its rounding in place, without Gaussians that are not worth their bits
+    /// Also writes scene.wsz, at a level from 0, the finest, to 3, and fits the last fifth of the run with its rounding
+    /// in place, without Gaussians that are not worth their bits
     #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "0.25", value_parser = level())]
     pub compress: Option<f64>,
     /// Writes no view.html, the page to look at the scene

@@ -10,8 +10,9 @@ use weaver_reconstruct::blocks::{BlockCount, BlockFile, SplitOptions, split};
 
 /// Cuts a capture that is too large for one fit into blocks, each a capture of its own.
 ///
-/// Upright planes cut the points into blocks of equally many; a block has the photos of which enough lies in it, and the points that these see. Prints
-/// the command that fits each block, one a line, for any machine that sees the photos; `splatweaver merge` joins the fits.
+/// Upright planes cut the points into blocks of equally many; a block has the photos that see enough of it, and
+/// the points that these see. Prints the command that fits each block, one a line, for any machine that sees the
+/// photos; `splatweaver merge` joins the fits.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver split street --blocks 4 -o blocks
@@ -40,11 +41,12 @@ pub struct Split {
     /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=65_536))]
     pub long_side: Option<u32>,
-    /// Which photos are held out: those that the capture lists, or every eighth where it lists none; no photo; or every so many
-    /// [default: listed]
+    /// Which photos are held out: those that the capture lists, or every eighth where it lists none; no photo; or every
+    /// so many [default: listed]
     #[arg(long, value_name = "listed|none|N")]
     pub hold_out: Option<HoldOut>,
-    /// Leaves out what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
+    /// Leaves out pixels that are black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or
+    /// its alpha
     #[arg(long)]
     pub masks: bool,
     /// Prints the blocks as JSON, and nothing else on standard output
@@ -52,7 +54,7 @@ pub struct Split {
     pub json: bool,
 }
 
-/// A photo is a block's if this part of what it sees lies there.
+/// Part of the points that a photo sees which makes it a block's where they lie in it.
 const SHARE: f64 = 0.05;
 
 pub fn run(arguments: &Split, console: &mut Console) -> Result<(), Failure> {

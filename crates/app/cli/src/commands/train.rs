@@ -40,14 +40,15 @@ pub struct Train {
     /// Folder of a capture (COLMAP, transforms.json, NeRF-synthetic, RealEstate10K); may be repeated
     #[arg(long, value_name = "DIR", help_heading = "Data")]
     pub data: Vec<PathBuf>,
-    /// For --data of photos without cameras: a published checkpoint, VGGT's or SplatWeaver's, from which they get cameras and depth;
-    /// what it says is kept beside the photos, in teacher.safetensors
+    /// For --data of photos without cameras: a published checkpoint, VGGT's or SplatWeaver's, from which they get
+    /// cameras and depth; both are kept beside the photos, in teacher.safetensors
     #[arg(long, value_name = "FILE", requires = "data", help_heading = "Data")]
     pub teacher: Option<PathBuf>,
     /// The model to train [default: splatweaver]
     #[arg(long, value_name = "NAME", help_heading = CONFIGURATION)]
     pub model: Option<String>,
-    /// Where the configuration starts from: micro, tiny, tiny-endless, tiny-published, tiny-dagger, small or medium [default: the file's, or tiny]
+    /// Where the configuration starts from: micro, tiny, tiny-endless, tiny-published, tiny-dagger, small or medium
+    /// [default: the file's, or tiny]
     #[arg(long, help_heading = CONFIGURATION)]
     pub preset: Option<String>,
     /// Configuration file (TOML) between the preset and the flags; `splatweaver config` prints one to start from
@@ -56,8 +57,8 @@ pub struct Train {
     /// Sets a configuration value by its path, list entries by number; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE", help_heading = CONFIGURATION)]
     pub settings: Vec<String>,
-    /// Steps in all; the stages are rescaled in proportion. With --resume: the last stage becomes longer, and its rate follows the
-    /// longer cosine from then on
+    /// Steps in all; the stages are rescaled in proportion. With --resume: the last stage becomes longer, and its rate
+    /// follows the longer cosine from then on
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = CONFIGURATION)]
     pub steps: Option<u32>,
     /// Seed of weights, data order and noise
@@ -66,8 +67,8 @@ pub struct Train {
     /// Folder of the run [default: the first free runs/PRESET-N]
     #[arg(short, long, value_name = "DIR", help_heading = RUN, value_parser = Output::folder())]
     pub out: Option<Output>,
-    /// Starts from the averaged weights of this run or checkpoint, of whichever model, from a published checkpoint, or with `built-in` from
-    /// those that come with the program, as far as they fit; what was taken is said
+    /// Starts from the averaged weights of this run or checkpoint, of whichever model, from a published checkpoint, or
+    /// with `built-in` from those that come with the program, as far as they fit; the weights that were taken are named
     #[arg(long, value_name = "built-in|RUN|FILE", help_heading = RUN)]
     pub init: Option<PathBuf>,
     /// Goes on with this run, with its own configuration
@@ -76,8 +77,8 @@ pub struct Train {
     /// Threads. Does not change results [default: the configuration's, or one per core]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS), help_heading = RUN)]
     pub threads: Option<u16>,
-    /// Measures what the run would take (parameters, activations, optimizer, peak) on a few steps of each stage, and writes
-    /// nothing
+    /// Measures the memory of the run (parameters, activations, optimizer, peak) on a few steps of each stage, and
+    /// writes nothing
     #[arg(long, conflicts_with_all = ["out", "trace", "live"], help_heading = MEASURING)]
     pub dry_run: bool,
     /// Writes every op of one step of each stage into this file, in Chrome's trace format (chrome://tracing, Perfetto)

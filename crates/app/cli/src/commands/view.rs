@@ -13,8 +13,9 @@ const MIXTURE: &str = "model.safetensors";
 
 /// Shows a scene in the browser, or writes it as one HTML file.
 ///
-/// The page is served to this machine alone, unless --host is said. A folder of `fit`, `reconstruct` or `infer` is opened with its cameras,
-/// photos and report, one of `lidar` with its map and report, one of `dynamic train` with a slider for the time.
+/// The page is served to this machine alone, unless --host is said. A folder of `fit`, `reconstruct` or `infer` is
+/// opened with its cameras, photos and report, one of `lidar` with its map and report, one of `dynamic train` with a
+/// slider for the time.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver view scene
@@ -25,13 +26,16 @@ pub struct View {
     /// A file of Gaussians, or the folder of a result
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file [default: the transforms.json of the folder]
+    /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file [default: the transforms.json of
+    /// the folder]
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
-    /// Folder with the photos of the cameras, found by the ends of their paths [default: where the cameras say that they are]
+    /// Folder with the photos of the cameras, found by the ends of their paths [default: where the cameras say that
+    /// they are]
     #[arg(long, value_name = "DIR", requires = "cameras")]
     pub photos: Option<PathBuf>,
-    /// Features that `lift` gave the Gaussians: the page shows what is like a point that is clicked [default: the lifted.safetensors of the folder]
+    /// Features that `lift` gave the Gaussians: the page shows places like a clicked point [default: the
+    /// lifted.safetensors of the folder]
     #[arg(long, value_name = "FILE", conflicts_with = "html")]
     pub lifted: Option<PathBuf>,
     /// Meters of a unit of the scene, for a scale bar [default: 1 for a run of `lidar`, else no bar]

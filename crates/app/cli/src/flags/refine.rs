@@ -10,7 +10,8 @@ use weaver_inference::{Effort, Predictor, Refined};
 /// For how long, and at which size, predictions are refined on the photos that they were made from.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct RefineFlags {
-    /// Refines the Gaussians on the photos for so many seconds, and cameras that were predicted; never to more Gaussians than were predicted
+    /// Refines the Gaussians on the photos for so many seconds, and cameras that were predicted; never to more
+    /// Gaussians than were predicted
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "10", value_parser = number(0.01..=1e6, "expected seconds, from 0.01 to 1000000"), help_heading = REFINEMENT)]
     pub refine: Option<f64>,
     /// Refines for so many steps, instead of a time
@@ -19,7 +20,7 @@ pub struct RefineFlags {
     /// Long side of the photos for refinement [default: infer: as they are; eval: the network's]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=16_384), help_heading = REFINEMENT)]
     pub refine_size: Option<u32>,
-    /// Leaves every Gaussian where it was predicted, but for what the photos move it: none is given up for another where the error is
+    /// Moves every Gaussian by the photos alone: none is given up for another where the error is
     #[arg(long, help_heading = REFINEMENT)]
     pub refine_in_place: bool,
 }

@@ -1,7 +1,8 @@
 //! Names of flags and commands of the version before.
 
 use std::ffi::OsString;
-use weaver_cli::OldName;
+use weaver_cli::Request;
+use weaver_command::OldName;
 
 #[test]
 fn names_of_before_become_those_of_today() {
@@ -29,7 +30,7 @@ fn names_of_before_become_those_of_today() {
         let (found, notes) = weaver_cli::current(words(before));
         assert_eq!(found, words(today) as Vec<OsString>, "{before}");
         assert_eq!(notes.is_empty(), before == today, "{notes:?}");
-        assert!(weaver_cli::parses(found).is_ok(), "{before}");
+        assert!(Request::of_words(found).is_ok(), "{before}");
     }
 }
 
@@ -38,7 +39,7 @@ fn names_of_before_become_those_of_today() {
 /// Promise (files): an old name of a flag stands for one that the command has, and is none of today's.
 #[test]
 fn old_names_stand_for_flags_that_there_are() {
-    let flags = weaver_cli::flags();
+    let flags = weaver_command::flags(&weaver_cli::program());
     let has = |command: &str, word: &str| {
         flags.iter().any(|flag| flag.command == command && word.strip_prefix("--") == Some(&flag.name))
     };

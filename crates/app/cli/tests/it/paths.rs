@@ -5,8 +5,8 @@ use clap::{Arg, Command};
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use weaver_cli::Paths;
-use weaver_command::Output;
+use weaver_cli::Request;
+use weaver_command::{Output, Paths};
 
 /// Every command that writes, with all its outputs, marked by `@`, and paths that it reads.
 const LINES: [&str; 25] = [
@@ -60,7 +60,8 @@ fn paths(line: &str, folder: &Path, replaced: Option<(usize, &Path)>) -> Result<
         None => word.into(),
     };
     let words: Vec<OsString> = line.split(' ').map(word).collect();
-    weaver_cli::paths(std::iter::once("splatweaver".into()).chain(words))
+    let request = Request::of_words(std::iter::once("splatweaver".into()).chain(words));
+    request.map(|request| request.paths().clone()).map_err(|error| error.to_string())
 }
 
 /// No output of any command goes over anything that it reads, a photo in it, a device, or a link that leads

@@ -1,4 +1,4 @@
-//! Values of flags: what is read from them, and what is refused.
+//! Values of flags that are read and refused.
 
 use std::ffi::OsString;
 use weaver_cli::Request;

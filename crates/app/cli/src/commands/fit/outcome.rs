@@ -4,7 +4,7 @@ use std::path::Path;
 use weaver_command::{Console, Failure, Interrupt};
 use weaver_reconstruct::{Outcome, VIEW};
 
-/// Notes that a fit was stopped, which may have been wished at its page: what was stopped is no complete unit of work.
+/// Notes that a fit was stopped, as by its page: a stopped fit is no complete unit of work.
 pub fn conclude(outcome: &Outcome, interrupt: &Interrupt) {
     if outcome.steps < outcome.planned {
         interrupt.request();

@@ -1,14 +1,14 @@
 //! Flags of everything that estimates cameras from photos or clips.
 
-use super::masks::MaskFlags;
-use super::placing::PlacingFlags;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use weaver_command::{Failure, choice, number};
-use weaver_data::{EstimatePhotosOptions, Find};
+use weaver_data::capture::MaskOptions;
+use weaver_data::posed::Masked;
+use weaver_data::{EstimatePhotosOptions, Find, Placing};
 
 /// Heading of these flags.
-pub(super) const MATCHING: &str = "Estimated cameras";
+const MATCHING: &str = "Estimated cameras";
 
 /// Radial distortions that may be found.
 const DISTORTIONS: [(&str, Find, &str); 3] = [
@@ -20,7 +20,8 @@ const DISTORTIONS: [(&str, Find, &str); 3] = [
 /// Flags of clips.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
 pub struct ClipFlags {
-    /// At most so many frames of each clip, spread over the way of its camera [default: as many as show something new, at most 120]
+    /// At most so many frames of each clip, spread over the way of its camera [default: as many as show something new,
+    /// at most 120]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=2000), help_heading = MATCHING)]
     pub frames: Option<u32>,
 }
@@ -35,7 +36,8 @@ impl ClipFlags {
 /// Options of estimated cameras.
 #[derive(Args, Clone, Copy, Debug, PartialEq)]
 pub struct MatchingFlags {
-    /// The focal length of all photos, over their longer side: 0.75 for most phones [default: what the files tell, else estimated]
+    /// The focal length of all photos, over their longer side: 0.75 for most phones [default: the files', else
+    /// estimated]
     #[arg(long, value_name = "F", value_parser = number(0.2..=20.0, "expected a number from 0.2 to 20, as in 1.2"), help_heading = MATCHING)]
     pub focal: Option<f64>,
     /// Ignores the focal lengths that files tell
@@ -83,7 +85,92 @@ impl MatchingFlags {
     }
 }
 
-/// Everything that decides about cameras which are estimated from photos and clips alone.
+/// Meanings of masked pixels.
+pub const MASKED: [(&str, Masked, &str); 2] = [
+    ("unknown", Masked::Unknown, "Anything may stand there: these pixels do not count"),
+    ("empty", Masked::Empty, "Nothing stands there: these pixels show the background"),
+];
+
+/// Masks of photos.
+#[derive(Args, Clone, Debug, Default, PartialEq)]
+pub struct MaskFlags {
+    /// Leaves out pixels that are black in masks: files in FOLDER named as the photos; without FOLDER, those in a
+    /// folder masks beside the photo or beside its folder, else the photo's alpha
+    #[arg(long, value_name = "FOLDER", num_args = 0..=1, help_heading = MATCHING)]
+    masks: Option<Option<PathBuf>>,
+    /// Leaves out pixels that are white in masks in place of black ones
+    #[arg(long, requires = "masks", help_heading = MATCHING)]
+    invert_masks: bool,
+}
+
+impl MaskFlags {
+    /// The masks, if any were asked for.
+    pub fn options(&self) -> Option<MaskOptions> {
+        let folder = self.masks.clone()?;
+        Some(MaskOptions { folder, inverted: self.invert_masks })
+    }
+
+    /// The folder of masks, if one was named.
+    pub fn folder(&self) -> Option<PathBuf> {
+        self.masks.clone().flatten()
+    }
+}
+
+/// The meaning of masked pixels.
+#[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
+pub struct MaskedFlag {
+    /// Meaning of masked pixels: unknown, or empty space [default: unknown]
+    #[arg(long, value_parser = choice(&MASKED), requires = "masks", help_heading = MATCHING)]
+    pub masked: Option<Masked>,
+}
+
+/// Sources of meters and of the vertical.
+#[derive(Args, Clone, Debug, Default, PartialEq)]
+pub struct PlacingFlags {
+    /// Positions of the cameras, in place of the photos' GPS: a table (CSV) that begins with name,x,y,z in meters, or
+    /// with name,latitude,longitude,altitude
+    #[arg(long, value_name = "FILE", help_heading = MATCHING)]
+    pub positions: Option<PathBuf>,
+    /// A bar of known length: a table (CSV) that begins with name,ax,ay,bx,by,length, and has the pixels of its ends in
+    /// two photos or more, and its length in meters
+    #[arg(long, value_name = "FILE", help_heading = MATCHING)]
+    pub scale_bar: Option<PathBuf>,
+    /// Ignores the GPS of photos
+    #[arg(long, help_heading = MATCHING)]
+    pub no_gps: bool,
+    /// Which way the scene stands [default: level, upright by the photos]
+    #[arg(long, value_enum, value_name = "level|keep", help_heading = MATCHING, conflicts_with_all = ["positions", "scale_bar"])]
+    pub up: Option<UpChoice>,
+}
+
+/// Which way a scene stands.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+pub enum UpChoice {
+    /// Upright, on a level ground: y down, or with positions in meters, east, north and up
+    Level,
+    /// As it was estimated: the first camera is the origin
+    Keep,
+}
+
+impl From<&PlacingFlags> for Placing {
+    fn from(flags: &PlacingFlags) -> Self {
+        Self {
+            positions: flags.positions.clone(),
+            gps: !flags.no_gps,
+            scale_bar: flags.scale_bar.clone(),
+            up: flags.up != Some(UpChoice::Keep),
+        }
+    }
+}
+
+impl PlacingFlags {
+    /// The files that are read.
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        self.positions.clone().into_iter().chain(self.scale_bar.clone())
+    }
+}
+
+/// Clips, matching, placing and masks.
 #[derive(Args, Clone, Debug)]
 pub struct EstimateFlags {
     #[command(flatten)]
