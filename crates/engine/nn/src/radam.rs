@@ -86,14 +86,13 @@ impl<T: Real> RAdam<T> {
     /// Replaces the state by one read back; parameters that are not in it begin anew.
     ///
     /// # Errors
-    /// The name of a parameter that is unknown, of another size, or whose rows have steps of their own, which this
-    /// optimizer does not support.
+    /// The name of a parameter that is unknown or of another size.
     pub fn set_state(
         &mut self,
         params: &Params<T>,
         state: BTreeMap<String, (u64, Moments<T>)>,
     ) -> Result<(), StateError> {
-        self.state = checked(params, state, false)?;
+        self.state = checked(params, state)?;
         Ok(())
     }
 }
