@@ -280,8 +280,8 @@ impl Course {
 type Observe<'a> = &'a mut dyn FnMut(&StepReport);
 
 impl Trainer<'_> {
-    /// Trains the encoder by its own loss, its heads by the classes and, with labels, its curve by the labels; `observe`
-    /// is called after every step.
+    /// Trains the encoder by its own loss, its heads by the classes and, with labels, its curve by the labels;
+    /// `observe` is called after every step.
     ///
     /// # Errors
     /// When features cannot be read or the loss is no longer finite.
