@@ -7,7 +7,7 @@ use crate::encoder::EncoderKind;
 use crate::training::{Course, Labels, Part, Stage, StepReport, Trainer, expert_parts};
 use crate::training_set::TrainingSet;
 use std::collections::VecDeque;
-use weaver_nn::AdamW;
+use weaver_nn::{AdamW, Optimizer};
 
 /// Categories of its experts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -11,7 +11,7 @@ use crate::{Error, Result};
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape, Var, ops};
 use weaver_kernels::random::Stream;
-use weaver_nn::{AdamW, Context, Group, Moments, add_l2_gradient};
+use weaver_nn::{AdamW, Context, Group, Moments, Optimizer, add_l2_gradient};
 
 /// Labels of the snippets of abnormal videos, from the trained curve itself; constant.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -53,7 +53,7 @@ pub struct AdamW<T: Real = f32> {
     /// Added to the root of the mean square.
     pub eps: f64,
     /// By parameter index; the number of steps a parameter has taken beside its moments.
-    state: Vec<(u64, Moments<T>)>,
+    pub(crate) state: Vec<(u64, Moments<T>)>,
 }
 
 impl<T: Real> AdamW<T> {
@@ -92,23 +92,6 @@ impl<T: Real> AdamW<T> {
                 update.step(*steps, params.value_mut(id), &gradient, first, second);
             }
         }
-    }
-
-    /// The state of every parameter that has taken a step, by name: the number of its steps and its moments.
-    pub fn state<'a>(&'a self, params: &'a Params<T>) -> impl Iterator<Item = (&'a str, u64, &'a Moments<T>)> {
-        let with_state = params.iter().zip(&self.state).filter(|(_, (steps, _))| *steps > 0);
-        with_state.map(|((_, param), (steps, moments))| (param.name(), *steps, moments))
-    }
-
-    /// Replaces the state by one read back; parameters that are not in it begin anew. Fails with the name of a
-    /// parameter that is unknown or of another size.
-    pub fn set_state(
-        &mut self,
-        params: &Params<T>,
-        state: BTreeMap<String, (u64, Moments<T>)>,
-    ) -> Result<(), StateError> {
-        self.state = checked(params, state)?;
-        Ok(())
     }
 }
 
@@ -154,6 +137,7 @@ pub enum StateError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Optimizer;
     use std::sync::Arc;
     use weaver_autograd::{HalfValues, ParamValues};
 

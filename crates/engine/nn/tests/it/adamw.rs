@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape};
 use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
-use weaver_nn::{AdamW, Ema, Group, Moments};
+use weaver_nn::{AdamW, Ema, Group, Moments, Optimizer};
 
 const WIDTH: usize = 3;
 const BETAS: [f64; 2] = [0.9, 0.99];

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape};
-use weaver_nn::RAdam;
+use weaver_nn::{Optimizer, RAdam};
 
 /// Three numbers, and one with a rate of its own.
 fn setup() -> (Params<f64>, [ParamId; 2]) {

@@ -11,7 +11,7 @@ use weaver_autograd::Tape;
 use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
 use weaver_losses::Photometric;
-use weaver_nn::{AdamW, Group, Moments};
+use weaver_nn::{AdamW, Group, Moments, Optimizer};
 use weaver_pose::CameraVars;
 use weaver_scene::{CameraRows, Gaussians, Photo};
 use weaver_splat::{Rasterize, WorkspacePool};
