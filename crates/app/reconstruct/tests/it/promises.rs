@@ -122,7 +122,7 @@ fn on_surfaces_means_move_by_pixels() {
     let data = folder.path().join("data");
     sized(&data, 3, [768, 16]);
     with_points(&data);
-    let rate = |init, means| {
+    let rate = |init, means: bool| {
         let by_photos = means.then_some(ByPhotos::Means).into_iter().collect();
         let settings = RunSettings { init, by_photos, hold_out: HoldOut::Nothing, ..settings(&data) };
         let out = folder.path().join(format!("{init:?}-{means}"));
