@@ -4,12 +4,14 @@ use crate::compressed;
 use crate::matching::Matching;
 use crate::sources::Sources;
 use crate::start::{Seen, Start};
-use crate::{ByPhotos, Coverage, Error, Initial, RunSettings};
+use crate::{ByPhotos, Coverage, Error, Initial, RunSettings, plan};
+use std::path::Path;
 use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto, PosedPhotos};
 use weaver_data::some_of;
 use weaver_fit::{ColorAgreement, Density, Fit, FitRasterizer, FitSettings, Rates, mean_color};
 use weaver_geometry::{Camera, geodesy};
+use weaver_io::ScratchFile;
 use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
 
 /// A photo on disk.
@@ -46,13 +48,17 @@ pub(crate) struct Loaded {
 }
 
 /// Loads the inputs of a run, and decides [settings that depend on the photos](crate::ByPhotos). `given` are the
-/// Gaussians of [`Initial::Given`].
+/// Gaussians of [`Initial::Given`]. Photos that memory has no room for are kept in a file without a name in `folder`,
+/// where there is one.
 pub(crate) fn load(
     settings: &mut RunSettings,
     given: Option<&Gaussians>,
     rasterizer: Arc<dyn FitRasterizer>,
+    folder: Option<&Path>,
 ) -> Result<Loaded, Error> {
-    let photos = posed::load(&settings.capture, &settings.posed_options())?;
+    let folder = if plan(settings)?.on_disk { folder } else { None };
+    let scratch = folder.map(ScratchFile::new).transpose()?;
+    let photos = posed::load_kept(&settings.capture, &settings.posed_options(), scratch.as_ref())?;
     prepare(settings, photos, given, rasterizer)
 }
 

@@ -39,7 +39,7 @@ pub enum Quality {
     Normal,
     /// Twenty minutes, 800 to 1600 pixels, as time allows.
     Fine,
-    /// As long as held-out photos gain, hours if need be; up to 1600 pixels.
+    /// As long as held-out photos gain, hours if need be; photos of up to 4096 pixels, 12 megapixels.
     Best,
 }
 
@@ -58,7 +58,8 @@ impl Quality {
     pub fn sides(self) -> RangeInclusive<usize> {
         match self {
             Self::Draft => 384..=384,
-            Self::Normal | Self::Fine | Self::Best => 800..=1600,
+            Self::Normal | Self::Fine => 800..=1600,
+            Self::Best => 800..=4096,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Photos in memory.
 
+use crate::Pixels;
 use weaver_geometry::Camera;
 
 /// A photo and its camera.
@@ -11,7 +12,7 @@ pub struct Photo {
     /// Pose, and intrinsics in pixels of [`rgb`](Self::rgb).
     pub camera: Camera,
     /// sRGB, `[height, width, 3]`.
-    pub rgb: Vec<u8>,
+    pub rgb: Pixels,
     /// Mask of the pixels that count, `[height, width]`; `None` if all do.
     pub mask: Option<Vec<bool>>,
 }
@@ -29,7 +30,7 @@ impl Photo {
     /// use weaver_scene::Photo;
     /// let intrinsics = Intrinsics { fx: 2.0, fy: 2.0, cx: 1.0, cy: 0.5 };
     /// let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 2, height: 1 };
-    /// let mut photo = Photo { name: "a.jpg".into(), camera, rgb: vec![0; 6], mask: None };
+    /// let mut photo = Photo { name: "a.jpg".into(), camera, rgb: vec![0; 6].into(), mask: None };
     /// assert!(!photo.is_masked());
     /// photo.mask = Some(vec![false; 2]);
     /// assert!(photo.is_masked());

@@ -353,13 +353,16 @@ fn tell(arguments: &Fit, console: &mut Console) -> Result<(), Failure> {
     let mb = |bytes: u64| format!("{:>9.1} MB", bytes as f64 / 1e6);
     let time = settings.minutes.map_or(format!("{} steps", settings.fit.steps), |m| format!("{m} minutes"));
     let [width, height] = plan.size;
+    let photos = match plan.on_disk {
+        true => format!("{}, and {} on disk", mb(plan.masks), mb(plan.photos).trim_start()),
+        false => mb(plan.photos + plan.masks),
+    };
     console.print(&format!(
         "{} photos of at most {width}x{height}, {} held out; at most {} Gaussians, {time}\n\
-         photos      {}\nGaussians   {}\nrasterizer  {}\nstart       {}\nat most     {}",
+         photos      {photos}\nGaussians   {}\nrasterizer  {}\nstart       {}\nat most     {}",
         plan.training,
         plan.held_out,
         settings.fit.gaussians,
-        mb(plan.photos),
         mb(plan.gaussians),
         mb(plan.rasterizer),
         mb(plan.start),

@@ -44,7 +44,7 @@ fn world() -> (Vec<Photo>, PointCloud) {
                 points.positions.push(view.camera.unproject(pixel, f64::from(*depth)).as_vec3().to_array());
                 points.colors.push([rgb[3 * at], rgb[3 * at + 1], rgb[3 * at + 2]]);
             }
-            Photo { name: view.name.clone(), camera: view.camera, rgb, mask: None }
+            Photo { name: view.name.clone(), camera: view.camera, rgb: rgb.into(), mask: None }
         })
         .collect();
     (photos, points)

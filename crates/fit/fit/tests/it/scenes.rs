@@ -42,7 +42,7 @@ pub fn plain(strategy: StrategyKind, steps: usize, gaussians: usize) -> FitSetti
 /// Renders of Gaussians.
 pub fn render(gaussians: &Gaussians, cameras: &[Camera]) -> Vec<Vec<f32>> {
     let [width, height] = SIZE;
-    let black = Photo { name: "black".into(), camera: cameras[0], rgb: vec![0; 3 * width * height], mask: None };
+    let black = Photo { name: "black".into(), camera: cameras[0], rgb: vec![0; 3 * width * height].into(), mask: None };
     let settings = plain(StrategyKind::Keep, 1, gaussians.len());
     let mut fit = Fit::new(vec![black], gaussians, settings).expect("a scene");
     cameras.iter().map(|camera| fit.render(camera).expect("an image")).collect()

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
 use weaver_geometry::geodesy::Origin;
-use weaver_io::PhotoFile;
+use weaver_io::{PhotoFile, ScratchFile};
 use weaver_scene::{Frame, Photo, PointCloud};
 
 /// Meaning of masked pixels for the scene.
@@ -109,6 +109,19 @@ pub struct PosedPhotos {
 /// # Errors
 /// As [`capture::load`](super::load); also a mask that is missing or of another size than its photo.
 pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhotos, Error> {
+    load_kept(path, options, None)
+}
+
+/// Loads the photos of a capture as [`load`] does, and keeps their pixels in a file, if one is given, in place of
+/// memory.
+///
+/// # Errors
+/// As [`load`]; when that file has no room for them.
+pub fn load_kept(
+    path: impl AsRef<Path>,
+    options: &PosedOptions,
+    scratch: Option<&ScratchFile>,
+) -> Result<PosedPhotos, Error> {
     let path = path.as_ref();
     let mut capture = read_split_photos(path, options.hold_out)?;
     // Whether too many photos are unreadable is a question of the whole capture, not of the requested part.
@@ -123,7 +136,7 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
     }
     let folder = folder(path);
     let masks = options.masks.then(|| masks::of_capture(&capture.photos, folder)).transpose()?;
-    let loaded = load_photos(&capture, masks.as_deref(), options);
+    let loaded = load_photos(&capture, masks.as_deref(), options, scratch);
     let (loaded, unreadable) = without_unreadable(capture.paths(), loaded, needed)?;
     let loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
     let Photos { points, colors, synthetic, origin, mut remarks, .. } = capture;
@@ -167,7 +180,7 @@ pub fn load_frames(frames: Vec<Frame>, file: &Path, options: &PosedOptions) -> R
         take_size(photo)?;
     }
     let masks = options.masks.then(|| masks::of_known(&capture.photos, file)).transpose()?;
-    load_photos(&capture, masks.as_deref(), options).into_iter().map(|loaded| Ok(loaded?.photo)).collect()
+    load_photos(&capture, masks.as_deref(), options, None).into_iter().map(|loaded| Ok(loaded?.photo)).collect()
 }
 
 /// Largest difference of a camera's proportions from its photo's.
@@ -195,10 +208,19 @@ struct Loaded {
     transparent: bool,
 }
 
-fn load_photos(capture: &Photos, masks: Option<&[Mask]>, options: &PosedOptions) -> Vec<Result<Loaded, Fault>> {
+fn load_photos(
+    capture: &Photos,
+    masks: Option<&[Mask]>,
+    options: &PosedOptions,
+    scratch: Option<&ScratchFile>,
+) -> Vec<Result<Loaded, Fault>> {
     let load = |(i, photo): (usize, &photo::Photo)| {
         let mask = masks.map(|masks| masks[i].with_inverted(options.invert_masks));
         let mut loaded = load_photo(photo, mask.as_ref(), options)?;
+        if let Some(scratch) = scratch {
+            let kept = scratch.keep(&loaded.photo.photo.rgb).map_err(Error::from)?;
+            loaded.photo.photo.rgb = kept;
+        }
         loaded.photo.visible = visible_points(&loaded.photo.photo.camera, capture, photo).0;
         Ok(loaded)
     };
@@ -256,7 +278,7 @@ fn load_photo(photo: &photo::Photo, mask: Option<&Mask>, options: &PosedOptions)
         photo: Photo {
             name: frame.name.clone(),
             camera: straight_camera(camera, lens.as_ref()),
-            rgb,
+            rgb: rgb.into(),
             mask: inside.map(counts),
         },
         frame: Frame { mask: mask.and_then(|mask| mask.file.clone()), ..frame.clone() },

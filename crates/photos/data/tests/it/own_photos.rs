@@ -279,7 +279,7 @@ fn turned_photos_have_the_same_cameras() {
             .frame
             .path
             .with_file_name(photo.frame.path.file_name().unwrap().to_str().unwrap().replace("true", "false"));
-        assert_eq!(photo.photo.rgb, image::open(clean).unwrap().into_rgb8().into_raw());
+        assert_eq!(photo.photo.rgb[..], image::open(clean).unwrap().into_rgb8().into_raw()[..]);
     }
 }
 

@@ -43,7 +43,7 @@ fn photos_keep_their_size_or_shrink_to_a_longest_side() {
         assert_eq!((photo.photo.camera.width, photo.photo.rgb.len()), (camera.width, 3 * camera.width * camera.height));
         assert!((photo.photo.camera.intrinsics.fx - camera.intrinsics.fx).abs() < 1e-9);
         let image = Image::read(&photo.frame.path, weaver_io::Background::White).unwrap();
-        assert_eq!(photo.photo.rgb, image.to_bytes());
+        assert_eq!(photo.photo.rgb[..], image.to_bytes()[..]);
     }
     let options = PosedOptions { long_side: Some(20), hold_out: HoldOut::Nothing, ..PosedOptions::default() };
     let capture = load(folder.path().join("transforms.json"), &options).unwrap();
