@@ -17,12 +17,14 @@
 
 pub mod align;
 mod cameras;
+mod cleaning;
 mod color_agreement;
 mod comparison;
 mod device_fit;
 mod device_step;
 mod error;
 mod evaluate;
+mod evidence;
 mod exposure;
 mod fit;
 mod gradients;
@@ -46,6 +48,7 @@ mod transients;
 mod view;
 
 pub use cameras::{Alignment, Views, motion};
+pub use cleaning::{Cleaned, CleaningRules};
 pub use color_agreement::ColorAgreement;
 pub use device_fit::{DeviceFit, FitRasterizer, Fitted, FittedRates, PhotoLoss, PhotoStep};
 pub use error::FitError;

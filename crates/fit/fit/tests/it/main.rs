@@ -4,6 +4,7 @@ mod align;
 mod allocation;
 mod bits;
 mod cameras;
+mod cleaning;
 mod kept;
 mod masks;
 mod population;
