@@ -21,7 +21,7 @@ fn table() -> BTreeMap<String, BTreeSet<String>> {
 fn a_flag_of_several_commands_has_one_meaning() {
     let (table, mut commands) = (table(), BTreeMap::<String, usize>::new());
     let mut faults = Vec::new();
-    for flag in weaver_cli::flags() {
+    for flag in weaver_command::flags(&weaver_cli::program()) {
         *commands.entry(flag.name.clone()).or_default() += 1;
         let Some(known) = table.get(&flag.name) else { continue };
         let own: BTreeSet<String> = flag.value.iter().flat_map(|value| value.split('|')).map(String::from).collect();
@@ -51,7 +51,7 @@ fn a_flag_of_several_commands_has_one_meaning() {
 #[test]
 fn the_page_of_flags_is_the_programs() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("docs/reference/flags.md");
-    let expected = weaver_cli::reference();
+    let expected = weaver_command::reference(&weaver_cli::program());
     if std::env::var_os("UPDATE_PAGES").is_some() {
         std::fs::write(&page, &expected).unwrap();
     }

@@ -132,10 +132,10 @@ pub struct BenchMixture {
     pub threads: Threads,
 }
 
-/// Draws a map of surfels into range images, forward and backward: medians of the stages, beside those of ellipsoids.
+/// Draws a map of surfels into range images, forward and backward: medians of the stages, beside the ellipsoids'.
 ///
 /// The map is of one scan of a hall, fitted for the 200 steps of a keyframe, which are timed; so is the registration of
-/// the scans that follow, 11 cm apart. The ellipsoids are those of `bench raster --synthetic 100000,640,480`.
+/// the scans that follow, 11 cm apart. The ellipsoids are as in `bench raster --synthetic 100000,640,480`.
 #[cfg(feature = "lidar")]
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:

@@ -13,7 +13,7 @@ use weaver_command::in_pool;
 use weaver_vad::metrics::{FrameMetrics, SNIPPET, ScoredVideo, frame_metrics};
 use weaver_vad::{
     ConvolutionSizes, Curves, DeepMilSizes, Detector, EncoderKind, Experts, Labels, Planted, PlantedVideo, Result,
-    Rule, Schedule, Splatting, Stage, StepReport, Trainer, TrainingSet, UrDmuSizes,
+    Rule, Schedule, Splatting, Stage, Trainer, TrainingSet, UrDmuSizes,
 };
 
 const FEATURES: usize = 32;
@@ -111,29 +111,21 @@ impl Ladder {
         Stage { steps, rate: self.rate, l2: 5e-5, decay: 0.0, dropout: 0.1 }
     }
 
-    fn trained(&self, segments: usize, f: impl FnOnce(&mut Trainer<'_>) -> Result<()>) -> Result<()> {
-        let mut trainer = Trainer {
-            set: &self.set,
-            segments,
-            batch: 12,
-            seed: self.planted.seed,
-            observe: &mut |_: &StepReport| (),
-            resume: None,
-        };
-        f(&mut trainer)
+    fn trainer(&self, segments: usize) -> Trainer<'_> {
+        Trainer { set: &self.set, segments, batch: 12, seed: self.planted.seed }
     }
 
     /// An encoder after the first 300 steps.
     fn begun(&self, kind: EncoderKind) -> Result<Detector> {
         let mut detector = Detector::new(kind, self.planted.seed);
-        self.trained(64, |trainer| trainer.encoder(&mut detector, &self.stage(300), Labels::None))?;
+        self.trainer(64).encoder(&mut detector, &self.stage(300), Labels::None, &mut |_| ())?;
         Ok(detector)
     }
 
     /// The encoder after 200 more steps.
     fn continued(&self, from: &Detector, labels: Labels) -> Result<Detector> {
         let mut detector = from.clone();
-        self.trained(64, |trainer| trainer.encoder(&mut detector, &self.stage(200), labels))?;
+        self.trainer(64).encoder(&mut detector, &self.stage(200), labels, &mut |_| ())?;
         Ok(detector)
     }
 
@@ -141,16 +133,15 @@ impl Ladder {
     fn experts(&mut self, name: &str, from: &Detector, labels: Labels, clusters: Option<usize>) -> Result<Detector> {
         let Schedule { expert, gate, .. } = Schedule::planted(labels, Experts::Classes, self.planted.seed);
         let mut detector = from.clone();
-        self.trained(64, |trainer| {
-            let groups = match clusters {
-                None => trainer.by_class(),
-                Some(k) => trainer.by_cluster(&detector, k)?,
-            };
-            trainer.experts(&mut detector, &groups, &expert, labels)
-        })?;
+        let trainer = self.trainer(64);
+        let groups = match clusters {
+            None => trainer.by_class(),
+            Some(k) => trainer.by_cluster(&detector, k)?,
+        };
+        trainer.experts(&mut detector, &groups, &expert, labels, &mut |_| ())?;
         let metrics = self.judged(&detector, |curves| highest(&curves.experts))?;
         self.push(&format!("{name} experts, the highest"), &metrics);
-        self.trained(64, |trainer| trainer.gate(&mut detector, &gate, labels))?;
+        self.trainer(64).gate(&mut detector, &gate, labels, &mut |_| ())?;
         self.row(&format!("{name} experts + gate"), &detector)?;
         Ok(detector)
     }
@@ -182,7 +173,7 @@ impl Ladder {
         for (name, kind, l2, dropout) in [("DeepMIL", deepmil, 0.0, 0.6), ("RTFM", rtfm, 0.005, 0.0)] {
             let mut detector = Detector::new(kind, self.planted.seed);
             let stage = Stage { steps: 500, rate: 1e-3, l2, decay: 0.0, dropout };
-            self.trained(32, |trainer| trainer.encoder(&mut detector, &stage, Labels::None))?;
+            self.trainer(32).encoder(&mut detector, &stage, Labels::None, &mut |_| ())?;
             self.row(name, &detector)?;
         }
         Ok(())

@@ -31,11 +31,10 @@ fn main() -> Result<()> {
         times.push(last.elapsed().as_secs_f64());
         last = Instant::now();
     };
-    let mut trainer =
-        Trainer { set: &set, segments: SNIPPETS, batch: HALF, seed: 0, observe: &mut observe, resume: None };
+    let trainer = Trainer { set: &set, segments: SNIPPETS, batch: HALF, seed: 0 };
     // The first allocates.
     let stage = Stage { steps: steps + 1, rate: 1e-4, l2: 5e-5, decay: 0.0, dropout: 0.5 };
-    trainer.encoder(&mut detector, &stage, Labels::None)?;
+    trainer.encoder(&mut detector, &stage, Labels::None, &mut observe)?;
     times.remove(0);
     times.sort_by(f64::total_cmp);
     let median = times[times.len() / 2];

@@ -103,6 +103,12 @@ impl Detector {
         self.gate = Some(Gate::new(Builder::new(&mut self.params, seed).scope(GATE), &sizes));
     }
 
+    /// Lets every parameter be trained.
+    pub(crate) fn thaw(&mut self) {
+        let params = &mut self.params;
+        params.ids().for_each(|id| params.set_frozen(id, false));
+    }
+
     /// The encoder's kind and sizes.
     pub fn kind(&self) -> &EncoderKind {
         &self.kind

@@ -42,14 +42,6 @@ pub enum Error {
     /// The optimizer's state in a checkpoint belongs to other parameters.
     #[error("optimizer: {0}")]
     State(#[from] weaver_nn::StateError),
-    /// The observer ended the training.
-    #[error("{stage}: stopped after step {step}")]
-    Stopped {
-        /// The stage of training.
-        stage: String,
-        /// Finished steps of the stage.
-        step: usize,
-    },
 }
 
 impl Error {

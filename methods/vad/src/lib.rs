@@ -41,7 +41,7 @@ mod urdmu;
 
 pub use annotation::{Annotation, Length};
 pub use chart::Chart;
-pub use checkpoint::{Checkpoint, Snapshot};
+pub use checkpoint::Checkpoint;
 pub use detector::{Curves, Detector};
 pub use encoded::Encoded;
 pub use encoder::{ConvolutionSizes, Convolutions, DeepMil, DeepMilSizes, Encoder, EncoderKind, Rtfm};
@@ -53,10 +53,10 @@ pub use kmeans::{cluster_centers, nearest_center};
 pub use list::{FileName, Listed, classes_of, read_list};
 pub use planted::{Planted, PlantedVideo};
 pub use resample::resample;
-pub use schedule::{Experts, Schedule};
+pub use schedule::{Experts, Schedule, Training};
 pub use splatting::{Peak, Rule, Splatting, topographic_peaks, window_peaks};
 pub use temporal_transformer::UrDmuSizes;
-pub use training::{Labels, Observe, Stage, StepReport, Trainer};
+pub use training::{Labels, Stage, StepReport, Trainer};
 pub use training_set::{TrainingSet, TrainingVideo};
 pub use urdmu::{UrDmu, UrDmuPass, UrDmuTerms};
 

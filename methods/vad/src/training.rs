@@ -1,6 +1,5 @@
 //! Training in stages: encoder, encoder on labels of its own curves, experts, gate.
 
-use crate::checkpoint::{Checkpoint, Snapshot};
 use crate::detector::{Detector, EXPERT, GATE};
 use crate::kmeans::{cluster_centers, nearest_center};
 use crate::losses::{abnormal, bag_loss, class_loss, curve_loss};
@@ -9,10 +8,10 @@ use crate::splatting::Splatting;
 use crate::top_k::top_k;
 use crate::training_set::TrainingSet;
 use crate::{Error, Result};
-use std::ops::ControlFlow;
-use weaver_autograd::{ParamId, Tape, Var, ops};
+use std::collections::BTreeMap;
+use weaver_autograd::{ParamId, Params, Tape, Var, ops};
 use weaver_kernels::random::Stream;
-use weaver_nn::{AdamW, Context, Group, add_l2_gradient};
+use weaver_nn::{AdamW, Context, Group, Moments, Optimizer, add_l2_gradient};
 
 /// Labels of the snippets of abnormal videos, from the trained curve itself; constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,24 +74,8 @@ pub struct StepReport {
     pub loss: f64,
 }
 
-/// An observer of a detector's training, which may end it.
-pub trait Observe {
-    /// Receives the report of a step and the state of the training after it. `Break` ends training with
-    /// [`Error::Stopped`].
-    ///
-    /// # Errors
-    /// Errors that end training as well, such as a file that cannot be written.
-    fn step(&mut self, report: &StepReport, snapshot: &Snapshot<'_>) -> Result<ControlFlow<()>>;
-}
-
-impl<F: FnMut(&StepReport)> Observe for F {
-    fn step(&mut self, report: &StepReport, _snapshot: &Snapshot<'_>) -> Result<ControlFlow<()>> {
-        self(report);
-        Ok(ControlFlow::Continue(()))
-    }
-}
-
-/// Trains detectors on a set of videos. The same seed gives the same bits at any number of threads, interrupted or not.
+/// Trains parts of detectors on a set of videos. The same seed gives the same bits at any number of threads.
+#[derive(Clone, Copy, Debug)]
 pub struct Trainer<'a> {
     /// The videos.
     pub set: &'a TrainingSet,
@@ -102,17 +85,6 @@ pub struct Trainer<'a> {
     pub batch: usize,
     /// Seed of the order of videos, noise and initial weights.
     pub seed: u64,
-    /// Observer of every step.
-    pub observe: &'a mut dyn Observe,
-    /// Checkpoint to go on from: the stages before its own are passed over, since the detector has been through them.
-    pub resume: Option<Checkpoint>,
-}
-
-impl std::fmt::Debug for Trainer<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { segments, batch, seed, .. } = self;
-        f.debug_struct("Trainer").field("segments", segments).field("batch", batch).field("seed", seed).finish()
-    }
 }
 
 /// A batch on the tape: videos `[2 b, T, features]`, the normal half first.
@@ -122,28 +94,199 @@ struct Batch<'t> {
     classes: Var<'t, f32>,
 }
 
+/// A part of a detector that is trained by itself.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Part {
+    /// The encoder, with its heads.
+    Encoder,
+    /// An expert, on normal videos and its own abnormal ones.
+    Expert {
+        /// Number among the experts.
+        number: usize,
+        /// Name of its group.
+        name: String,
+        /// Its abnormal videos.
+        videos: Vec<usize>,
+    },
+    /// The gate.
+    Gate,
+}
+
+impl Part {
+    /// Name of its stage.
+    pub fn stage(&self, labels: Labels) -> String {
+        match self {
+            Self::Encoder if labels == Labels::None => "encoder".into(),
+            Self::Encoder => "encoder on labels".into(),
+            Self::Expert { name, .. } => format!("expert {name}"),
+            Self::Gate => GATE_STAGE.into(),
+        }
+    }
+
+    /// True for the parameters that are trained.
+    fn trains(&self, name: &str) -> bool {
+        match self {
+            Self::Encoder => !name.starts_with(EXPERT) && !name.starts_with(GATE),
+            Self::Expert { number, .. } => name.starts_with(&format!("{EXPERT}{number}.")),
+            Self::Gate => name.starts_with(GATE),
+        }
+    }
+}
+
+/// Name of the stage of the gate.
+const GATE_STAGE: &str = "gate";
+
+/// Parts of experts for groups of abnormal videos.
+pub(crate) fn expert_parts(groups: &[(String, Vec<usize>)]) -> impl Iterator<Item = Part> {
+    let groups = groups.to_vec().into_iter().enumerate();
+    groups.map(|(number, (name, videos))| Part::Expert { number, name, videos })
+}
+
+/// The training of one part of a detector under way: steps of Adam, each on a batch of all normal videos and the part's
+/// abnormal ones. Other parameters stay.
+#[derive(Debug)]
+pub(crate) struct Course {
+    part: Part,
+    stage: Stage,
+    labels: Labels,
+    name: String,
+    /// Steps of the first epoch over the abnormal videos.
+    first_round: usize,
+    optimizer: AdamW,
+    normal: Sampler,
+    abnormal: Sampler,
+    tape: Tape<f32>,
+    step: usize,
+}
+
+impl Course {
+    pub fn new(part: Part, stage: Stage, labels: Labels, trainer: Trainer<'_>, params: &mut Params<f32>) -> Self {
+        let Trainer { set, batch, seed, .. } = trainer;
+        let name = part.stage(labels);
+        let ids: Vec<ParamId> =
+            params.iter().filter(|(_, param)| part.trains(param.name())).map(|(id, _)| id).collect();
+        params.ids().for_each(|id| params.set_frozen(id, !ids.contains(&id)));
+        let group = Group { params: ids, lr_scale: 1.0, weight_decay: stage.decay };
+        let optimizer = AdamW::new(vec![group], 0.9, 0.999, 1e-8);
+        let videos = match &part {
+            Part::Expert { videos, .. } => videos.clone(),
+            _ => set.abnormal(),
+        };
+        let normal = Sampler::new(set.samples(&set.normal()), seed, &format!("{name}.normal"));
+        let abnormal = Sampler::new(set.samples(&videos), seed, &format!("{name}.abnormal"));
+        let (first_round, tape) = (videos.len().div_ceil(batch), Tape::new());
+        Self { part, stage, labels, name, first_round, optimizer, normal, abnormal, tape, step: 0 }
+    }
+
+    /// Goes to a step of an earlier course, with its optimizer's state.
+    pub fn restore(
+        &mut self,
+        step: usize,
+        state: BTreeMap<String, (u64, Moments<f32>)>,
+        params: &Params<f32>,
+        batch: usize,
+    ) -> Result<()> {
+        self.optimizer.set_state(params, state)?;
+        for _ in 0..step {
+            self.normal.next(batch);
+            self.abnormal.next(batch);
+        }
+        self.step = step;
+        Ok(())
+    }
+
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub fn steps(&self) -> usize {
+        self.stage.steps
+    }
+
+    pub fn steps_done(&self) -> usize {
+        self.step
+    }
+
+    pub fn optimizer(&self) -> &AdamW {
+        &self.optimizer
+    }
+
+    pub fn is_done(&self) -> bool {
+        self.step == self.stage.steps
+    }
+
+    /// Does the next step.
+    pub fn step(&mut self, trainer: Trainer<'_>, detector: &mut Detector) -> Result<StepReport> {
+        let Trainer { set, segments, batch, seed } = trainer;
+        let halves = self.normal.next(batch).into_iter().chain(self.abnormal.next(batch));
+        let chosen: Vec<(usize, usize)> = halves.collect();
+        let mut x = Vec::with_capacity(chosen.len() * segments * set.width());
+        for (video, crop) in &chosen {
+            x.extend(set.bag(*video, *crop, segments)?);
+        }
+        let classes = set.class_labels(chosen.iter().map(|(video, _)| *video));
+        let batch = Batch {
+            x: self.tape.constant(&x, [chosen.len(), segments, set.width()]),
+            classes: self.tape.constant(&classes, [chosen.len(), set.classes.len()]),
+        };
+        let value = self.loss(Context::new(&self.tape, &detector.params), detector, &batch, seed);
+        let loss = f64::from(value.item());
+        if !loss.is_finite() {
+            return Err(Error::Diverged { stage: self.name.clone(), step: self.step + 1 });
+        }
+        value.backward();
+        if self.stage.l2 > 0.0 {
+            add_l2_gradient(&detector.params, &mut self.tape, self.stage.l2);
+        }
+        self.optimizer.step(&mut detector.params, &mut self.tape, self.stage.rate);
+        self.tape.reset();
+        self.step += 1;
+        Ok(StepReport { stage: self.name.clone(), step: self.step, steps: self.stage.steps, loss })
+    }
+
+    fn loss<'t>(&self, cx: Context<'t, '_>, detector: &Detector, batch: &Batch<'t>, seed: u64) -> Var<'t, f32> {
+        let Self { labels, step, stage, .. } = self;
+        // In the first epoch over a group's videos there are no labels of snippets.
+        let labeled = *step >= self.first_round;
+        match &self.part {
+            Part::Encoder => {
+                let stream = Stream::new(seed, *step as u64, &self.name);
+                let (encoded, mut loss) = detector.encoder.train(cx, batch.x, stream, stage.dropout);
+                if let Some(scores) = encoded.class_scores {
+                    loss = loss + class_loss(scores, batch.classes);
+                }
+                if *labels != Labels::None {
+                    loss = loss + curve_loss(encoded.scores, labels.of(abnormal(encoded.scores)).as_deref());
+                }
+                loss
+            }
+            Part::Expert { number, .. } => {
+                let features = cx.tape.without_gradient(|| detector.encoder.encode(cx, batch.x).features);
+                curve_stage_loss(detector.experts[*number].forward(cx, features), *labels, labeled)
+            }
+            Part::Gate => {
+                let (features, experts) = cx.tape.without_gradient(|| {
+                    let features = detector.encoder.encode(cx, batch.x).features;
+                    (features, detector.expert_scores(cx, features, None))
+                });
+                let (Some(gate), Some(experts)) = (&detector.gate, experts) else { return cx.tape.scalar(0.0) };
+                curve_stage_loss(gate.forward(cx, features, experts), *labels, labeled)
+            }
+        }
+    }
+}
+
+/// Observer of every step.
+type Observe<'a> = &'a mut dyn FnMut(&StepReport);
+
 impl Trainer<'_> {
-    /// Trains the encoder by its own loss, its heads by the classes and, with labels, its curve by the labels.
+    /// Trains the encoder by its own loss, its heads by the classes and, with labels, its curve by the labels;
+    /// `observe` is called after every step.
     ///
     /// # Errors
     /// When features cannot be read or the loss is no longer finite.
-    pub fn encoder(&mut self, detector: &mut Detector, stage: &Stage, labels: Labels) -> Result<()> {
-        let encoder = detector.encoder.clone();
-        let name = if labels == Labels::None { "encoder" } else { "encoder on labels" };
-        let stream = |seed, step| Stream::new(seed, step as u64, name);
-        let (seed, dropout) = (self.seed, stage.dropout);
-        let everyone = self.set.abnormal();
-        let trained = |name: &str| !name.starts_with(EXPERT) && !name.starts_with(GATE);
-        self.run(detector, (name, stage), everyone, trained, |cx, batch, step| {
-            let (encoded, mut loss) = encoder.train(cx, batch.x, stream(seed, step), dropout);
-            if let Some(scores) = encoded.class_scores {
-                loss = loss + class_loss(scores, batch.classes);
-            }
-            if labels != Labels::None {
-                loss = loss + curve_loss(encoded.scores, labels.of(abnormal(encoded.scores)).as_deref());
-            }
-            loss
-        })
+    pub fn encoder(self, detector: &mut Detector, stage: &Stage, labels: Labels, observe: Observe<'_>) -> Result<()> {
+        self.run(detector, (Part::Encoder, stage), labels, observe)
     }
 
     /// Adds an expert for each group of abnormal videos and trains it on these and all normal ones; the encoder stays.
@@ -152,66 +295,39 @@ impl Trainer<'_> {
     /// # Errors
     /// As [`encoder`](Self::encoder).
     pub fn experts(
-        &mut self,
+        self,
         detector: &mut Detector,
         groups: &[(String, Vec<usize>)],
         stage: &Stage,
         labels: Labels,
+        observe: Observe<'_>,
     ) -> Result<()> {
-        let names: Vec<String> = groups.iter().map(|(name, _)| name.clone()).collect();
-        match &self.resume {
-            // A checkpoint's detector has its experts.
-            Some(checkpoint) if detector.names != names => return Err(checkpoint.wrong_stage()),
-            Some(_) => {}
-            None => detector.add_experts(names, self.seed),
-        }
-        for (e, (name, videos)) in groups.iter().enumerate() {
-            let (encoder, expert) = (detector.encoder.clone(), detector.experts[e].clone());
-            let first_round = videos.len().div_ceil(self.batch);
-            let scope = format!("{EXPERT}{e}.");
-            let stage = (format!("expert {name}"), stage);
-            self.run(
-                detector,
-                (&stage.0, stage.1),
-                videos.clone(),
-                |name| name.starts_with(&scope),
-                |cx, batch, step| {
-                    let features = cx.tape.without_gradient(|| encoder.encode(cx, batch.x).features);
-                    curve_stage_loss(expert.forward(cx, features), labels, step >= first_round)
-                },
-            )?;
-        }
-        Ok(())
+        detector.add_experts(groups.iter().map(|(name, _)| name.clone()).collect(), self.seed);
+        expert_parts(groups).try_for_each(|part| self.run(detector, (part, stage), labels, observe))
     }
 
     /// Adds a gate and trains it; encoder and experts stay.
     ///
     /// # Errors
     /// As [`encoder`](Self::encoder).
-    pub fn gate(&mut self, detector: &mut Detector, stage: &Stage, labels: Labels) -> Result<()> {
-        if self.resume.is_none() {
-            detector.add_gate(self.seed);
+    pub fn gate(self, detector: &mut Detector, stage: &Stage, labels: Labels, observe: Observe<'_>) -> Result<()> {
+        detector.add_gate(self.seed);
+        self.run(detector, (Part::Gate, stage), labels, observe)
+    }
+
+    fn run(
+        self,
+        detector: &mut Detector,
+        (part, stage): (Part, &Stage),
+        labels: Labels,
+        observe: Observe<'_>,
+    ) -> Result<()> {
+        let mut course = Course::new(part, *stage, labels, self, &mut detector.params);
+        while !course.is_done() {
+            observe(&course.step(self, detector)?);
         }
-        if detector.gate.is_none() {
-            return self.resume.as_ref().map_or(Ok(()), |checkpoint| Err(checkpoint.wrong_stage()));
-        }
-        let all = detector.clone();
-        let everyone = self.set.abnormal();
-        let first_round = everyone.len().div_ceil(self.batch);
-        self.run(
-            detector,
-            ("gate", stage),
-            everyone,
-            |name| name.starts_with(GATE),
-            |cx, batch, step| {
-                let (features, experts) = cx.tape.without_gradient(|| {
-                    let features = all.encoder.encode(cx, batch.x).features;
-                    (features, all.expert_scores(cx, features, None))
-                });
-                let (Some(gate), Some(experts)) = (&all.gate, experts) else { return cx.tape.scalar(0.0) };
-                curve_stage_loss(gate.forward(cx, features, experts), labels, step >= first_round)
-            },
-        )
+        detector.thaw();
+        Ok(())
     }
 
     /// Groups of abnormal videos by their classes; a video with several is in each.
@@ -249,70 +365,6 @@ impl Trainer<'_> {
         }
         groups.retain(|group| !group.is_empty());
         Ok(groups.into_iter().enumerate().map(|(i, group)| (format!("cluster {i}"), group)).collect())
-    }
-
-    /// Steps of Adam on the parameters selected by `trained`, each on a batch of all normal and the given abnormal
-    /// videos.
-    fn run(
-        &mut self,
-        detector: &mut Detector,
-        (name, stage): (&str, &Stage),
-        videos: Vec<usize>,
-        trained: impl Fn(&str) -> bool,
-        loss: impl for<'t> Fn(Context<'t, '_>, &Batch<'t>, usize) -> Var<'t, f32>,
-    ) -> Result<()> {
-        if self.resume.as_ref().is_some_and(|checkpoint| checkpoint.stage != name) {
-            return Ok(());
-        }
-        let params = &mut detector.params;
-        let ids: Vec<ParamId> = params.iter().filter(|(_, param)| trained(param.name())).map(|(id, _)| id).collect();
-        params.ids().for_each(|id| params.set_frozen(id, !ids.contains(&id)));
-        let group = Group { params: ids.clone(), lr_scale: 1.0, weight_decay: stage.decay };
-        let mut optimizer = AdamW::new(vec![group], 0.9, 0.999, 1e-8);
-        let mut normal = Sampler::new(self.set.samples(&self.set.normal()), self.seed, &format!("{name}.normal"));
-        let mut abnormal = Sampler::new(self.set.samples(&videos), self.seed, &format!("{name}.abnormal"));
-        let mut done = 0;
-        if let Some(checkpoint) = self.resume.take() {
-            done = checkpoint.step;
-            checkpoint.restore(params, &mut optimizer)?;
-            (0..done).for_each(|_| {
-                normal.next(self.batch);
-                abnormal.next(self.batch);
-            });
-        }
-        let mut tape = Tape::<f32>::new();
-        for step in done..stage.steps {
-            let halves = normal.next(self.batch).into_iter().chain(abnormal.next(self.batch));
-            let chosen: Vec<(usize, usize)> = halves.collect();
-            let mut x = Vec::with_capacity(chosen.len() * self.segments * self.set.width());
-            for (video, crop) in &chosen {
-                x.extend(self.set.bag(*video, *crop, self.segments)?);
-            }
-            let classes = self.set.class_labels(chosen.iter().map(|(video, _)| *video));
-            let batch = Batch {
-                x: tape.constant(&x, [chosen.len(), self.segments, self.set.width()]),
-                classes: tape.constant(&classes, [chosen.len(), self.set.classes.len()]),
-            };
-            let value = loss(Context::new(&tape, &detector.params), &batch, step);
-            let reached = f64::from(value.item());
-            if !reached.is_finite() {
-                return Err(Error::Diverged { stage: name.to_string(), step: step + 1 });
-            }
-            value.backward();
-            if stage.l2 > 0.0 {
-                add_l2_gradient(&detector.params, &mut tape, stage.l2);
-            }
-            optimizer.step(&mut detector.params, &mut tape, stage.rate);
-            tape.reset();
-            let report = StepReport { stage: name.to_string(), step: step + 1, steps: stage.steps, loss: reached };
-            let snapshot = Snapshot { detector, optimizer: &optimizer, stage: name, step: step + 1 };
-            if self.observe.step(&report, &snapshot)?.is_break() {
-                return Err(Error::Stopped { stage: report.stage, step: report.step });
-            }
-        }
-        let params = &mut detector.params;
-        params.ids().for_each(|id| params.set_frozen(id, false));
-        Ok(())
     }
 }
 

@@ -1,11 +1,11 @@
 //! The command line and its help texts.
 
 use crate::commands::Command;
+use crate::flags::CameraChoice;
 use crate::methods::Method;
-use crate::paths::Paths;
-use clap::parser::ValueSource;
-use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser};
+use clap::{CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
+use weaver_command::{Paths, asked_threads, given_words, grouped};
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -53,104 +53,13 @@ impl CommandLine {
     /// Parses the words of a command line, whose first is the program's name.
     pub fn of(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Self, clap::Error> {
         let matches = Self::grouped().try_get_matches_from(words)?;
-        let (settings, paths, threads) = (settings(&matches), Paths::of(&matches), threads(&matches));
+        let (settings, paths, threads) =
+            (given_words(&matches, &SILENT), Paths::of::<CameraChoice>(&matches), asked_threads(&matches));
         Ok(Self { settings, paths, threads, ..Self::from_arg_matches(&matches)? })
     }
 
     /// The program, whose help lists the commands in groups.
     fn grouped() -> clap::Command {
-        let program = Self::command();
-        let commands: Vec<_> = program.get_subcommands().collect();
-        let width = commands.iter().map(|command| command.get_name().len()).max().unwrap_or(0);
-        let line = |command: &&clap::Command| {
-            let about = command.get_about().map_or(String::new(), ToString::to_string);
-            format!("  {:<width$}  {about}\n", command.get_name())
-        };
-        let mut left = commands.iter();
-        let group = |(title, count): &(&str, usize)| {
-            let lines: String = left.by_ref().take(*count).map(line).collect();
-            format!("{title}:\n{lines}\n")
-        };
-        let all = Command::GROUPS.iter().chain(Method::GROUPS);
-        let groups: String = all.filter(|(_, count)| *count > 0).map(group).collect();
-        let template = format!(
-            "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}Options:\n{{options}}{{after-help}}"
-        );
-        program.help_template(template)
-    }
-}
-
-/// The name of the command and its arguments, a line each.
-fn settings(matches: &ArgMatches) -> String {
-    let Some((name, arguments)) = matches.subcommand() else { return String::new() };
-    let given = arguments.ids().filter(|id| !SILENT.contains(&id.as_str()));
-    let given = given.filter(|id| arguments.value_source(id.as_str()) == Some(ValueSource::CommandLine));
-    let line = |id: &clap::Id| {
-        let values = arguments.try_get_raw(id.as_str()).ok().flatten().into_iter().flatten();
-        format!("{id} {:?}\n", values.collect::<Vec<_>>())
-    };
-    given.fold(format!("{name}\n"), |text, id| text + &line(id))
-}
-
-/// The threads requested of a command or subcommand.
-fn threads(matches: &ArgMatches) -> Option<usize> {
-    let asked = matches.try_get_one::<u16>("threads").ok().flatten().map(|count| usize::from(*count));
-    asked.or_else(|| threads(matches.subcommand()?.1))
-}
-
-/// A flag of a command.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Flag {
-    /// The command, with a space before a second word.
-    pub command: String,
-    /// The long name, without dashes.
-    pub name: String,
-    /// Name of its value, alternatives with `|` between; `None` for a switch.
-    pub value: Option<String>,
-    /// Its value where it is not given, as on the command line; `None` where there is none.
-    pub default: Option<String>,
-}
-
-/// The flags of all commands, from the definition that the program parses by.
-pub fn flags() -> Vec<Flag> {
-    let mut found = Vec::new();
-    for command in CommandLine::command().get_subcommands() {
-        let inner: Vec<_> = command.get_subcommands().collect();
-        if inner.is_empty() {
-            add_flags(command.get_name().to_string(), command, &mut found);
-        }
-        for second in inner {
-            add_flags(format!("{} {}", command.get_name(), second.get_name()), second, &mut found);
-        }
-    }
-    found
-}
-
-fn add_flags(name: String, command: &clap::Command, found: &mut Vec<Flag>) {
-    for argument in command.get_arguments() {
-        let Some(long) = argument.get_long() else { continue };
-        let values = argument.get_possible_values();
-        let named = argument.get_value_names().map(|names| names.join(" "));
-        let listed = values.iter().map(|value| value.get_name()).collect::<Vec<_>>().join("|");
-        let takes = argument.get_action().takes_values();
-        let value = match (takes, named) {
-            (false, _) => None,
-            (true, Some(named)) if values.is_empty() => Some(named),
-            (true, None) if values.is_empty() => Some("N".into()),
-            (true, _) => Some(listed),
-        };
-        let default = argument.get_default_values().first().filter(|_| takes);
-        let default = default.map(|value| value.to_string_lossy().into_owned());
-        found.push(Flag { command: name.clone(), name: long.to_string(), value, default });
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_command_line_is_consistent() {
-        CommandLine::command().debug_assert();
+        grouped(Self::command(), Command::GROUPS.iter().chain(Method::GROUPS))
     }
 }

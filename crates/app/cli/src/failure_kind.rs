@@ -77,7 +77,12 @@ fn of_run(error: &(dyn Error + 'static)) -> Option<FailureKind> {
             Fit::AlreadyThere { .. } | Fit::View(_) | Fit::Photos { .. } | Fit::Blocks { .. } => {
                 Some(FailureKind::Input)
             }
-            Fit::Cameras(_) | Fit::Compared { .. } | Fit::Page(_) => Some(FailureKind::Other),
+            Fit::Cameras(_)
+            | Fit::Align { .. }
+            | Fit::Nothing { .. }
+            | Fit::Drawing { .. }
+            | Fit::Compared { .. }
+            | Fit::Page(_) => Some(FailureKind::Other),
             _ => Some(FailureKind::File),
         };
     }
@@ -86,6 +91,7 @@ fn of_run(error: &(dyn Error + 'static)) -> Option<FailureKind> {
     }
     match error.downcast_ref::<Run>()? {
         Run::File(_) => Some(FailureKind::File),
+        Run::Unit { .. } => Some(FailureKind::Other),
         _ => Some(FailureKind::Input),
     }
 }
@@ -110,28 +116,5 @@ fn of_inference(error: &(dyn Error + 'static)) -> Option<FailureKind> {
         Inference::Numeric { .. } => Some(FailureKind::Numeric),
         Inference::Memory { .. } => Some(FailureKind::Memory),
         _ => Some(FailureKind::Input),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn failures_have_the_kind_of_their_innermost_error() {
-        let missing = weaver_io::read_text("nothing/here").unwrap_err();
-        let diverged = weaver_fit::FitError::Diverged { step: 1, photo: "a".into(), loss: f64::NAN };
-        let little = weaver_io::TooLittleMemory { needed: 2, available: 1, advice: String::new() };
-        let complete = weaver_run::Error::complete("a");
-        for (failure, kind) in [
-            (Failure::Usage("x".into()), FailureKind::Input),
-            (Failure::message("x"), FailureKind::Other),
-            (weaver_reconstruct::Error::File(missing).into(), FailureKind::File),
-            (weaver_reconstruct::Error::Fit(diverged).into(), FailureKind::Numeric),
-            (weaver_reconstruct::Error::Run(complete).into(), FailureKind::Input),
-            (little.into(), FailureKind::Memory),
-        ] {
-            assert_eq!(FailureKind::of(&failure), kind, "{failure:?}");
-        }
     }
 }

@@ -8,21 +8,19 @@ mod failure_kind;
 mod flags;
 mod methods;
 mod old_names;
-mod paths;
 mod processes;
-mod reference;
-mod refine;
 mod request;
 mod table;
 mod units;
 
-pub use weaver_command::{Console, Interrupt, printable};
+pub use weaver_command::{Console, Interrupt, Value, printable};
 
-pub use command_line::{Flag, flags};
 pub use failure_kind::FailureKind;
-pub use reference::reference;
-pub use request::{Request, Value};
+pub use methods::models;
+pub use old_names::{OLD, current};
+pub use request::Request;
 
+use clap::CommandFactory;
 use command_line::CommandLine;
 use std::ffi::OsString;
 use weaver_command::Failure;
@@ -70,12 +68,7 @@ impl Refusal {
     }
 }
 
-/// Checks the words of one command line, whose first is the program's name, without running it.
-///
-/// Returns the message of wrong usage otherwise. `--help` and `--version` are accepted.
-pub fn parses(arguments: impl IntoIterator<Item = OsString>) -> Result<(), String> {
-    match CommandLine::of(arguments) {
-        Err(error) if error.use_stderr() => Err(error.render().to_string()),
-        _ => Ok(()),
-    }
+/// The definition that the command line is parsed by.
+pub fn program() -> clap::Command {
+    CommandLine::command()
 }

@@ -80,23 +80,3 @@ fn left_out(path: &Path, method: &str) -> Failure {
     let path = path.display();
     Failure::message(format!("{path}: expected a program that was built with `{method}`, found one without it"))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::models;
-
-    #[test]
-    fn models_are_found_by_name() {
-        let registry = models();
-        let names: Vec<&str> = registry.iter().map(|entry| entry.name()).collect();
-        let methods: [(bool, &str); 2] =
-            [(cfg!(feature = "two-experts"), "two-experts"), (cfg!(feature = "wild"), "wild")];
-        let expected = methods.iter().filter(|(built, _)| *built).map(|(_, name)| *name);
-        assert_eq!(names, ["splatweaver"].into_iter().chain(expected).collect::<Vec<_>>());
-        for entry in registry.iter() {
-            for preset in entry.presets() {
-                assert!(entry.annotated(preset).unwrap().contains("architecture"), "{preset}");
-            }
-        }
-    }
-}

@@ -1,28 +1,15 @@
 //! Commands as units of work that may be started again: `--if-complete skip`.
 
 use crate::commands::{Command, Unit};
-use crate::processes::Processes;
-use serde::{Deserialize, Serialize};
-use std::path::Path;
 use weaver_command::{Console, Failure, Interrupt};
-use weaver_io::{OutputFolder, input_checksum, read_text, write_text};
+use weaver_io::{OutputFolder, input_checksum, read_text};
+use weaver_ranks::Processes;
 use weaver_reconstruct::Run;
 use weaver_run::Folder;
-use weaver_run::unit::{MARK, recorded, results};
+use weaver_run::unit::{MARK, Mark, results};
 
 /// Beginnings of names of results that a fit reads: one that goes on cannot make them again.
 const READ_BY_FITS: [&str; 3] = ["cameras/", "frames/", "converted/"];
-
-/// The content of a folder's mark.
-#[derive(Deserialize, Serialize)]
-struct Mark {
-    /// Checksum of inputs and settings.
-    unit: String,
-    complete: bool,
-    /// The files of complete results; none in marks of earlier versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    files: Option<Vec<String>>,
-}
 
 /// Runs a command. One that is a unit of work is left out where it is complete, goes on where it can, and is marked
 /// when it is done.
@@ -47,7 +34,7 @@ pub fn run(command: &Command, settings: &str, console: &mut Console, interrupt: 
         return Err(weaver_run::Error::run_exists(&unit.out).into());
     }
     if let Some(mark) = mark.filter(|mark| mark.complete) {
-        let gone = mark.gone(&unit)?;
+        let gone = mark.gone(&unit.out, unit.json.then_some(unit.figures))?;
         let Some(first) = gone.first() else { return skipped(&unit, console) };
         console.note(&format!("{}: was complete, and is made again: {first} is gone", unit.out.display()));
         if gone.iter().any(|name| READ_BY_FITS.iter().any(|start| name.starts_with(start))) {
@@ -59,10 +46,8 @@ pub fn run(command: &Command, settings: &str, console: &mut Console, interrupt: 
         if Processes::follows() {
             return Ok(());
         }
-        // The claim ends with this write, so that the command can claim the folder in turn.
-        let folder = OutputFolder::claim(&unit.out, "unit", &unit.inputs)?;
         let mark = Mark { unit: checksum.clone(), complete: files.is_some(), files };
-        Ok(write_text(folder.file(MARK)?, &(serde_json::to_string(&mark)? + "\n"))?)
+        Ok(mark.write(&unit.out, &unit.inputs)?)
     };
     write(None)?;
     let goes_on = unit.out.join(Run::SETTINGS).is_file();
@@ -97,24 +82,4 @@ fn forget(unit: &Unit) -> Result<(), Failure> {
     }
     let folder = OutputFolder::reopen(&unit.out, Run::COMMAND, [] as [&str; 0])?;
     left.iter().try_for_each(|(name, _)| Ok(folder.remove(name)?))
-}
-
-impl Mark {
-    /// The mark of a folder; `None` without one.
-    fn read(out: &Path) -> Result<Option<Self>, Failure> {
-        let path = out.join(MARK);
-        if !path.is_file() {
-            return Ok(None);
-        }
-        let wrong = |_| Failure::message(format!("{}: expected a unit of work, found something else", path.display()));
-        serde_json::from_str(&read_text(&path)?).map(Some).map_err(wrong)
-    }
-
-    /// The files of complete results that are not there any more.
-    fn gone(self, unit: &Unit) -> Result<Vec<String>, Failure> {
-        let mut files = self.files.map_or_else(|| recorded(&unit.out), Ok)?;
-        files.extend(unit.json.then(|| unit.figures.to_string()));
-        files.retain(|name| !unit.out.join(name).exists());
-        Ok(files)
-    }
 }

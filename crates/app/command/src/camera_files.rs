@@ -1,10 +1,11 @@
 //! Cameras from any of the supported files.
 
 use crate::Failure;
-use std::collections::BTreeSet;
 use std::path::Path;
 use weaver_geometry::{Camera, Undistortion};
 use weaver_scene::Frame;
+
+pub use weaver_scene::stems;
 
 /// The requested image size; missing sides follow from the camera file.
 #[derive(Clone, Copy, Debug, Default)]
@@ -71,15 +72,6 @@ fn lens(frame: &Frame, path: &Path) -> Result<Option<Undistortion>, Failure> {
     Ok(Some(undone))
 }
 
-/// File names for pictures of these cameras: the stems of their photos where those are distinct, else numbers.
-pub fn stems(cameras: &[Frame]) -> Vec<String> {
-    let stem = |c: &Frame| Path::new(&c.name).file_stem().map_or(String::new(), |s| s.to_string_lossy().into_owned());
-    let stems: Vec<String> = cameras.iter().map(stem).collect();
-    // Without regard to case, as some file systems see it.
-    let distinct: BTreeSet<String> = stems.iter().map(|s| s.to_lowercase()).filter(|s| !s.is_empty()).collect();
-    if distinct.len() == stems.len() { stems } else { (0..cameras.len()).map(|i| format!("{i:04}")).collect() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -115,16 +107,5 @@ mod tests {
         write(-50.0);
         let message = format!("{:?}", super::read(&path, Size::default()).unwrap_err());
         assert!(message.contains("a.png: expected a lens distortion"), "{message}");
-    }
-
-    #[test]
-    fn pictures_are_named_after_photos_when_that_is_clear() {
-        let named = |names: &[&str]| {
-            let cameras: Vec<_> = names.iter().map(|n| Frame::new(*n, camera())).collect();
-            stems(&cameras)
-        };
-        assert_eq!(named(&["images/a.png", "images/b.jpg"]), ["a", "b"]);
-        assert_eq!(named(&["left/a.png", "right/A.png"]), ["0000", "0001"]);
-        assert_eq!(named(&["", "a"]), ["0000", "0001"]);
     }
 }

@@ -3,7 +3,8 @@
 use crate::Failure;
 use serde_json::Value;
 use std::path::Path;
-use weaver_io::Drawing;
+use weaver_io::{Drawing, SceneFile, read_scene};
+use weaver_scene::Gaussians;
 use weaver_splat::RasterSettings;
 
 /// Options of drawing a scene, from the command line or from a summary.
@@ -20,6 +21,16 @@ pub struct DrawingOptions {
 }
 
 impl DrawingOptions {
+    /// Reads a scene, and how it is drawn: [`beside`](Self::beside).
+    ///
+    /// # Errors
+    /// When the scene cannot be read, or the summary beside it has a wrong value.
+    pub fn read(self, scene: &Path) -> Result<(Gaussians, [f32; 3], RasterSettings), Failure> {
+        let SceneFile { gaussians, drawing } = read_scene(scene)?;
+        let (background, settings) = self.beside(scene, drawing)?;
+        Ok((gaussians, background, settings))
+    }
+
     /// The background color and the rasterizer's settings: from these options, else from the summary beside the scene,
     /// else from the scene's file.
     pub fn beside(self, scene: &Path, file: Drawing) -> Result<([f32; 3], RasterSettings), Failure> {

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use std::ops::{Bound, RangeBounds};
 
 /// Upper limit on threads, since each costs memory.
 pub const MOST_THREADS: i64 = 1024;
@@ -12,7 +13,8 @@ pub const MOST_SEED: u64 = i64::MAX as u64;
 /// Where Gaussians are drawn.
 #[derive(Args, Clone, Debug, Default)]
 pub struct DeviceFlag {
-    /// Where Gaussians are drawn and differentiated: on the processor, on the fastest GPU, or on one that `splatweaver info
+    /// Where Gaussians are drawn and differentiated: on the processor, on the fastest GPU, or on one that `splatweaver
+    /// info
     /// --devices` lists, by its number or a part of its name [default: cpu]
     #[arg(long, value_name = "cpu|gpu|gpu:N|NAME")]
     pub device: Option<String>,
@@ -67,13 +69,26 @@ pub fn rows_and_columns(text: &str) -> Result<[usize; 2], String> {
         .ok_or(format!("expected rows from 4 to 1024 and columns from 16 to 8192, as 64x1024; found {text}"))
 }
 
-/// Pictures of a video per second: `--fps`.
-///
-/// # Errors
-/// A sentence about anything but a number from 0.1 to 1000.
-pub fn rate(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(rate) if (0.1..=1000.0).contains(&rate) => Ok(rate),
-        _ => Err("expected a number from 0.1 to 1000".into()),
-    }
+/// A parser of numbers in a range; `expected` is the sentence about any other text.
+pub fn number(
+    range: impl RangeBounds<f64> + Clone + Send + Sync + 'static,
+    expected: impl Into<String>,
+) -> impl TypedValueParser<Value = f64> {
+    let expected = expected.into();
+    move |text: &str| text.parse::<f64>().ok().filter(|number| range.contains(number)).ok_or_else(|| expected.clone())
+}
+
+/// A parser of positive numbers.
+pub fn positive() -> impl TypedValueParser<Value = f64> {
+    number((Bound::Excluded(0.0), Bound::Included(f64::MAX)), "expected a positive number")
+}
+
+/// A parser of numbers between 0 and 1.
+pub fn fraction() -> impl TypedValueParser<Value = f64> {
+    number((Bound::Excluded(0.0), Bound::Excluded(1.0)), "expected a number above 0 and below 1")
+}
+
+/// A parser of pictures of a video per second: `--fps`.
+pub fn rate() -> impl TypedValueParser<Value = f64> {
+    number(0.1..=1000.0, "expected a number from 0.1 to 1000")
 }

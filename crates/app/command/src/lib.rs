@@ -14,22 +14,32 @@ mod interrupt;
 mod lifted_file;
 pub mod memory;
 mod observer;
+mod old_names;
 mod output;
+mod paths;
 mod printable;
 mod progress;
+mod reference;
+mod settings;
 mod threads;
 
 pub use console::Console;
 pub use drawing::DrawingOptions;
-pub use drawing_flags::{DrawingFlags, Rgb, background, distance, fraction};
+pub use drawing_flags::{DrawingFlags, Rgb, background};
 pub use failure::Failure;
-pub use flags::{DeviceFlag, LiveFlag, MOST_SEED, MOST_THREADS, Threads, choice, rate, rows_and_columns};
+pub use flags::{
+    DeviceFlag, LiveFlag, MOST_SEED, MOST_THREADS, Threads, choice, fraction, number, positive, rate, rows_and_columns,
+};
 pub use interrupt::Interrupt;
 pub use lifted_file::LiftedFile;
 pub use observer::ConsoleObserver;
+pub use old_names::{OldName, current_names};
 pub use output::Output;
+pub use paths::Paths;
 pub use printable::printable;
 pub use progress::Progress;
+pub use reference::{Flag, asked_threads, flags, given_words, grouped, reference};
+pub use settings::{Value, words_of};
 pub use threads::{cores, fewer_threads, in_pool, pool_size};
 pub use weaver_io::{Part, ShellCommand, duration};
 

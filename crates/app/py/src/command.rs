@@ -19,7 +19,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// The flags of a command: name, name of the value, None for switches, and the value where none is given.
 #[pyfunction]
 pub fn flags(command: &str) -> Vec<(String, Option<String>, Option<String>)> {
-    let flags = weaver_cli::flags().into_iter().filter(|flag| flag.command == command);
+    let flags = weaver_command::flags(&weaver_cli::program()).into_iter().filter(|flag| flag.command == command);
     flags.map(|flag| (flag.name, flag.value, flag.default)).collect()
 }
 

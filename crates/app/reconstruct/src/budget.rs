@@ -143,11 +143,8 @@ impl Speed {
         rasterizer: Arc<dyn FitRasterizer>,
     ) -> Result<Self, Error> {
         let plan = planned(&settings, cameras)?;
-        let mut few = RunSettings {
-            views: Some(settings.views.map_or(FEW, |views| views.min(FEW))),
-            by_photos: ByPhotos { start: false, ..settings.by_photos },
-            ..settings
-        };
+        let mut few = RunSettings { views: Some(settings.views.map_or(FEW, |views| views.min(FEW))), ..settings };
+        few.by_photos.remove(&ByPhotos::Start);
         // No others are decoded.
         let sample = PosedOptions { sample: few.views, ..few.posed_options() };
         let photos = posed::load(&few.capture, &sample)?;

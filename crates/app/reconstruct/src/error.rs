@@ -3,7 +3,9 @@
 use crate::partition::BlockError;
 use std::path::PathBuf;
 use weaver_fit::FitError;
+use weaver_fit::align::AlignError;
 use weaver_io::{Advice, TooLittleMemory};
+use weaver_splat::RasterError;
 
 /// Why there are no cameras, or a run cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +34,30 @@ pub enum Error {
     Compared {
         /// The file of the other cameras.
         file: PathBuf,
+    },
+    /// A photo could not be aligned with the scene.
+    #[error("{}: {source}", photo.display())]
+    Align {
+        /// The photo.
+        photo: PathBuf,
+        /// The reason.
+        source: AlignError,
+    },
+    /// There is nothing to compare.
+    #[error("{}: expected {expected}, found none", path.display())]
+    Nothing {
+        /// The scene or the capture.
+        path: PathBuf,
+        /// The expected content.
+        expected: &'static str,
+    },
+    /// The rasterizer refused a finished scene.
+    #[error("{}: {source}", scene.display())]
+    Drawing {
+        /// The scene.
+        scene: PathBuf,
+        /// The reason.
+        source: RasterError,
     },
     /// There is not enough memory.
     #[error("{0}")]
@@ -65,7 +91,7 @@ pub enum Error {
     View(#[from] weaver_view::ViewError),
     /// The rasterizer refused.
     #[error(transparent)]
-    Raster(#[from] weaver_splat::RasterError),
+    Raster(#[from] RasterError),
     /// The capture gives nothing to fit.
     #[error("{}: {key}: expected {expected}, found {found}", capture.display())]
     Photos {

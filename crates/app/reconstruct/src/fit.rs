@@ -45,6 +45,14 @@ pub struct FitRequest {
 }
 
 impl FitRequest {
+    /// The first free folder for a fit of a capture, named after it, in the folder `fits`.
+    pub fn free_folder(capture: &Path) -> PathBuf {
+        let absolute = std::path::absolute(capture).unwrap_or(capture.into());
+        let folder = if absolute.is_file() { absolute.parent().unwrap_or(&absolute).to_path_buf() } else { absolute };
+        let name = folder.file_name().map_or("capture".into(), |name| name.to_string_lossy().into_owned());
+        Folder::free(Path::new("fits"), &name)
+    }
+
     /// The settings of the run with its number of Gaussians, and its plan, by the capture's own cameras. Where the
     /// number follows from a time, steps are timed with this rasterizer; without one it is the most that there may be.
     ///

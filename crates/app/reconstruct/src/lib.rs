@@ -22,6 +22,7 @@
 //! | `view.html` | the scene to look at in a browser, with cameras and photos |
 //! | `written.jsonl` | the list of files that the fit wrote, and may replace |
 
+mod align;
 pub mod blocks;
 mod budget;
 mod cameras;
@@ -49,12 +50,14 @@ mod reconstruct;
 mod report;
 mod results;
 mod run;
+mod scene_comparison;
 mod settings;
 mod sources;
 mod start;
 mod time_budget;
 mod view;
 
+pub use align::{AlignRequest, AlignedPhoto, AlignedPhotos, align_photos, claim_alignment, closest_views};
 pub use budget::{Budget, Work};
 pub use cameras::{CameraComparison, CamerasRequest, EstimatedCameras, cameras};
 pub use coverage::Coverage;
@@ -69,6 +72,7 @@ pub use plan::{Plan, plan};
 pub use reconstruct::{Quality, Request, reconstruct};
 pub use report::CURVES;
 pub use run::Run;
+pub use scene_comparison::{ComparedScene, SceneComparison};
 use settings::RunFile;
 pub use settings::{ByPhotos, Initial, RunSettings};
 pub use view::FILE as VIEW;

@@ -104,20 +104,21 @@ pub(crate) fn prepare(
     }
     let colors = ColorAgreement::of(&training, &capture.points, &visible);
     // Decisions go into run.json, so that a run goes on as it began.
-    let undecided = settings.by_photos;
-    settings.fit.exposure |= undecided.exposure && colors.differ();
-    if undecided.background && !capture.transparent {
+    let undecided = settings.by_photos.clone();
+    let by_photos = |setting| undecided.contains(&setting);
+    settings.fit.exposure |= by_photos(ByPhotos::Exposure) && colors.differ();
+    if by_photos(ByPhotos::Background) && !capture.transparent {
         settings.fit.background = mean_color(&training);
     }
-    if undecided.dropout {
+    if by_photos(ByPhotos::Dropout) {
         settings.fit.dropout = FitSettings::dropout_for(training.len());
     }
-    if undecided.fade {
+    if by_photos(ByPhotos::Fade) {
         settings.fit.density.opacity_weight = Density::opacity_weight_for(training.len());
     }
     let sides = training.iter().map(|photo| photo.camera.width.max(photo.camera.height));
     let long_side = sides.max().unwrap_or_default();
-    if undecided.coarse {
+    if by_photos(ByPhotos::Coarse) {
         (settings.fit.halvings, settings.fit.coarse_until) = FitSettings::coarse_for(long_side);
     }
     // The file of a fisheye's photo with another focal length would have no distortion that can be written.
@@ -135,7 +136,7 @@ pub(crate) fn prepare(
     }
     let seen = Seen { photos: &training, points: &capture.points, visible: &visible };
     let start = Start::of(settings, seen, given)?;
-    if undecided.means && settings.init == Initial::Dense {
+    if by_photos(ByPhotos::Means) && settings.init == Initial::Dense {
         settings.fit.rates.means = Rates::means_on_surfaces(long_side);
     }
     let mut remarks = capture.remarks;
@@ -155,7 +156,7 @@ pub(crate) fn prepare(
     if let Some(level) = settings.compress {
         compressed::train_for(&mut fit, level);
     }
-    settings.by_photos = ByPhotos::default();
+    settings.by_photos.clear();
     let Start { gaussians, coverage } = start;
     let found = (settings.init == Initial::Dense && given.is_none()).then_some(gaussians);
     let (points, world) = (capture.points, capture.origin);

@@ -63,6 +63,24 @@ fn is_zero(count: &usize) -> bool {
 }
 
 impl Outcome {
+    /// The outcome of the run that made a scene: summary.json beside it; `None` where there is no such run.
+    pub fn beside(scene: impl AsRef<Path>) -> Option<Self> {
+        let summary = weaver_io::read_text(scene.as_ref().with_file_name("summary.json")).ok()?;
+        serde_json::from_str(&summary).ok()
+    }
+
+    /// The quality of held-out and of fitted photos, a line each.
+    pub fn table(&self) -> String {
+        let line = |name: &str, Views { views, quality }: &Views| {
+            let number = |x: Option<f64>, digits| x.map_or("-".into(), |x| format!("{x:.digits$}"));
+            let Quality { psnr, psnr_aligned, ssim, lpips } = quality;
+            let (aligned, ssim, lpips) = (number(*psnr_aligned, 2), number(*ssim, 4), number(*lpips, 4));
+            format!("{name:<10}{views:>5}  {psnr:>7.2}  {aligned:>7}  {ssim:>6}  {lpips:>6}\n")
+        };
+        let test = self.test.as_ref().map_or("held out   none\n".into(), |test| line("held out", test));
+        format!("photos   views     PSNR  aligned    SSIM   LPIPS\n{test}{}", line("fitted", &self.train))
+    }
+
     /// The color correction that a photo of this name is judged with: of the same name, or of the only one whose file
     /// is called so.
     pub fn exposure_of(&self, photo: &str) -> Option<Exposure> {

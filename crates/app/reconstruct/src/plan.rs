@@ -1,7 +1,8 @@
 //! Memory of a run, before it begins.
 
 use crate::start::{FEWEST, PHOTOS};
-use crate::{Error, Initial, RunSettings};
+use crate::{ByPhotos, Error, Initial, RunSettings};
+use std::fmt;
 use weaver_data::posed::CaptureCameras;
 use weaver_fit::{FitSettings, bytes_per_step};
 use weaver_geometry::Camera;
@@ -112,6 +113,20 @@ impl Plan {
     }
 }
 
+/// The bytes of each part and of all, a line each.
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mb = |bytes: u64| format!("{:>9.1} MB", bytes as f64 / 1e6);
+        match self.on_disk {
+            true => writeln!(f, "photos      {}, and {} on disk", mb(self.masks), mb(self.photos).trim_start())?,
+            false => writeln!(f, "photos      {}", mb(self.photos + self.masks))?,
+        }
+        writeln!(f, "Gaussians   {}", mb(self.gaussians))?;
+        writeln!(f, "rasterizer  {}\nstart       {}", mb(self.rasterizer), mb(self.start))?;
+        write!(f, "at most     {}", mb(self.total()))
+    }
+}
+
 /// Plans a run: its memory, from the capture's camera files alone.
 ///
 /// # Errors
@@ -127,6 +142,7 @@ pub(crate) fn planned(settings: &RunSettings, cameras: &CaptureCameras) -> Resul
     let free = weaver_io::available_memory().map_or(f64::INFINITY, |free| free as f64);
     let on_disk = plan.photos as f64 > PHOTOS_IN_MEMORY * free;
     let plan = Plan { training: plan.training.min(settings.views.unwrap_or(usize::MAX)), on_disk, ..plan };
-    let asked = settings.init == Initial::Auto && settings.by_photos.start && plan.asks_for_depth();
+    let asked =
+        settings.init == Initial::Auto && settings.by_photos.contains(&ByPhotos::Start) && plan.asks_for_depth();
     Ok(if asked || settings.init == Initial::Dense { plan.with_dense_start(&cameras) } else { plan })
 }

@@ -252,7 +252,7 @@ pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe
         // Cameras that were estimated come with masks whose white counts.
         invert_masks: matches!(photos, Photos::Capture(_)) && masks.is_some_and(|masks| masks.inverted),
         masked: request.masked,
-        by_photos: ByPhotos::ALL,
+        by_photos: ByPhotos::ALL.into(),
         compress: request.compress,
         html: request.html,
         ..RunSettings::new(capture, FitSettings { seed: request.seed, ..FitSettings::default() })

@@ -3,6 +3,7 @@
 use crate::sources::Sources;
 use crate::{Coverage, Error, Gaining};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::{Masked, PosedOptions};
@@ -38,9 +39,9 @@ pub struct RunSettings {
     /// True if the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor
     /// for all photos; it stays as given where a lens is a fisheye.
     pub focal: bool,
-    /// Settings that the photos decide.
+    /// Settings that the photos decide; empty once they are decided, and then in [`RunSettings::fit`].
     #[serde(skip)]
-    pub by_photos: ByPhotos,
+    pub by_photos: BTreeSet<ByPhotos>,
     /// Where the Gaussians begin.
     pub init: Initial,
     /// Photos whose depth is found where Gaussians begin on surfaces, at most; `None` before that is decided,
@@ -88,34 +89,33 @@ fn is_unknown(masked: &Masked) -> bool {
     *masked == Masked::Unknown
 }
 
-/// Settings of the fit that follow from the photos, for lack of a choice by the user. Once they are decided, they are
-/// in [`RunSettings::fit`], and all of these are false.
-#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
-pub struct ByPhotos {
+/// A setting of the fit that follows from the photos, for lack of a choice by the user.
+#[derive(Clone, Copy, Debug, Eq, Ord, PartialEq, PartialOrd)]
+pub enum ByPhotos {
     /// The colors of photos are corrected ([`FitSettings::exposure`]) where the photos differ in exposure or white
     /// balance ([`ColorAgreement::differ`](weaver_fit::ColorAgreement::differ)).
-    pub exposure: bool,
+    Exposure,
     /// The background is the [mean color](weaver_fit::mean_color) of the photos that are fitted; where photos have
     /// transparent parts, it stays the color behind these parts.
-    pub background: bool,
+    Background,
     /// [`FitSettings::dropout`] is the larger the fewer photos there are ([`FitSettings::dropout_for`]).
-    pub dropout: bool,
+    Dropout,
     /// Gaussians begin on surfaces that photos agree about ([`Initial::Dense`]) where these cover enough of the photos,
     /// and are found in a small part of the time; with [`Initial::Auto`] alone.
-    pub start: bool,
+    Start,
     /// Where Gaussians begin so, their means move the more slowly the larger the photos are
     /// ([`Rates::means_on_surfaces`](weaver_fit::Rates::means_on_surfaces)).
-    pub means: bool,
+    Means,
     /// The more photos there are, the less weight pulls opacities down ([`weaver_fit::Density::opacity_weight_for`]).
-    pub fade: bool,
+    Fade,
     /// Large photos are halved more often at the beginning, and for longer ([`FitSettings::coarse_for`]).
-    pub coarse: bool,
+    Coarse,
 }
 
 impl ByPhotos {
     /// Everything that photos can decide.
-    pub const ALL: Self =
-        Self { exposure: true, background: true, dropout: true, start: true, means: true, fade: true, coarse: true };
+    pub const ALL: [Self; 7] =
+        [Self::Exposure, Self::Background, Self::Dropout, Self::Start, Self::Means, Self::Fade, Self::Coarse];
 }
 
 /// Where Gaussians begin.
@@ -150,7 +150,7 @@ impl RunSettings {
             invert_masks: false,
             masked: Masked::Unknown,
             focal: false,
-            by_photos: ByPhotos::default(),
+            by_photos: BTreeSet::new(),
             init: Initial::Auto,
             depth_photos: None,
             minutes: None,

@@ -1,6 +1,6 @@
 //! Where the Gaussians of a run begin.
 
-use crate::{Coverage, Error, Initial, RunSettings};
+use crate::{ByPhotos, Coverage, Error, Initial, RunSettings};
 use std::time::Instant;
 use weaver_fit::{FitSettings, init};
 use weaver_scene::{Gaussians, Photo, PointCloud};
@@ -43,7 +43,7 @@ impl Start {
     /// When there is nothing to begin with.
     pub fn of(settings: &mut RunSettings, seen: Seen<'_>, given: Option<&Gaussians>) -> Result<Self, Error> {
         let fit = settings.fit.clone();
-        if settings.init == Initial::Auto && settings.by_photos.start && !seen.points.is_empty() {
+        if settings.init == Initial::Auto && settings.by_photos.contains(&ByPhotos::Start) && !seen.points.is_empty() {
             let asked = seen.photos.len() >= FEWEST;
             let dense = if asked { Self::dense(settings, seen)? } else { Self::default() };
             settings.init = if dense.coverage.mean() >= COVERAGE { Initial::Dense } else { Initial::Points };

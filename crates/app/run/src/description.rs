@@ -1,5 +1,6 @@
 //! The description of a run of any command from its folder: settings, progress, files.
 
+use crate::settings::{self, read_table};
 use crate::{Error, Folder, read_records};
 use serde_json::Value;
 use std::fmt::Write;
@@ -42,6 +43,40 @@ pub fn describe(path: &Path) -> Result<String, Error> {
         let shown = files.iter().take(SHOWN).map(|name| name.as_str()).collect::<Vec<_>>().join(", ");
         let more = files.len().saturating_sub(SHOWN);
         let _ = writeln!(text, "files: {shown}{}", if more > 0 { format!(" and {more} more") } else { String::new() });
+    }
+    Ok(text)
+}
+
+/// True if a JSON file is of results, and no file of cameras, of a scene or of an index of weights.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn is_of_results(path: &Path) -> Result<bool, Error> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    if name == "meta.json" || name.ends_with(".index.json") {
+        return Ok(false);
+    }
+    // Text that is no JSON is refused by the readers of cameras, which name the place.
+    let value: Option<Value> = serde_json::from_str(&read_text(path)?).ok();
+    Ok(name == "summary.json" || value.is_some_and(|value| value.get("frames").is_none()))
+}
+
+/// Describes a file of settings, TOML: a line for each entry, and of tables and lists of tables their number.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn describe_table(path: &Path) -> Result<String, settings::Error> {
+    let table = read_table(path)?;
+    let mut text = format!("TOML, {} keys\n", table.len());
+    for (key, value) in &table {
+        let value = match value {
+            settings::Value::Table(inner) => format!("{} keys", inner.len()),
+            settings::Value::Array(list) if list.iter().any(|entry| entry.is_table()) => {
+                format!("{} tables", list.len())
+            }
+            value => value.to_string(),
+        };
+        let _ = writeln!(text, "{key}: {value}");
     }
     Ok(text)
 }

@@ -18,6 +18,12 @@ pub enum Error {
         /// The remedy, [`Advice::Resume`].
         source: Advice,
     },
+    /// A file with the mark of a unit of work has something else.
+    #[error("{}: expected a unit of work, found something else", mark.display())]
+    Unit {
+        /// The file.
+        mark: PathBuf,
+    },
     /// The run has nothing left to do.
     #[error("{}: the run is complete", folder.display())]
     Complete {

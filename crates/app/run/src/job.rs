@@ -12,7 +12,7 @@ pub trait Job {
     /// Why a step fails.
     type Error: From<Error>;
 
-    /// Steps done, and steps of the whole work.
+    /// Steps done, and steps of the whole work, which may turn out to be fewer on the way.
     fn steps(&self) -> [usize; 2];
 
     /// Does the next step.
@@ -59,14 +59,14 @@ pub fn advance<J: Job>(
     stop: &AtomicBool,
     mut observe: impl FnMut(&StepReport) -> Result<(), J::Error>,
 ) -> Result<bool, J::Error> {
-    let [mut done, of] = job.steps();
+    let [mut done, mut of] = job.steps();
     let mut recorder = Recorder::open(folder, done, job.rhythm(), stop)?;
     let mut saved = folder.checkpoint_path().exists().then_some(done);
     while done < of && !recorder.stopped() {
         let report = job.step()?;
         recorder.log(&report)?;
         observe(&report)?;
-        done = report.step;
+        [done, of] = job.steps();
         if recorder.is_due(done) {
             recorder.save(|| job.state())?;
             saved = Some(done);

@@ -22,6 +22,7 @@ pub mod state;
 mod step_report;
 mod tensorboard;
 pub mod unit;
+mod work_list;
 
 pub use error::Error;
 pub use folder::{Folder, Kind};
@@ -33,6 +34,7 @@ pub use recorder::Recorder;
 pub use rhythm::{Log, Rhythm, Save};
 pub use step_report::{Scalar, StepReport};
 pub use tensorboard::TensorBoard;
+pub use work_list::{Work, WorkInput, WorkList};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

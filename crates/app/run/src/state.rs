@@ -5,7 +5,6 @@
 //! | `PREFIX` `NAME` | values of a parameter, or their averages |
 //! | `moment1.NAME`, `moment2.NAME` | an optimizer's moments of a parameter that has taken a step |
 //! | `moment_steps.NAME` `[1]` | the steps that it has taken |
-//! | `moment_row_steps.NAME` `[rows]` | the steps of each row, where some rows alone took steps |
 
 use std::collections::BTreeMap;
 use weaver_autograd::Params;
@@ -71,9 +70,6 @@ pub fn put_optimizer(into: &mut Tensors, params: &Params<f32>, optimizer: &impl 
         into.insert(format!("{FIRST}{name}"), &shape, moments.first.clone());
         into.insert(format!("{SECOND}{name}"), &shape, moments.second.clone());
         into.insert(format!("{STEPS}{name}"), &[1], vec![steps]);
-        if !moments.row_steps.is_empty() {
-            into.insert(format!("{ROW_STEPS}{name}"), &[moments.row_steps.len()], moments.row_steps.clone());
-        }
     }
 }
 
@@ -95,14 +91,12 @@ pub fn optimizer_state(from: &Tensors) -> Result<BTreeMap<String, (u64, Moments<
     let own = |prefix: &'static str| from.tensors.keys().filter_map(move |key| key.strip_prefix(prefix));
     for name in own(FIRST) {
         let steps = from.values::<u64>(&format!("{STEPS}{name}"), &[1])?[0];
-        let key = format!("{ROW_STEPS}{name}");
-        let row_steps = if from.tensors.contains_key(&key) { numbers(from, &key)? } else { Vec::new() };
         let [first, second] = [FIRST, SECOND].map(|prefix| numbers(from, &format!("{prefix}{name}")));
-        state.insert(name.to_string(), (steps, Moments { first: first?, second: second?, row_steps }));
+        state.insert(name.to_string(), (steps, Moments { first: first?, second: second? }));
     }
     for name in own(EARLIER[0]) {
         let [first, second] = [EARLIER[0], EARLIER[1]].map(|prefix| numbers(from, &format!("{prefix}{name}")));
-        let moments = Moments { first: first?, second: second?, row_steps: Vec::new() };
+        let moments = Moments { first: first?, second: second? };
         state.insert(name.to_string(), (earlier_steps(from, name)?, moments));
     }
     Ok(state)
@@ -110,13 +104,12 @@ pub fn optimizer_state(from: &Tensors) -> Result<BTreeMap<String, (u64, Moments<
 
 /// True if a tensor is part of an optimizer's state, by this version's names or earlier ones.
 pub fn is_of_optimizer(key: &str) -> bool {
-    [FIRST, SECOND, STEPS, ROW_STEPS, "optimizer."].iter().any(|prefix| key.starts_with(prefix))
+    [FIRST, SECOND, STEPS, "optimizer."].iter().any(|prefix| key.starts_with(prefix))
 }
 
 const FIRST: &str = "moment1.";
 const SECOND: &str = "moment2.";
 const STEPS: &str = "moment_steps.";
-const ROW_STEPS: &str = "moment_row_steps.";
 /// Names that checkpoints of moving scenes and of detectors of anomalies had in earlier versions.
 const EARLIER: [&str; 3] = ["optimizer.first.", "optimizer.second.", "optimizer.steps."];
 /// Metadata with the steps in earlier checkpoints of detectors: `NAME=STEPS`, separated by commas.

@@ -11,14 +11,15 @@ use weaver_kernels::random::Stream;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Augmentation {
-    /// Sides of the smallest crop, as a fraction of the photo's: each tuple draws one about the middle, for all of its photos. 1 crops
-    /// nothing.
+    /// Sides of the smallest crop, as a fraction of the photo's: each tuple draws one about the middle, for all of its
+    /// photos. 1 crops nothing.
     #[schemars(range(min = 0.25, max = 1.0))]
     pub crop: f64,
     /// Fraction of the tuples that are mirrored, photos and cameras alike.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub flip: f64,
-    /// Largest distance of brightness, contrast and saturation from 1: each tuple draws three factors, for all of its photos.
+    /// Largest distance of brightness, contrast and saturation from 1: each tuple draws three factors, for all of its
+    /// photos.
     #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 1))]
     pub color: f64,
     /// True if the context's order is random, so that any view may be the first: for samplers that keep an order.

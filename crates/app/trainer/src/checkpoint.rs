@@ -11,8 +11,8 @@ use weaver_run::state;
 /// State that changes while a run trains: parameters, moments and averages.
 ///
 /// A checkpoint holds it as tensors `param.NAME`, `ema.NAME`, and, of parameters that the optimizer has moved,
-/// `moment1.NAME`, `moment2.NAME`, `moment_steps.NAME` and, after steps of some rows only, `moment_row_steps.NAME`.
-/// Randomness needs no state of its own: it is a function of the seed and the step.
+/// `moment1.NAME`, `moment2.NAME`, `moment_steps.NAME`. Randomness needs no state of its own: it is a function of the
+/// seed and the step.
 #[derive(Clone, Copy, Debug)]
 pub struct TrainingState<'a> {
     /// The parameters.

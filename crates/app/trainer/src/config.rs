@@ -31,8 +31,9 @@ pub struct Config<R: Recipe> {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 1024))]
     pub threads: Option<usize>,
-    /// Checkpoint of a run that training starts from, a published checkpoint, or `built-in` for the weights that come with the program, in
-    /// place of random weights: of what both networks have in equal sizes, the averaged weights are taken.
+    /// Checkpoint of a run that training starts from, a published checkpoint, or `built-in` for the weights that come
+    /// with the program, in place of random weights: of what both networks have in equal sizes, the averaged weights
+    /// are taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub init: Option<PathBuf>,
     /// The network.
@@ -72,8 +73,8 @@ pub struct OptimizerConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub ema: Option<f64>,
-    /// Batches of a step, each of the stage's tuples, whose gradients are averaged: a larger batch in the memory of one. Processes of one
-    /// run share them.
+    /// Batches of a step, each of the stage's tuples, whose gradients are averaged: a larger batch in the memory of
+    /// one. Processes of one run share them.
     #[serde(default = "one")]
     #[schemars(range(min = 1, max = MOST_VIEWS))]
     pub accumulate: usize,
@@ -146,8 +147,8 @@ pub struct StageConfig<R: Recipe> {
     /// aggregator.patch_embed.
     #[serde(default)]
     pub frozen: Vec<String>,
-    /// True if transformer blocks are computed again on the way back, in place of keeping what they computed: the same result with
-    /// less memory and more time.
+    /// True if transformer blocks are computed again on the way back, in place of keeping what they computed: the same
+    /// result with less memory and more time.
     #[serde(default)]
     pub recompute: bool,
     /// The model's settings in this stage.

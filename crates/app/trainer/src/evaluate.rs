@@ -6,7 +6,7 @@ mod light;
 mod networks;
 mod run;
 
-pub use align::{AlignLoss, Alignment};
+pub use align::Alignment;
 pub use light::LookOf;
 pub use networks::load_lpips;
 pub(crate) use networks::{image_networks, lpips_for};

@@ -7,19 +7,19 @@ use weaver_data::{Scene, View};
 use weaver_kernels::random::Stream;
 use weaver_procedural::appearance::{Appearance, seen};
 
-/// Light and passers-by that photos are given, beside what was photographed. Training draws them afresh for each tuple, evaluation keeps
-/// one for each view, the same for every run.
+/// Light and passers-by that photos are given, beside what was photographed. Training draws them afresh for each tuple,
+/// evaluation keeps one for each view, the same for every run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LooksConfig {
     /// Rectangles of one color in a photo: from none to so many.
     #[schemars(range(max = 100))]
     pub occluders: usize,
-    /// True if the model is told which pixels they cover, so that no loss counts these and they get no Gaussians; `false` is for
-    /// ablations.
+    /// True if the model is told which pixels they cover, so that no loss counts these and they get no Gaussians;
+    /// `false` is for ablations.
     pub masks: bool,
-    /// Built-in scenes only: the sun itself is elsewhere in every photo, so that shadows move, beside what is drawn. One embedding of a photo
-    /// cannot tell that.
+    /// Built-in scenes only: the sun itself is elsewhere in every photo, so that shadows move, beside what is drawn.
+    /// One embedding of a photo cannot tell that.
     pub moving_sun: bool,
 }
 

@@ -72,7 +72,8 @@ pub struct ImageLosses {
     /// File with the VGG or AlexNet weights of LPIPS.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lpips_weights: Option<PathBuf>,
-    /// Weight of absolute differences in the features of VGG-19, as 2Xplat is published (0.2); needs `perceptual_weights`.
+    /// Weight of absolute differences in the features of VGG-19, as 2Xplat is published (0.2); needs
+    /// `perceptual_weights`.
     #[schemars(range(min = 0.0))]
     pub perceptual: f64,
     /// File with MatConvNet's weights of VGG-19 under torchvision's names.
@@ -160,7 +161,8 @@ pub struct PoseLosses {
     /// Weight of the Huber loss on the pose codes over all iterations, as published.
     #[schemars(range(min = 0.0))]
     pub huber: f64,
-    /// Weight of the mean angle in radians between the predicted and the true rotation from one camera to another, over all pairs.
+    /// Weight of the mean angle in radians between the predicted and the true rotation from one camera to another, over
+    /// all pairs.
     #[schemars(range(min = 0.0))]
     pub rotation: f64,
     /// Weight of the Huber loss (0.1) on the translation from one camera to another, over all pairs.

@@ -267,6 +267,30 @@ impl Registry {
         Ok(self.find(Some(name)).map_err(|e| wrong(e.to_string()))?)
     }
 
+    /// Opens the averaged weights of the run in a folder.
+    ///
+    /// # Errors
+    /// As [`of_run`](Self::of_run) and [`ModelEntry::open`].
+    pub fn open_run(&self, folder: &RunFolder) -> Result<OpenRun, Error> {
+        self.of_run(folder)?.open(folder)
+    }
+
+    /// Opens a file of weights, or else the runs in some folders, or else the weights that come with the program; each
+    /// with its name.
+    ///
+    /// # Errors
+    /// As [`open_weights`](Self::open_weights) and [`open_run`](Self::open_run).
+    pub fn open_all(&self, weights: Option<&Path>, runs: &[PathBuf]) -> Result<Vec<(String, OpenRun)>, Error> {
+        if let Some(weights) = weights {
+            return Ok(vec![(weights.display().to_string(), self.open_weights(weights)?)]);
+        }
+        if runs.is_empty() {
+            return Ok(vec![("built-in".into(), OpenRun::built_in()?)]);
+        }
+        let open = |path: &PathBuf| Ok((path.display().to_string(), self.open_run(&RunFolder::at(path))?));
+        runs.iter().map(open).collect()
+    }
+
     /// Opens a file of weights as if it were a run's: a run's checkpoint, small weights made of one, or a published
     /// checkpoint that makes Gaussians.
     ///

@@ -9,8 +9,12 @@ mod follow;
 #[cfg(feature = "command")]
 mod live;
 mod overview;
+#[cfg(feature = "command")]
+mod scene_files;
 mod scene_page;
 mod server;
+#[cfg(feature = "command")]
+mod show;
 
 pub use error::Error;
 pub use features::Features;
@@ -18,8 +22,12 @@ pub use follow::{DrawingOf, FilmOf, LiveRun, LiveView, SceneOf};
 #[cfg(feature = "command")]
 pub use live::live;
 pub use overview::overview;
+#[cfg(feature = "command")]
+pub use scene_files::SceneFiles;
 pub use scene_page::{Gallery, Moving, ScenePage};
 pub use server::{Access, Listener, Server};
+#[cfg(feature = "command")]
+pub use show::{PageFile, serve};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -14,7 +14,7 @@ use weaver_kernels::gelu::{gelu_backward, gelu_forward};
 use weaver_kernels::gemm::{Half, Mat, MatMut, gemm, gemm_batched, gemm_half, gemm_half_scratch_len};
 use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_forward, layer_norm_scratch_len};
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
-use weaver_kernels::optim::{AdamW, SparseRows, lerp};
+use weaver_kernels::optim::{AdamW, lerp};
 use weaver_kernels::permute::permute;
 use weaver_kernels::random::Stream;
 use weaver_kernels::reduce::{column_sums, dot, row_sums, sum};
@@ -291,21 +291,6 @@ fn optimizers(c: &mut Criterion) {
     let adamw = AdamW { rate: 1e-4, beta1: 0.9, beta2: 0.999, eps: 1e-8, weight_decay: 0.05, gradient_scale: 1.0 };
     group.bench_function("adamw", |b| b.iter(|| adamw.step(10, &mut p, black_box(&g), &mut m, &mut v)));
     group.bench_function("lerp", |b| b.iter(|| lerp(&mut p, black_box(&g), 0.999)));
-    // Rows of the length of harmonics of degree 1; a view sees a quarter of them, in runs or scattered.
-    let (width, total) = (16, p.len() / 16);
-    for (name, seen) in [("runs", (|row| row / 256 % 4 == 0) as fn(usize) -> bool), ("scattered", |row| row % 4 == 0)] {
-        let rows: Vec<u32> = (0..total).filter(|row| seen(*row)).map(|row| row as u32).collect();
-        let mut row_steps = vec![0; total];
-        let mut step = 0;
-        group.throughput(Throughput::Elements((rows.len() * width) as u64));
-        group.bench_function(format!("adamw of a quarter of the rows, {name}"), |b| {
-            b.iter(|| {
-                step += 2; // Each row was left out of one step.
-                let rows = SparseRows { rows: &rows, row_steps: &mut row_steps };
-                adamw.step_rows(step, &mut p, black_box(&g), &mut m, &mut v, rows);
-            });
-        });
-    }
     group.finish();
 }
 

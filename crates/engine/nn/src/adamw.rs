@@ -1,10 +1,8 @@
-//! AdamW, for all rows of a parameter or for some.
+//! AdamW.
 
-use crate::rows::{check, extent};
-use crate::{RowError, RowSet};
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Real, Tape};
-use weaver_kernels::optim::{self, SparseRows};
+use weaver_kernels::optim;
 
 /// Parameters with a common learning rate and weight decay.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,9 +22,6 @@ pub struct Moments<T> {
     pub first: Vec<T>,
     /// Running mean of the squared gradient.
     pub second: Vec<T>,
-    /// For each row the step up to which its moments have been decayed; empty when that is the last step for all of
-    /// them.
-    pub row_steps: Vec<u64>,
 }
 
 /// Adam with decoupled weight decay (Loshchilov and Hutter, arXiv 1711.05101): p = p (1 - lr decay) - lr m^ /
@@ -58,7 +53,7 @@ pub struct AdamW<T: Real = f32> {
     /// Added to the root of the mean square.
     pub eps: f64,
     /// By parameter index; the number of steps a parameter has taken beside its moments.
-    state: Vec<(u64, Moments<T>)>,
+    pub(crate) state: Vec<(u64, Moments<T>)>,
 }
 
 impl<T: Real> AdamW<T> {
@@ -75,47 +70,6 @@ impl<T: Real> AdamW<T> {
 
     /// One [`step`](Self::step) with all gradients multiplied by a factor, as from [`clip_factor`](crate::clip_factor).
     pub fn step_scaled(&mut self, params: &mut Params<T>, tape: &mut Tape<T>, lr: f64, gradient_scale: f64) {
-        self.step_rows(params, tape, lr, gradient_scale, |_| None).unwrap_or_else(|error| panic!("{error}"));
-    }
-
-    /// One step in which a parameter may be updated in some of its rows only: `rows` names them, or is `None` for all.
-    /// A fitted scene, seen in part by each view, is such a case.
-    ///
-    /// A row that is left out keeps its values, weight decay included. Its moments are decayed when it next takes part:
-    /// with steps t and s < t in which it did, m = beta1^(t - s) m + (1 - beta1) g, and v likewise. The bias correction
-    /// uses step t of the whole parameter. Dense AdamW with a gradient of zero brings the moments to the same values,
-    /// up to rounding, but goes on moving the row by the decaying mean, and shrinks it by weight decay, in each of the
-    /// steps between. With all rows in every step the bits equal [`step_scaled`](Self::step_scaled).
-    ///
-    /// ```
-    /// use weaver_autograd::{Params, Tape};
-    /// use weaver_nn::{AdamW, Group, RowSet};
-    /// let mut params = Params::<f64>::new();
-    /// let w = params.add("w", [2, 1], vec![1.0, 1.0]);
-    /// let mut optimizer = AdamW::new(vec![Group { params: vec![w], lr_scale: 1.0, weight_decay: 0.0 }], 0.9, 0.95, 1e-8);
-    /// let mut tape = Tape::new();
-    /// (tape.param(&params, w).slice(0, 1, 1)).sum().backward(); // of the second row
-    /// let rows = RowSet::with_gradient(&params, &tape, w);
-    /// optimizer.step_rows(&mut params, &mut tape, 0.1, 1.0, |_| Some(&rows))?;
-    /// assert_eq!(params.get(w).value()[0], 1.0);
-    /// assert!((params.get(w).value()[1] - 0.9).abs() < 1e-8);
-    /// # Ok::<(), weaver_nn::RowError>(())
-    /// ```
-    ///
-    /// # Errors
-    /// When a parameter, its gradient, its moments and the chosen rows do not have equally many rows; nothing is then
-    /// changed.
-    pub fn step_rows<'r>(
-        &mut self,
-        params: &mut Params<T>,
-        tape: &mut Tape<T>,
-        lr: f64,
-        gradient_scale: f64,
-        rows: impl Fn(ParamId) -> Option<&'r RowSet>,
-    ) -> Result<(), RowError> {
-        for &id in self.groups.iter().flat_map(|group| &group.params) {
-            self.check_rows(params, tape, id, rows(id))?;
-        }
         tape.release_params();
         for group in &self.groups {
             let update = optim::AdamW {
@@ -131,75 +85,20 @@ impl<T: Real> AdamW<T> {
                 if self.state.len() <= id.index() {
                     self.state.resize_with(params.len(), Default::default);
                 }
-                let (total, _) = extent(params.get(id).shape());
-                let (steps, Moments { first, second, row_steps }) = &mut self.state[id.index()];
+                let (steps, Moments { first, second }) = &mut self.state[id.index()];
                 first.resize(gradient.len(), T::ZERO);
                 second.resize(gradient.len(), T::ZERO);
-                let partial = rows(id).filter(|rows| rows.rows().len() < total);
-                if partial.is_some() && row_steps.is_empty() {
-                    row_steps.resize(total, *steps);
-                }
                 *steps += 1;
-                let values = params.value_mut(id);
-                match partial {
-                    _ if row_steps.is_empty() => update.step(*steps, values, &gradient, first, second),
-                    Some(rows) => {
-                        let rows = SparseRows { rows: rows.rows(), row_steps };
-                        update.step_rows(*steps, values, &gradient, first, second, rows);
-                    }
-                    None => {
-                        let rows: Vec<u32> = (0..total as u32).collect();
-                        let rows = SparseRows { rows: &rows, row_steps };
-                        update.step_rows(*steps, values, &gradient, first, second, rows);
-                        row_steps.clear();
-                    }
-                }
+                update.step(*steps, params.value_mut(id), &gradient, first, second);
             }
         }
-        Ok(())
-    }
-
-    /// True if everything that belongs to a parameter that is to be updated has as many rows as it.
-    fn check_rows(
-        &self,
-        params: &Params<T>,
-        tape: &Tape<T>,
-        id: ParamId,
-        rows: Option<&RowSet>,
-    ) -> Result<(), RowError> {
-        let Some(gradient) = tape.param_grad(id) else { return Ok(()) };
-        let (total, width) = extent(params.get(id).shape());
-        let rows_in = |numbers: usize| numbers.checked_div(width).unwrap_or(total);
-        check(params, id, "gradient", total, rows_in(gradient.len()))?;
-        if let Some((1.., moments)) = self.state.get(id.index()) {
-            check(params, id, "moments", total, rows_in(moments.first.len()))?;
-        }
-        rows.map_or(Ok(()), |rows| check(params, id, "row set", total, rows.total()))
-    }
-
-    /// The state of every parameter that has taken a step, by name: the number of its steps and its moments.
-    pub fn state<'a>(&'a self, params: &'a Params<T>) -> impl Iterator<Item = (&'a str, u64, &'a Moments<T>)> {
-        let with_state = params.iter().zip(&self.state).filter(|(_, (steps, _))| *steps > 0);
-        with_state.map(|((_, param), (steps, moments))| (param.name(), *steps, moments))
-    }
-
-    /// Replaces the state by one read back; parameters that are not in it begin anew. Fails with the name of a
-    /// parameter that is unknown or of another size.
-    pub fn set_state(
-        &mut self,
-        params: &Params<T>,
-        state: BTreeMap<String, (u64, Moments<T>)>,
-    ) -> Result<(), StateError> {
-        self.state = checked(params, state, true)?;
-        Ok(())
     }
 }
 
-/// A stored state by parameter index. `rows` says whether the optimizer supports steps of rows.
+/// A stored state by parameter index.
 pub(crate) fn checked<T: Real>(
     params: &Params<T>,
     state: BTreeMap<String, (u64, Moments<T>)>,
-    rows: bool,
 ) -> Result<Vec<(u64, Moments<T>)>, StateError> {
     let mut list = vec![Default::default(); params.len()];
     for (name, (steps, moments)) in state {
@@ -207,10 +106,6 @@ pub(crate) fn checked<T: Real>(
         let expected = params.get(id).shape().len();
         if let Some(found) = [moments.first.len(), moments.second.len()].into_iter().find(|len| *len != expected) {
             return Err(StateError::Size { name, expected, found });
-        }
-        let (expected, found) = (if rows { extent(params.get(id).shape()).0 } else { 0 }, moments.row_steps.len());
-        if found > 0 && found != expected {
-            return Err(StateError::RowSteps { name, expected, found });
         }
         list[id.index()] = (steps, moments);
     }
@@ -237,21 +132,12 @@ pub enum StateError {
         /// The stored size.
         found: usize,
     },
-    /// The parameter has another number of rows.
-    #[error("stored steps of the rows of `{name}`: expected {expected}, found {found}")]
-    RowSteps {
-        /// The parameter's name.
-        name: String,
-        /// Its rows.
-        expected: usize,
-        /// The rows whose steps were stored.
-        found: usize,
-    },
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Optimizer;
     use std::sync::Arc;
     use weaver_autograd::{HalfValues, ParamValues};
 
@@ -264,7 +150,7 @@ mod tests {
         let mut optimizer = AdamW::<f32>::new(Vec::new(), 0.9, 0.95, 1e-8);
         for name in ["absent", "half"] {
             let state = |len| {
-                let moments = Moments { first: vec![0.0; len], second: vec![0.0; len], row_steps: Vec::new() };
+                let moments = Moments { first: vec![0.0; len], second: vec![0.0; len] };
                 BTreeMap::from([(name.to_string(), (1, moments))])
             };
             let error = StateError::Size { name: name.into(), expected: 2, found: 3 };

@@ -19,7 +19,6 @@ mod optimizer;
 mod projective;
 mod radam;
 mod rms_norm;
-mod rows;
 mod schedule;
 
 pub use adamw::{AdamW, Group, Moments, StateError};
@@ -38,7 +37,6 @@ pub use optimizer::Optimizer;
 pub use projective::{Projections, projective_attention, turned_attention};
 pub use radam::RAdam;
 pub use rms_norm::RmsNorm;
-pub use rows::{RowError, RowSet};
 pub use schedule::{PublishedSchedule, WarmupCosine};
 
 /// The example of the README, compiled and run.

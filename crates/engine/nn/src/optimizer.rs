@@ -1,5 +1,6 @@
 //! The common interface of optimizers: a state that checkpoints hold.
 
+use crate::adamw::checked;
 use crate::{AdamW, Moments, RAdam, StateError};
 use std::collections::BTreeMap;
 use weaver_autograd::{Params, Real};
@@ -23,7 +24,8 @@ macro_rules! optimizer {
                 &'a self,
                 params: &'a Params<T>,
             ) -> Box<dyn Iterator<Item = (&'a str, u64, &'a Moments<T>)> + 'a> {
-                Box::new(self.state(params))
+                let with_state = params.iter().zip(&self.state).filter(|(_, (steps, _))| *steps > 0);
+                Box::new(with_state.map(|((_, param), (steps, moments))| (param.name(), *steps, moments)))
             }
 
             fn set_state(
@@ -31,7 +33,8 @@ macro_rules! optimizer {
                 params: &Params<T>,
                 state: BTreeMap<String, (u64, Moments<T>)>,
             ) -> Result<(), StateError> {
-                self.set_state(params, state)
+                self.state = checked(params, state)?;
+                Ok(())
             }
         }
     };

@@ -1,8 +1,6 @@
 //! Rectified Adam.
 
-use crate::adamw::checked;
-use crate::{Moments, StateError};
-use std::collections::BTreeMap;
+use crate::Moments;
 use weaver_autograd::{ParamId, Params, Real, Tape};
 
 /// The length of the average of squared gradients above which its variance is small enough to divide by it.
@@ -43,7 +41,7 @@ pub struct RAdam<T: Real = f32> {
     /// Added to the root of the mean square.
     pub eps: f64,
     /// By parameter index; the number of steps a parameter has taken beside its moments.
-    state: Vec<(u64, Moments<T>)>,
+    pub(crate) state: Vec<(u64, Moments<T>)>,
 }
 
 impl<T: Real> RAdam<T> {
@@ -75,26 +73,6 @@ impl<T: Real> RAdam<T> {
                 *p -= if factors.rectified { adaptive * *m / (v.sqrt() + eps) } else { plain * *m };
             }
         }
-    }
-
-    /// The state of every parameter that has taken a step, by name: the number of its steps and its moments.
-    pub fn state<'a>(&'a self, params: &'a Params<T>) -> impl Iterator<Item = (&'a str, u64, &'a Moments<T>)> {
-        let with_state = params.iter().zip(&self.state).filter(|(_, (steps, _))| *steps > 0);
-        with_state.map(|((_, param), (steps, moments))| (param.name(), *steps, moments))
-    }
-
-    /// Replaces the state by one read back; parameters that are not in it begin anew.
-    ///
-    /// # Errors
-    /// The name of a parameter that is unknown, of another size, or whose rows have steps of their own, which this
-    /// optimizer does not support.
-    pub fn set_state(
-        &mut self,
-        params: &Params<T>,
-        state: BTreeMap<String, (u64, Moments<T>)>,
-    ) -> Result<(), StateError> {
-        self.state = checked(params, state, false)?;
-        Ok(())
     }
 }
 

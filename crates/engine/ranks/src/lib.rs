@@ -15,11 +15,10 @@
 //! With the feature `mpi` there are the processes of an MPI; it needs one with its headers (Open MPI, MPICH), and
 //! libclang.
 
-#[cfg(feature = "mpi")]
+#[cfg_attr(not(feature = "mpi"), path = "no_processes.rs")]
 mod processes;
 mod threads;
 
-#[cfg(feature = "mpi")]
 pub use processes::Processes;
 pub use threads::threads;
 
@@ -166,6 +165,21 @@ impl<J: Fn(&mut [f32], &[f32])> Tree<'_, J> {
         (self.join)(&mut first, &second);
         Ok(first)
     }
+}
+
+/// The bandwidth above which two processes are faster than one, bytes a second, where each sends and receives `bytes` a
+/// step. A step has `parts` parts of `seconds` each; one part is taken for two.
+///
+/// ```
+/// use weaver_ranks::least_bandwidth;
+/// // 10 MB and back take 0.2 s at 100 MB/s; of four parts, two of 0.1 s are saved, and of three parts one.
+/// assert_eq!(least_bandwidth(10_000_000, 4, 0.1), 100e6);
+/// assert_eq!(least_bandwidth(10_000_000, 3, 0.1), 200e6);
+/// assert_eq!(least_bandwidth(10_000_000, 1, 0.1), least_bandwidth(10_000_000, 2, 0.1));
+/// ```
+pub fn least_bandwidth(bytes: u64, parts: usize, seconds: f64) -> f64 {
+    let parts = parts.max(2);
+    2.0 * bytes as f64 / ((parts - parts.div_ceil(2)) as f64 * seconds)
 }
 
 /// The example of the README, compiled and run.

@@ -1,6 +1,7 @@
 //! A scene compressed by some of its pictures, and judged by others.
 
 use crate::{CompressError, Compressed, Judge, Pictures, compress};
+use std::fmt;
 use weaver_geometry::Camera;
 use weaver_io::{Observe, Part, Stage};
 use weaver_scene::Gaussians;
@@ -19,6 +20,17 @@ pub struct Judged {
     pub judging: usize,
     /// Quality in the pictures between, dB; `None` of a single picture.
     pub psnr: Option<f64>,
+}
+
+impl fmt::Display for Judged {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { compressed, choosing, judging, psnr } = self;
+        let of_choosing = format!("{:.2} dB in {choosing} that the steps were chosen by", compressed.psnr);
+        match psnr {
+            Some(psnr) => write!(f, "{psnr:.2} dB beside the scene in {judging} pictures, {of_choosing}"),
+            None => write!(f, "beside the scene {of_choosing}, and no other to judge"),
+        }
+    }
 }
 
 /// Compresses a scene as [`compress`] does, by every other picture, and judges it by the pictures between.

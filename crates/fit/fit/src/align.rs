@@ -34,8 +34,9 @@
 //!   [`Rasterizer`](weaver_splat::Rasterizer).
 //! - [`Method`]: ours (steps in units of the depth that a camera sees, small and blurred photos first), NoPoSplat's,
 //!   2Xplat's.
-//! - Any loss on slices: [`mean_square`], or the loss of a fit ([`Photometric`](weaver_losses::Photometric)), which
-//!   finds more cameras. Masks leave pixels out. Focal lengths descend as well if asked to.
+//! - Any loss on slices: one of [`AlignLoss`], such as [`mean_square`] or the loss of a fit
+//!   ([`Photometric`](weaver_losses::Photometric)), which finds more cameras. Masks leave pixels out. Focal lengths
+//!   descend as well if asked to.
 //! - [`Outcome`] tells why a guess stands where nothing better was found.
 //! - [`Descent`], of weaver-pose, is the bare descent of one camera under gradients of anybody's loss.
 //!
@@ -48,8 +49,10 @@
 mod descend;
 mod drawing;
 mod error;
+mod loss;
 
 pub use descend::{Aligned, Options, Outcome, align};
-pub use drawing::{Photo, Scene, mean_square};
+pub use drawing::{Photo, Scene, mean_square, unit};
 pub use error::AlignError;
+pub use loss::AlignLoss;
 pub use weaver_pose::descent::{Descent, Method};

@@ -2,6 +2,8 @@
 
 use crate::predictor::inside_of;
 use crate::{CameraSource, Density, Error, Photos, Predictor, planar};
+use std::path::Path;
+use weaver_data::capture::{self, CaptureOptions};
 use weaver_data::{Layout, Scene, Tuple};
 use weaver_geometry::{Camera, Similarity};
 use weaver_kernels::random::Stream;
@@ -33,6 +35,30 @@ pub fn predict_capture(
         append(&mut all, predict_group(predictor, scene, &group, density, stream)?);
     }
     Ok(all)
+}
+
+/// Photos that [`predict_photos`] gives to the network at once.
+const AT_ONCE: usize = 4;
+
+/// Predicts the Gaussians of the training photos of a capture, or of `most` of them, evenly spread; the photos are read
+/// at the predictor's size, whatever the options say.
+///
+/// # Errors
+/// When the capture cannot be read, or the predictor refuses it.
+pub fn predict_photos(
+    predictor: &mut dyn Predictor,
+    capture: &Path,
+    options: &CaptureOptions,
+    most: Option<usize>,
+    seed: u64,
+) -> Result<Gaussians, Error> {
+    let [height, width] = predictor.image_size();
+    let scene = capture::load(capture, &CaptureOptions { width, height, ..*options })?;
+    let mut views = scene.training_views();
+    if let Some(most) = most {
+        views = weaver_data::uniform(views.len(), most.min(views.len())).into_iter().map(|i| views[i]).collect();
+    }
+    predict_capture(predictor, &scene, &views, AT_ONCE, seed)
 }
 
 /// Predicts the Gaussians of a few views of a scene together, with the scene's cameras and in its world.

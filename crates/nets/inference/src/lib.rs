@@ -25,7 +25,7 @@ mod splatweaver;
 mod view_opacity;
 mod weights;
 
-pub use capture::{predict_capture, predict_group};
+pub use capture::{predict_capture, predict_group, predict_photos};
 pub use checkpoint::{Checkpoint, Defaults, FORMAT, Partly, WeightSet};
 pub use depth_to_points::{DepthCorrection, SeenPoint, depth_to_points};
 pub use error::Error;

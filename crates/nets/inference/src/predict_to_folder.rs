@@ -3,6 +3,7 @@
 use crate::pictures::{density_picture, depth_picture, row, stack};
 use crate::predictor::inside_of;
 use crate::{CameraSource, Density, Error, Looks, Photos, Prediction, Predictor, planar};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::Camera;
@@ -43,6 +44,27 @@ pub struct PredictReport {
     pub remarks: Vec<String>,
     /// The overview picture: a row of input, render, depth and Gaussians per pixel for each photo.
     pub overview: PathBuf,
+}
+
+impl PredictReport {
+    /// The figures as JSON.
+    pub fn json(&self) -> String {
+        let Self { gaussians, gaussians_per_pixel, psnr, remarks, .. } = self;
+        let figures = json!({ "gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks });
+        format!("{figures:#}")
+    }
+
+    /// The figures, and the files in the folder of the results, in words.
+    pub fn text(&self, folder: &Path) -> String {
+        let file = |name: &str| folder.join(name).display().to_string();
+        let Some(psnr) = self.psnr else {
+            return format!("points: {}\ncameras: {}", file("points.ply"), file("transforms.json"));
+        };
+        let (gaussians, per_pixel, scene) = (self.gaussians, self.gaussians_per_pixel, file("scene.ply"));
+        format!(
+            "{gaussians} Gaussians, {per_pixel:.3} per pixel; the input views come back at {psnr:.2} dB\nscene: {scene}"
+        )
+    }
 }
 
 /// Runs a predictor on photos and writes the scene into the folder `out`.

@@ -13,12 +13,13 @@ use crate::predict_to_folder::{self as folder, ONE_PHOTO, PredictReport};
 use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, SplatWeaverPredictor, planar};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
 use weaver_autograd::Params;
 use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::glam::DVec2;
 use weaver_io::safetensors::Mapped;
 use weaver_io::safetensors::Tensors;
-use weaver_io::{Advice, Image, OutputFolder};
+use weaver_io::{Advice, Image, Observe, OutputFolder, Part, Stage};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_router::AllocationKind;
@@ -90,6 +91,37 @@ fn watcher(
         let done = (done.fetch_add(work, Ordering::Relaxed) + work).min(total);
         observer(Progress { stage, done, total });
     }
+}
+
+/// As [`run`], with its progress shown by an observer, which another thread calls.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_observed(
+    weights: &Path,
+    images: &[PathBuf],
+    options: &Options,
+    out: &OutputFolder,
+    observe: &mut (dyn Observe + Send),
+    writing: impl FnOnce(),
+) -> Result<PredictReport, Error> {
+    const LABEL: &str = "infer";
+    let (sender, receiver) = mpsc::channel::<Progress>();
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            for (i, Progress { stage, done, total }) in receiver.iter().enumerate() {
+                if i == 0 {
+                    observe.begin(&Stage { label: LABEL, done: 0, total, stops_after: None });
+                }
+                let _ = observe.progress(&Part { label: LABEL, done, total, note: stage.into() });
+            }
+        });
+        let tell = move |progress| {
+            // Sending fails only when the receiving thread is gone, and then there is nothing to show.
+            let _ = sender.send(progress);
+        };
+        run(weights, images, options, out, tell, writing)
+    })
 }
 
 /// Runs a checkpoint on photos and writes the results into the folder `out`. `observer` receives the progress;

@@ -1,6 +1,7 @@
 //! A model's predictions, refined on the photos that they were made from.
 
 use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, planar};
+use std::path::PathBuf;
 use std::sync::Arc;
 use weaver_fit::{Fit, FitRasterizer, FitSettings, StrategyKind, steps_in};
 use weaver_geometry::{Camera, Pose, Similarity};
@@ -37,6 +38,26 @@ impl Refined {
     pub fn new(inner: Box<dyn Predictor>, size: [usize; 2], effort: Effort) -> Self {
         let rasterizer = Arc::new(CpuRasterizer);
         Self { inner, size, effort, rasterizer, settings: Self::usual_settings(), steps: 0 }
+    }
+
+    /// As [`new`](Self::new), on photos of this long side; `None` is the size of the smallest of `photos`, and the
+    /// network's where that is larger or there are none.
+    ///
+    /// # Errors
+    /// When a photo cannot be read.
+    pub fn at_size(
+        inner: Box<dyn Predictor>,
+        long_side: Option<usize>,
+        photos: &[PathBuf],
+        effort: Effort,
+    ) -> Result<Self, Error> {
+        let [height, width] = inner.image_size();
+        let scale = match long_side {
+            Some(side) => side as f64 / height.max(width) as f64,
+            None => own_scale(photos, [height, width])?,
+        };
+        let size = [height, width].map(|side| (side as f64 * scale).round().max(1.0) as usize);
+        Ok(Self::new(inner, size, effort))
     }
 
     /// The same, but no Gaussian is given up for another elsewhere: predicted ones are only adjusted.
@@ -188,6 +209,16 @@ fn spread<T: Copy>(values: &[T], [h, w]: [usize; 2], [height, width]: [usize; 2]
     let at = |v: usize, y: usize, x: usize| values[(v * h + y * h / height) * w + x * w / width];
     let rows = (0..values.len() / (h * w).max(1)).flat_map(|v| (0..height).map(move |y| (v, y)));
     rows.flat_map(|(v, y)| (0..width).map(move |x| at(v, y, x))).collect()
+}
+
+/// Ratio of the smallest photo to the network's size; at least 1, and 1 of no photos.
+fn own_scale(photos: &[PathBuf], [height, width]: [usize; 2]) -> Result<f64, Error> {
+    let mut least = f64::INFINITY;
+    for photo in photos {
+        let (w, h) = Image::dimensions(photo)?;
+        least = least.min((w as f64 / width as f64).min(h as f64 / height as f64));
+    }
+    Ok(if least.is_finite() { least.max(1.0) } else { 1.0 })
 }
 
 impl Predictor for Refined {

@@ -47,6 +47,7 @@ pub(crate) use photo_masks::MASKS;
 pub use photo_masks::{MaskOptions, PhotoMasks};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 pub use survey::{Survey, SurveyedPhoto, survey};
 use visible::visible_points;
 use weaver_geometry::Camera;
@@ -62,6 +63,20 @@ pub enum HoldOut {
     Every(usize),
     /// No views.
     Nothing,
+}
+
+/// `listed`, `none`, or a number N from 2 for every N-th photo.
+impl FromStr for HoldOut {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.parse()) {
+            ("listed", _) => Ok(Self::Listed),
+            ("none", _) => Ok(Self::Nothing),
+            (_, Ok(step)) if (2..=1000).contains(&step) => Ok(Self::Every(step)),
+            _ => Err("expected listed, none or a number from 2 to 1000, as in 8".into()),
+        }
+    }
 }
 
 /// Options of loading a capture.

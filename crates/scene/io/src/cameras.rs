@@ -1,6 +1,7 @@
 //! One reader for every format of camera files.
 
 pub mod colmap;
+pub(crate) mod convert;
 pub mod dtu;
 pub mod llff;
 pub mod nerfies;

@@ -4,13 +4,14 @@ mod weights;
 
 use crate::cameras::colmap::{self, CameraModel, Model, Point};
 use crate::cameras::realestate::Clip;
-use crate::files::file::read_bytes;
+use crate::files::file::{read_bytes, read_part};
 use crate::gaussians::ply::{Table, is_scene};
 use crate::gaussians::sog::META;
 use crate::pictures::photo_file::EXTENSIONS;
 use crate::safetensors::Mapped;
 use crate::{
-    Background, Error, Image, LidarScan, Npy, Npz, OpenScene, Project, ProjectKind, Result, SceneFormat, Transforms,
+    Background, Error, Image, LidarScan, Npy, Npz, OpenScene, Project, ProjectKind, Result, SceneFormat,
+    TorchCheckpoint, Transforms,
 };
 use crate::{list_photos, open_scene, read_lidar_scan};
 use std::fmt::Display;
@@ -21,9 +22,9 @@ use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 /// Describes a file or a folder: its format, how much it holds, and ranges of values.
 ///
 /// Supports photos (JPEG, PNG, TIFF, WebP) and folders of them, Gaussians in every [format](crate::SCENE_FORMATS), PLY
-/// point clouds, scans of lidars (.bin, .pcd), NPY and NPZ, safetensors, transforms.json, COLMAP models (a folder, a
-/// scene with `sparse/0`, or one of the files), [projects](crate::Project) of other programs and RealEstate10K camera
-/// files.
+/// point clouds, scans of lidars (.bin, .pcd), NPY and NPZ, safetensors, PyTorch checkpoints, transforms.json, COLMAP
+/// models (a folder, a scene with `sparse/0`, or one of the files), [projects](crate::Project) of other programs and
+/// RealEstate10K camera files.
 pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();
     if std::fs::metadata(path).map_err(Error::io(path))?.is_dir() {
@@ -56,7 +57,9 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
         ("images", "bin" | "txt") => Ok(images(&colmap::read_images(path)?)),
         ("points3d", "bin" | "txt") => Ok(points(&colmap::read_points(path)?)),
         (_, "txt") => Ok(clip(&Clip::read(path)?)),
-        (_, "bin" | "pcd") => Ok(scan(&read_lidar_scan(path)?)),
+        (_, "bin") => torch_or_scan(path),
+        (_, "pcd") => Ok(scan(&read_lidar_scan(path)?)),
+        (_, "ckpt" | "pt" | "pth") => TorchCheckpoint::open(path)?.describe(),
         (_, "npy") => Ok(format!("NPY, an array of {:?}", Npy::open(path)?.shape())),
         (_, "npz") => arrays(&Npz::open(path)?),
         _ => Err(Error::invalid(path, "file name", "a known extension", format!("{extension:?}"))),
@@ -81,6 +84,23 @@ fn folder(path: &Path) -> Result<String> {
             Err(Error::invalid(path, "folder", expected, "none of them"))
         }
     }
+}
+
+/// A checkpoint of PyTorch, or a scan of a lidar.
+fn torch_or_scan(path: &Path) -> Result<String> {
+    const ZIP: &[u8] = b"PK";
+    if read_part(path, 0..ZIP.len() as u64).is_ok_and(|start| start == ZIP) {
+        return TorchCheckpoint::open(path)?.describe();
+    }
+    let read = read_lidar_scan(path).map_err(|error| match error {
+        Error::Invalid { path, place, expected, found } => {
+            let expected =
+                format!("a checkpoint of PyTorch 1.6 or later (a ZIP archive), or a scan of a lidar: {expected}");
+            Error::Invalid { path, place, expected, found }
+        }
+        error => error,
+    });
+    Ok(scan(&read?))
 }
 
 fn scan(scan: &LidarScan) -> String {

@@ -20,6 +20,7 @@ mod places;
 mod tensors;
 
 pub use advice::Advice;
+pub use cameras::convert::{ConvertedCameras, convert_cameras, is_cameras};
 pub use cameras::project::{Project, ProjectKind};
 pub use cameras::read_cameras;
 pub use cameras::transforms::Transforms;
@@ -57,7 +58,7 @@ pub use pictures::color::{false_color, label_color};
 pub use pictures::exif::focal_35mm;
 pub use pictures::heif::{HeifPhoto, Turned};
 pub use pictures::image::{Background, Image};
-pub use pictures::photo_file::{PhotoFile, list_photos};
+pub use pictures::photo_file::{PhotoFile, list_photos, photos_at};
 pub use pictures::photo_folder::PhotoFolder;
 pub use pictures::place::{PhotoPlace, photo_place};
 pub use places::{BarInPhoto, Positions, read_positions, read_scale_bar};

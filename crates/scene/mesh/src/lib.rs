@@ -14,12 +14,14 @@ mod field;
 mod mesh;
 mod nets;
 mod pieces;
+mod scale;
 mod scene;
 
 pub use benchmark::{Benchmark, Chamfer, mesh_chamfer, point_chamfer, spread};
 pub use comparison::{FAR, MeshErrors, compare, thinned};
 pub use field::{DistanceField, FieldProgress, MeshError, RangeView};
 pub use mesh::Mesh;
+pub use scale::SceneScale;
 pub use scene::DrawnScene;
 
 /// The example of the README, compiled and run.

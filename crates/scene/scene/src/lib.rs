@@ -34,7 +34,7 @@ pub use activated::ActivatedGaussians;
 pub use camera_path::CameraPath;
 pub use cameras::{CameraRows, CameraSlices, Model, intrinsics_row, viewmat};
 pub use difference::{Difference, Errors};
-pub use frame::Frame;
+pub use frame::{Frame, stems};
 pub use gaussians::Gaussians;
 pub use orbit::{middle, orbit};
 pub use photo::Photo;

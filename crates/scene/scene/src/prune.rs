@@ -1,6 +1,7 @@
 //! Gaussians worth keeping: by their place, by their coverage, and by their neighbors.
 
 use crate::{Gaussians, forms};
+use std::str::FromStr;
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_kernels::order::median_high;
 
@@ -22,6 +23,25 @@ pub enum Region {
         /// The radius, not negative.
         radius: f32,
     },
+}
+
+/// Six numbers with commas between, two corners of a box, or four, the center and the radius of a sphere.
+impl FromStr for Region {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers = text.split(',').map(|part| part.trim().parse().ok().filter(|x: &f64| x.is_finite()));
+        match numbers.map(|x| Some(x? as f32)).collect::<Option<Vec<f32>>>().as_deref() {
+            Some(&[a, b, c, d, e, f]) => {
+                let corners = [[a, d], [b, e], [c, f]];
+                Ok(Self::Box { min: corners.map(|[a, b]| a.min(b)), max: corners.map(|[a, b]| a.max(b)) })
+            }
+            Some(&[x, y, z, radius]) if radius >= 0.0 => Ok(Self::Sphere { center: [x, y, z], radius }),
+            _ => {
+                Err("expected six numbers, the corners of a box, or four, the center and the radius of a sphere".into())
+            }
+        }
+    }
 }
 
 impl Region {

@@ -42,7 +42,7 @@ pub struct DynamicRender {
     #[arg(long, value_name = "FILE.mp4", value_parser = Output::file(VIDEOS))]
     pub video: Option<Output>,
     /// Pictures of the video per second
-    #[arg(long, value_name = "F", default_value = "30", value_parser = rate, requires = "video")]
+    #[arg(long, value_name = "F", default_value = "30", value_parser = rate(), requires = "video")]
     pub fps: f64,
     #[command(flatten)]
     pub threads: Threads,

@@ -11,7 +11,7 @@ use crate::command::{read, report};
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, Progress, ShellCommand};
 use weaver_io::safetensors::Tensors;
-use weaver_io::{atomic_write, list_photos};
+use weaver_io::{atomic_write, photos_at};
 use weaver_run::{Folder, Job, Run};
 use weaver_view_run::{Listener, LiveRun, LiveView, Server, live};
 
@@ -64,13 +64,7 @@ fn is_folder(out: &Path) -> bool {
 
 /// Pictures, and those in folders.
 fn list(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
-    let mut pictures = Vec::new();
-    for path in given {
-        match path.is_dir() {
-            true => pictures.extend(list_photos(path)?),
-            false => pictures.push(path.clone()),
-        }
-    }
+    let pictures = photos_at(given)?;
     if pictures.is_empty() {
         let folders: Vec<String> = given.iter().map(|path| path.display().to_string()).collect();
         return Err(Failure::message(format!("{}: expected pictures, found none", folders.join(", "))));

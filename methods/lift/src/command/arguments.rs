@@ -1,8 +1,9 @@
 //! The command lines of `splatweaver lift` and `splatweaver query`.
 
+use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use weaver_command::{MOST_SEED, Output, Threads};
+use weaver_command::{MOST_SEED, Output, Threads, number, positive};
 
 const SOLVING: &str = "Solving";
 const AGGREGATING: &str = "Features of masks";
@@ -57,14 +58,14 @@ pub struct Lift {
     #[arg(long, help_heading = SOLVING)]
     pub conjugate: bool,
     /// Weight by which damped holds on to row-sum
-    #[arg(long, value_name = "MU", default_value = "0.1", value_parser = positive, help_heading = SOLVING)]
+    #[arg(long, value_name = "MU", default_value = "0.1", value_parser = positive(), help_heading = SOLVING)]
     pub mu: f64,
     /// Tikhonov guidance: opacities become sigmoid(LAMBDA logit) while lifting, and in queries; 1 is none
-    #[arg(long, value_name = "LAMBDA", default_value = "1", value_parser = positive, help_heading = SOLVING)]
+    #[arg(long, value_name = "LAMBDA", default_value = "1", value_parser = positive(), help_heading = SOLVING)]
     pub tikhonov: f64,
     /// With exact and damped: pixels of which Gaussians cover less than this part do not count, since there is little
     /// to draw features with
-    #[arg(long, value_name = "PART", default_value = "0.5", value_parser = part, help_heading = SOLVING)]
+    #[arg(long, value_name = "PART", default_value = "0.5", value_parser = part(), help_heading = SOLVING)]
     pub least_alpha: f64,
     /// Divides the features of each Gaussian by their length
     #[arg(long, help_heading = SOLVING)]
@@ -86,7 +87,7 @@ pub struct Lift {
     #[arg(long, value_name = "N", default_value = "500", requires = "aggregate", value_parser = clap::value_parser!(u32).range(2..), help_heading = AGGREGATING)]
     pub smallest: u32,
     /// A mask agrees with a cluster if more than this part of both together, in pixels, is common to both
-    #[arg(long, value_name = "PART", default_value = "0.8", requires = "aggregate", value_parser = part, help_heading = AGGREGATING)]
+    #[arg(long, value_name = "PART", default_value = "0.8", requires = "aggregate", value_parser = part(), help_heading = AGGREGATING)]
     pub overlap: f64,
     /// Says what it would take, and writes nothing
     #[arg(long)]
@@ -163,16 +164,6 @@ pub struct Query {
     pub(crate) threads: Threads,
 }
 
-fn part(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(x) if (0.0..1.0).contains(&x) => Ok(x),
-        _ => Err("expected a number of at least 0 and below 1".into()),
-    }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(x) if x > 0.0 && f64::is_finite(x) => Ok(x),
-        _ => Err("expected a positive number".into()),
-    }
+fn part() -> impl TypedValueParser<Value = f64> {
+    number(0.0..1.0, "expected a number of at least 0 and below 1")
 }

@@ -5,6 +5,7 @@ use crate::capture;
 use crate::same_bits::same_bits;
 use std::sync::Arc;
 use weaver_data::{Layout, Scene};
+use weaver_fit::align::AlignLoss;
 use weaver_inference::{
     CameraSource, Density, OutputFolder, PredictOptions, Predictor, SplatWeaverPredictor, predict_to_folder,
 };
@@ -13,7 +14,7 @@ use weaver_procedural::{ProceduralOptions, scene};
 use weaver_trainer::evaluate::{Options, evaluate};
 use weaver_trainer::losses::{camera_constants, photo_constant};
 use weaver_trainer::splatweaver::SplatWeaverRecipe;
-use weaver_trainer::{AlignLoss, Alignment, CameraMode, Example, Recipe, Registry, Session, StepReport, Targets};
+use weaver_trainer::{Alignment, CameraMode, Example, Recipe, Registry, Session, StepReport, Targets};
 use weaver_two_experts::TwoExpertsPredictor;
 use weaver_two_experts::TwoExpertsRecipe;
 

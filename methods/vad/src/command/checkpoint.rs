@@ -1,7 +1,7 @@
 //! Checkpoints of a training: detector, optimizer and position.
 
 use crate::command::arguments::VadPlan;
-use crate::{Checkpoint, Detector, Snapshot};
+use crate::{Checkpoint, Detector, Training};
 use serde::{Deserialize, Serialize};
 use weaver_command::Failure;
 use weaver_io::safetensors::Tensors;
@@ -24,8 +24,8 @@ pub struct RunState {
 }
 
 /// All tensors for going on.
-pub fn write(snapshot: &Snapshot<'_>, run: &RunState) -> Tensors {
-    let Snapshot { detector, optimizer, stage, step } = *snapshot;
+pub fn write(training: &Training<'_>, run: &RunState) -> Tensors {
+    let (detector, (stage, step, optimizer)) = (training.detector(), training.position());
     let mut tensors = detector.tensors(&serde_json::to_string(run).expect("a plan is plain data"));
     put_optimizer(&mut tensors, detector.params(), optimizer);
     tensors.metadata.insert(STAGE.into(), stage.into());
@@ -34,11 +34,12 @@ pub fn write(snapshot: &Snapshot<'_>, run: &RunState) -> Tensors {
 }
 
 /// Reads a checkpoint.
-pub fn read(mut tensors: Tensors) -> Result<(Detector, Checkpoint, RunState), Failure> {
+pub fn read(tensors: &Tensors) -> Result<(Detector, Checkpoint, RunState), Failure> {
     let path = tensors.origin().display().to_string();
-    let optimizer = optimizer_state(&tensors)?;
-    tensors.tensors.retain(|key, _| !is_of_optimizer(key));
-    let (detector, metadata) = Detector::of_tensors(&tensors)?;
+    let optimizer = optimizer_state(tensors)?;
+    let mut network = tensors.clone();
+    network.tensors.retain(|key, _| !is_of_optimizer(key));
+    let (detector, metadata) = Detector::of_tensors(&network)?;
     let run: RunState = serde_json::from_str(&metadata)
         .map_err(|error| Failure::message(format!("{path}: expected what was trained, found {error}")))?;
     let value = |key: &str| tensors.metadata.get(key);

@@ -4,14 +4,13 @@ use crate::command::arguments::{EncoderName, VadPlan, VadTrain};
 use crate::command::checkpoint::{self, RunState};
 use crate::command::{MODEL, report};
 use crate::{
-    Checkpoint, ConvolutionSizes, DeepMilSizes, Detector, EncoderKind, Error, Experts, Labels, Observe, Planted,
-    Schedule, Snapshot, Splatting, StepReport, TrainingSet, UrDmuSizes, read_list,
+    ConvolutionSizes, DeepMilSizes, EncoderKind, Error, Experts, Labels, Planted, Schedule, Splatting, Training,
+    TrainingSet, UrDmuSizes, read_list,
 };
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, Progress, ShellCommand};
 use weaver_io::safetensors::Tensors;
-use weaver_run::{Folder, Kind, Log, Recorder, Rhythm, Save};
+use weaver_run::{Folder, Job, Kind, Log, Rhythm, Run, Save, StepReport};
 use weaver_view_run::{Listener, LiveRun, LiveView, Server, live};
 
 /// The folders of these runs.
@@ -27,42 +26,68 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
             return Err(weaver_run::Error::run_exists(path).into());
         }
         let folder = Folder::claim(path, KIND, arguments.plan.features.iter().chain(&arguments.plan.list))?;
-        let job = Job::new(arguments.plan.clone())?;
-        folder.store(&job.plan)?;
-        return job.train((&folder, live), None, console, interrupt);
+        let inputs = Inputs::new(arguments.plan.clone())?;
+        folder.store(&inputs.plan)?;
+        return train(Run::begin(folder, inputs.job()), live, console, interrupt);
     };
     if path.join(MODEL).exists() && !path.join(Folder::CHECKPOINT).exists() {
         return Err(weaver_run::Error::complete(path).into());
     }
-    if !path.join(Folder::CHECKPOINT).exists() {
-        let plan = Folder::settings(path, KIND, "a detector of anomalies")?;
-        let folder = Folder::reopen(path, KIND)?;
-        return Job::new(plan)?.train((&folder, live), None, console, interrupt);
-    }
+    let stored = path.join(Folder::CHECKPOINT);
+    let plan = match stored.exists() {
+        // In folders of earlier versions, the checkpoint alone has the plan.
+        true => checkpoint::read(&Tensors::read(&stored)?)?.2.plan,
+        false => Folder::settings(path, KIND, "a detector of anomalies")?,
+    };
     let folder = Folder::reopen(path, KIND)?;
-    let state = Tensors::read(folder.checkpoint_path())?;
-    let file = folder.checkpoint_path();
-    let (detector, from, kept) = checkpoint::read(state)?;
-    let job = Job::new(kept.plan)?;
-    if job.videos() != kept.videos {
-        let (expected, found) = (kept.videos, job.videos());
-        let list = job.plan.list.as_deref().unwrap_or(&file).display();
-        return Err(Failure::message(format!(
-            "{list}: expected {} normal and {} abnormal videos as when the run began, found {} and {}",
-            expected[0], expected[1], found[0], found[1]
-        )));
-    }
-    if kept.features.is_some_and(|features| features != job.features) {
-        let features = job.plan.features.as_deref().unwrap_or(&file).display();
-        return Err(Failure::message(format!(
-            "{features}: features and labels: expected those that the run began with, found others"
-        )));
-    }
-    job.train((&folder, live), Some((detector, from, kept.done)), console, interrupt)
+    let inputs = Inputs::new(plan)?;
+    train(Run::resume(folder, inputs.job())?, live, console, interrupt)
 }
 
-/// A training with its inputs.
-struct Job {
+/// Trains to the end, or until Ctrl-C; a page follows if the training is live.
+fn train(
+    mut run: Run<DetectorJob<'_>>,
+    listener: Option<Listener>,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    let (inputs, [done, total]) = (run.job.inputs, [run.job.steps()[0], run.job.inputs.steps()]);
+    let ([normal, abnormal], classes) = (inputs.videos(), inputs.set.classes.len());
+    console.note(&format!("{normal} normal and {abnormal} abnormal videos, {classes} classes; {total} steps"));
+    let (path, stop) = (run.folder.path().to_path_buf(), interrupt.watch_after("this step"));
+    let followed = LiveRun { folder: &path, steps: total, names: &[], showing: LiveView::Curves, stop };
+    let server =
+        listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
+    let finished = live(server, console, |console| {
+        let mut progress = Progress::new("train", done, total, console);
+        let finished = run.advance(stop, |report| {
+            progress.at(report.step, total, || format!("{}, loss {:.4}", report.stage, report.loss), console);
+            Ok(())
+        });
+        progress.finish();
+        finished
+    })?;
+    if !finished {
+        let resume = ShellCommand::new("splatweaver vad train --resume").path(&path);
+        console.note(&format!("saved at step {} of {total}; to go on: {resume}", run.job.steps()[0]));
+        return Ok(());
+    }
+    let (folder, detector) = (run.folder, run.job.training.into_detector());
+    // Seed of the planted videos, the default test set of `vad eval`.
+    let metadata = inputs.planted.as_ref().map_or(String::new(), |planted| planted.seed.to_string());
+    let model = folder.out().file(MODEL)?;
+    detector.write(&model, &metadata)?;
+    folder.forget_checkpoint();
+    console.note(&format!("{total} steps done: {}", model.display()));
+    let Some(planted) = &inputs.planted else { return Ok(()) };
+    let judged = crate::command::judged::planted(&detector, planted)?;
+    console.print(&crate::command::metrics::text(&judged.metrics()))?;
+    report::leave(&judged, detector.experts(), &folder)?;
+    console.print(&format!("report: {}", path.join(Folder::REPORT).display()))
+}
+
+/// The inputs of a training.
+struct Inputs {
     plan: VadPlan,
     set: TrainingSet,
     planted: Option<Planted>,
@@ -72,7 +97,7 @@ struct Job {
     features: String,
 }
 
-impl Job {
+impl Inputs {
     fn new(plan: VadPlan) -> Result<Self, Failure> {
         // Absolute paths hold in every folder from which the run is resumed.
         let absolute = |path: Option<PathBuf>| path.map(std::path::absolute).transpose();
@@ -109,97 +134,69 @@ impl Job {
         [self.set.normal().len(), self.set.abnormal().len()]
     }
 
-    /// Trains to the end, or until Ctrl-C; a page follows if the training is live.
-    fn train(
-        self,
-        (folder, listener): (&Folder, Option<Listener>),
-        from: Option<(Detector, Checkpoint, usize)>,
-        console: &mut Console,
-        interrupt: &Interrupt,
-    ) -> Result<(), Failure> {
-        let total = self.schedule.steps(&self.set);
-        let ([normal, abnormal], classes) = (self.videos(), self.set.classes.len());
-        console.note(&format!("{normal} normal and {abnormal} abnormal videos, {classes} classes; {total} steps"));
-        let done = from.as_ref().map_or(0, |(.., done)| *done);
-        let (path, stop) = (folder.path(), interrupt.watch_after("this step"));
-        let followed = LiveRun { folder: path, steps: total, names: &[], showing: LiveView::Curves, stop };
-        let server =
-            listener.map(|listener| Server::of_run(&path.display().to_string(), followed, listener)).transpose()?;
-        let recorder = Recorder::open(folder, done, RHYTHM, stop)?;
-        let (trained, done, failure) = live(server, console, |console| {
-            let progress = Progress::new("train", done, total, console);
-            let mut watch = Watch { job: &self, recorder, progress, console, done, total, failure: None };
-            let trained = match from {
-                None => self.schedule.train(&self.set, self.kind, &mut watch),
-                Some((detector, checkpoint, _)) => self.schedule.resume(&self.set, (detector, checkpoint), &mut watch),
-            };
-            watch.progress.finish();
-            (trained, watch.done, watch.failure)
-        });
-        failure.map_or(Ok(()), Err)?;
-        let detector = match trained {
-            Err(Error::Stopped { .. }) => {
-                let resume = ShellCommand::new("splatweaver vad train --resume").path(folder.path());
-                console.note(&format!("saved at step {done} of {total}; to go on: {resume}"));
-                return Ok(());
-            }
-            Err(error @ (Error::Stage { .. } | Error::State(_))) => {
-                return Err(Failure::message(format!("{}: {error}", folder.checkpoint_path().display())));
-            }
-            trained => trained?,
-        };
-        // Seed of the planted videos, the default test set of `vad eval`.
-        let metadata = self.planted.map_or(String::new(), |planted| planted.seed.to_string());
-        let model = folder.out().file(MODEL)?;
-        detector.write(&model, &metadata)?;
-        folder.forget_checkpoint();
-        console.note(&format!("{total} steps done: {}", model.display()));
-        let Some(planted) = self.planted else { return Ok(()) };
-        let judged = crate::command::judged::planted(&detector, &planted)?;
-        console.print(&crate::command::metrics::text(&judged.metrics()))?;
-        report::leave(&judged, detector.experts(), folder)?;
-        console.print(&format!("report: {}", folder.path().join(Folder::REPORT).display()))
+    /// Steps in all; with clusters, which may be fewer, an upper bound.
+    fn steps(&self) -> usize {
+        self.schedule.steps(&self.set)
+    }
+
+    fn job(&self) -> DetectorJob<'_> {
+        DetectorJob { inputs: self, training: self.schedule.training(&self.set, self.kind) }
     }
 }
 
-/// Logs steps, shows them, and writes checkpoints.
-struct Watch<'a, 'c> {
-    job: &'a Job,
-    recorder: Recorder<'a>,
-    progress: Progress,
-    console: &'a mut Console<'c>,
-    done: usize,
-    total: usize,
-    /// The recorder's failure, which ends the training.
-    failure: Option<weaver_run::Error>,
+/// A training as work in steps.
+struct DetectorJob<'a> {
+    inputs: &'a Inputs,
+    training: Training<'a>,
 }
 
-impl Watch<'_, '_> {
-    /// Records a step; returns true if training is to end.
-    fn record(&mut self, step: &StepReport, snapshot: &Snapshot<'_>) -> Result<bool, weaver_run::Error> {
-        let (stage, loss) = (step.stage.clone(), step.loss);
-        let report = weaver_run::StepReport { step: self.done, of: self.total, stage, loss, scalars: Vec::new() };
-        self.recorder.log(&report)?;
-        let stopped = self.recorder.stopped();
-        if stopped || self.recorder.is_due(self.done) {
-            let (plan, features) = (self.job.plan.clone(), Some(self.job.features.clone()));
-            let state = RunState { plan, videos: self.job.videos(), features, done: self.done };
-            self.recorder.save(|| Ok::<_, weaver_run::Error>(checkpoint::write(snapshot, &state)))?;
+impl Job for DetectorJob<'_> {
+    type Error = Failure;
+
+    fn steps(&self) -> [usize; 2] {
+        self.training.steps()
+    }
+
+    fn step(&mut self) -> Result<StepReport, Failure> {
+        let crate::StepReport { stage, loss, .. } = self.training.step()?;
+        Ok(StepReport { step: self.steps()[0], of: self.inputs.steps(), stage, loss, scalars: Vec::new() })
+    }
+
+    fn state(&mut self) -> Result<Tensors, Failure> {
+        let Inputs { plan, features, .. } = self.inputs;
+        let (videos, features) = (self.inputs.videos(), Some(features.clone()));
+        let state = RunState { plan: plan.clone(), videos, features, done: self.steps()[0] };
+        Ok(checkpoint::write(&self.training, &state))
+    }
+
+    fn restore(&mut self, state: &Tensors) -> Result<(), Failure> {
+        let inputs = self.inputs;
+        let (detector, from, kept) = checkpoint::read(state)?;
+        let file = state.origin();
+        if inputs.videos() != kept.videos {
+            let (expected, found) = (kept.videos, inputs.videos());
+            let list = inputs.plan.list.as_deref().unwrap_or(file).display();
+            return Err(Failure::message(format!(
+                "{list}: expected {} normal and {} abnormal videos as when the run began, found {} and {}",
+                expected[0], expected[1], found[0], found[1]
+            )));
         }
-        Ok(stopped)
+        if kept.features.is_some_and(|features| features != inputs.features) {
+            let features = inputs.plan.features.as_deref().unwrap_or(file).display();
+            return Err(Failure::message(format!(
+                "{features}: features and labels: expected those that the run began with, found others"
+            )));
+        }
+        let resumed = Training::resume(&inputs.schedule, &inputs.set, detector, from);
+        self.training = resumed.map_err(|error| match error {
+            Error::Stage { .. } | Error::State(_) => Failure::message(format!("{}: {error}", file.display())),
+            error => error.into(),
+        })?;
+        Ok(())
     }
-}
 
-impl Observe for Watch<'_, '_> {
-    fn step(&mut self, step: &StepReport, snapshot: &Snapshot<'_>) -> crate::Result<ControlFlow<()>> {
-        self.done += 1;
-        let shown = || format!("{}, loss {:.4}", step.stage, step.loss);
-        self.progress.at(self.done, self.total, shown, self.console);
-        let stopped = self.record(step, snapshot).unwrap_or_else(|error| {
-            self.failure = Some(error);
-            true
-        });
-        Ok(if stopped { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+    fn rhythm(&self) -> Rhythm {
+        RHYTHM
     }
 }
 

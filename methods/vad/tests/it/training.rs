@@ -1,11 +1,10 @@
 //! Training: it learns, the same seed gives the same bits, and files keep the detector.
 
-use std::ops::ControlFlow;
 use weaver_kernels::random::Stream;
 use weaver_vad::metrics::{SNIPPET, ScoredVideo, frame_metrics};
 use weaver_vad::{
-    Checkpoint, ConvolutionSizes, Detector, EncoderKind, Error, Experts, Features, Labels, Observe, Planted, Result,
-    Rule, Schedule, Snapshot, Splatting, StepReport, TrainingSet, UrDmuSizes,
+    ConvolutionSizes, Detector, EncoderKind, Error, Experts, Features, Labels, Planted, Rule, Schedule, Splatting,
+    StepReport, Training, TrainingSet, UrDmuSizes,
 };
 
 fn schedule(experts: Experts, steps: usize) -> Schedule {
@@ -114,23 +113,6 @@ fn features_that_give_no_scores_are_refused() {
     assert!(message.contains("large.npy: scores: expected finite numbers"), "{message}");
 }
 
-/// Ends training after some steps, with a checkpoint.
-struct Stop {
-    left: usize,
-    kept: Option<(Detector, Checkpoint)>,
-}
-
-impl Observe for Stop {
-    fn step(&mut self, _report: &StepReport, snapshot: &Snapshot<'_>) -> Result<ControlFlow<()>> {
-        self.left -= 1;
-        if self.left > 0 {
-            return Ok(ControlFlow::Continue(()));
-        }
-        self.kept = Some((snapshot.detector.clone(), snapshot.checkpoint()));
-        Ok(ControlFlow::Break(()))
-    }
-}
-
 /// Resuming from the checkpoint of any step gives the bits of an uninterrupted training.
 ///
 /// Promise (results): a training of a detector that is stopped goes on to the same bits.
@@ -145,14 +127,17 @@ fn a_stopped_training_goes_on_to_the_same_bits() {
     let mut last = None;
     // In the encoder, between stages, in the second expert, in the gate, at the very end.
     for at in [2, 4, 6, total - 4, total - 1, total] {
-        let mut stop = Stop { left: at, kept: None };
-        let stopped = schedule.train(&set, kind, &mut stop).unwrap_err();
-        assert!(matches!(stopped, Error::Stopped { .. }), "{stopped}");
-        let from = stop.kept.unwrap();
+        let mut stopped = schedule.training(&set, kind);
+        (0..at).for_each(|_| drop(stopped.step().unwrap()));
+        let from = (stopped.detector().clone(), stopped.checkpoint());
         last = Some(from.clone());
-        let mut rest = 0;
-        let resumed = schedule.resume(&set, from, &mut |_: &StepReport| rest += 1).unwrap();
-        assert_eq!(rest, total - at);
+        let mut resumed = Training::resume(&schedule, &set, from.0, from.1).unwrap();
+        assert_eq!(resumed.steps(), [at, total]);
+        while !resumed.is_done() {
+            resumed.step().unwrap();
+        }
+        assert_eq!(resumed.steps(), [total; 2]);
+        let resumed = resumed.into_detector();
         assert_eq!(resumed.curves(features).unwrap(), whole.curves(features).unwrap(), "stopped after {at}");
     }
     // A schedule without the stage is another training, and so is one with other parameters.
@@ -161,12 +146,11 @@ fn a_stopped_training_goes_on_to_the_same_bits() {
     let plain = Schedule { experts: Experts::None, ..schedule.clone() };
     let others = Schedule { experts: Experts::Classes, ..schedule.clone() };
     for other in [plain, others] {
-        let from = (detector.clone(), checkpoint.clone());
-        let error = other.resume(&set, from, &mut |_: &StepReport| ()).unwrap_err();
+        let error = Training::resume(&other, &set, detector.clone(), checkpoint.clone()).unwrap_err();
         assert!(error.to_string().contains("stage: expected one of this training, found gate"), "{error}");
     }
     let mut strange = checkpoint.clone();
     strange.state.insert("no such parameter".into(), strange.state.values().next().unwrap().clone());
-    let error = schedule.resume(&set, (detector, strange), &mut |_: &StepReport| ()).unwrap_err();
+    let error = Training::resume(&schedule, &set, detector, strange).unwrap_err();
     assert!(error.to_string().contains("optimizer: ") && error.to_string().contains("no such parameter"), "{error}");
 }

@@ -1,20 +1,15 @@
 //! `splatweaver align`.
 
-mod guess;
-mod results;
-
 use clap::Args;
-use results::{Results, Row};
 use std::path::PathBuf;
 use weaver_command::{
-    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, in_pool,
+    Console, ConsoleObserver, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Threads, camera_files, choice,
+    device,
 };
-use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
-use weaver_fit::align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
-use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Pose};
-use weaver_io::{SceneFile, read_scene};
-use weaver_trainer::AlignLoss;
+use weaver_data::posed::{PosedOptions, load_frames, load_named};
+use weaver_fit::align::{AlignLoss, Method, Options};
+use weaver_io::photos_at;
+use weaver_reconstruct::{AlignRequest, align_photos, claim_alignment, closest_views};
 
 const DESCENT: &str = "Descent";
 
@@ -34,10 +29,10 @@ pub const LOSSES: [(&str, AlignLoss, &str); 3] = [
 
 const SWITCH: [(&str, bool, &str); 2] = [("on", true, ""), ("off", false, "")];
 
-/// Finds where photos of a finished scene were taken: their cameras move until what the scene shows is the photo.
+/// Finds where photos of a finished scene were taken: their cameras move until the scene looks like the photo.
 ///
-/// Writes transforms.json, a COLMAP model in sparse/0, the folder renders and align.json. A photo's first guess should be within a few
-/// degrees; a photo for which nothing better is found keeps its guess, and the table says why.
+/// Writes transforms.json, a COLMAP model in sparse/0, the folder renders and align.json. A photo's first guess should
+/// be within a few degrees; a photo for which nothing better is found keeps its guess, and the table says why.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver align scene.ply --photos new --cameras guess.json -o aligned
@@ -50,8 +45,9 @@ pub struct Align {
     /// Photos, or folders of photos
     #[arg(long, value_name = "DIR|FILE", required = true, num_args = 1..)]
     pub photos: Vec<PathBuf>,
-    /// First guesses, matched with photos by name: transforms.json, a folder with a COLMAP model, or a RealEstate10K file
-    /// [default: for each photo that camera of the transforms.json beside the scene from which the scene looks most like it]
+    /// First guesses, matched with photos by name: transforms.json, a folder with a COLMAP model, or a RealEstate10K
+    /// file [default: for each photo that camera of the transforms.json beside the scene from which the scene looks
+    /// most like it]
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     /// Folder for the results
@@ -72,7 +68,8 @@ pub struct Align {
     /// Focal lengths descend as well
     #[arg(long, help_heading = DESCENT)]
     pub refine_focal: bool,
-    /// Does not count what is black in masks: mask_path of the cameras, a file in masks/ named as the photo, or its alpha
+    /// Does not count pixels that are black in masks: mask_path of the cameras, a file in masks/ named as the photo, or
+    /// its alpha
     #[arg(long, help_heading = DESCENT)]
     pub masks: bool,
     /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
@@ -91,17 +88,13 @@ pub struct Align {
 }
 
 pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || align_photos(arguments, console))
-}
-
-fn align_photos(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let read = arguments.photos.iter().chain([&arguments.scene]).chain(&arguments.cameras);
-    let mut results = Results::claim(&arguments.out, read)?;
+    let out = claim_alignment(&arguments.out, read)?;
     let rasterizer = device::rasterizer(&arguments.device)?;
-    let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
-    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene, drawing)?;
+    let (gaussians, background, settings) = DrawingOptions::from(arguments.drawing).read(&arguments.scene)?;
     let gaussians = gaussians.to_activated();
-    let paths = paths(&arguments.photos)?;
+    // No photo is no mistake: then there is nothing to do.
+    let paths = photos_at(&arguments.photos)?;
     let loading = PosedOptions {
         long_side: arguments.long_side.map(|size| size as usize),
         masks: arguments.masks,
@@ -111,70 +104,32 @@ fn align_photos(arguments: &Align, console: &mut Console) -> Result<(), Failure>
     let photos = match &arguments.cameras {
         Some(file) => load_named(file, &paths, &loading)?,
         None => {
-            let (frames, file) = guess::nearest(&arguments.scene, &gaussians, &paths, background, &settings)?;
-            load_frames(frames, &file, &loading)?
+            let file = arguments.scene.with_file_name("transforms.json");
+            if !file.is_file() {
+                let expected = "expected first guesses, or the scene's own cameras in";
+                return Err(Failure::Usage(format!("--cameras: {expected} {}", file.display())));
+            }
+            let frames = camera_files::read(&file, camera_files::Size::default())?;
+            load_frames(closest_views(&gaussians, &frames, &paths, background, &settings)?, &file, &loading)?
         }
     };
-    let options = Options {
-        blur: arguments.blur,
-        intrinsics: arguments.refine_focal,
-        ..options(arguments.method, arguments.steps)
-    };
     let loss = arguments.loss.unwrap_or(AlignLoss::of(arguments.method));
-    let mut compare = loss.function();
     let least = loss.least_side();
     if let Some(photo) = photos.iter().find(|found| found.photo.size().into_iter().min() < Some(least)) {
         let (name, [height, width]) = (photo.frame.path.display(), photo.photo.size());
         let expected = format!("--loss ssim: expected photos of at least {least} x {least} pixels");
         return Err(Failure::message(format!("{name}: {expected}, found {width} x {height}")));
     }
-    results.check(&photos)?;
-    let scene = Scene { gaussians: gaussians.as_slices(), background, settings, unit: unit(&photos) };
-    let mut progress = Progress::new("align", 0, photos.len(), console);
-    for (done, photo) in photos.iter().enumerate() {
-        let pixels: Vec<f32> = photo.photo.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
-        let one = [Photo { pixels: &pixels, mask: photo.photo.mask.as_deref(), camera: photo.photo.camera }];
-        let named = |error: AlignError| Failure::message(format!("{}: {error}", photo.frame.path.display()));
-        let aligned = align(&*rasterizer, &scene, &one, &options, &mut compare).map_err(named)?;
-        // Whatever was compared: decibels of all that masks leave, which users know.
-        let decibels = |camera: Camera| -> Result<f64, Failure> {
-            let still = Options { steps: 0, ..Options::of(Method::NoPoSplat) };
-            let moved = [Photo { camera, ..one[0] }];
-            let drawn = align(&*rasterizer, &scene, &moved, &still, mean_square).map_err(named)?;
-            Ok(-10.0 * drawn[0].loss[0].max(1e-10).log10())
-        };
-        for aligned in aligned {
-            let psnr = [decibels(photo.photo.camera)?, decibels(aligned.camera)?];
-            results.push(Row { photo, aligned, psnr })?;
-        }
-        progress.at(done + 1, photos.len(), || photo.photo.name.clone(), console);
+    let options = Options {
+        blur: arguments.blur,
+        intrinsics: arguments.refine_focal,
+        ..Options::of(arguments.method).in_steps(arguments.steps.map(|steps| steps as usize))
+    };
+    let request =
+        AlignRequest { gaussians: &gaussians, background, settings, photos: &photos, options, loss, rasterizer };
+    let aligned = align_photos(&request, &out, &mut ConsoleObserver::new(console))?;
+    if arguments.json {
+        return console.print(&aligned.json());
     }
-    progress.finish();
-    console.print(&results.finish(arguments.json)?)
-}
-
-/// The photos; of a folder those in it. None is no mistake: then there is nothing to do.
-fn paths(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
-    let mut paths = Vec::new();
-    for path in asked {
-        match path.is_dir() {
-            true => paths.extend(weaver_io::list_photos(path)?),
-            false => paths.push(path.clone()),
-        }
-    }
-    Ok(paths)
-}
-
-/// Options of a method, in so many steps or as many as it usually has.
-pub fn options(method: Method, steps: Option<u32>) -> Options {
-    let options = Options::of(method);
-    Options { steps: steps.map_or(options.steps, |steps| steps as usize), ..options }
-}
-
-/// The length that 2Xplat divides by: the largest coordinate of a camera, from the middle of all; 1 for one camera.
-fn unit(photos: &[PosedPhoto]) -> f64 {
-    let centers = || photos.iter().map(|photo| Pose::center(&photo.photo.camera.pose));
-    let middle = centers().sum::<DVec3>() / photos.len().max(1) as f64;
-    let largest = centers().map(|center| (center - middle).abs().max_element()).fold(0.0, f64::max);
-    if largest > 0.0 { largest } else { 1.0 }
+    console.print(&format!("{aligned}cameras: {}", arguments.out.join("transforms.json").display()))
 }

@@ -1,19 +1,15 @@
 //! `splatweaver compare`: one file of Gaussians against the photos of a capture.
 
 use clap::Args;
-use serde_json::{Value, json};
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
-use weaver_command::{Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Progress, Threads, device, in_pool};
-use weaver_data::capture::posed::{self, PosedOptions};
-use weaver_fit::{Judge, Quality};
-use weaver_io::{SceneFile, read_scene};
-use weaver_reconstruct::Outcome;
-use weaver_scene::Photo;
+use std::path::PathBuf;
+use weaver_command::{Console, ConsoleObserver, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Threads, device};
+use weaver_data::capture::posed::PosedOptions;
+use weaver_fit::Judge;
+use weaver_reconstruct::{ComparedScene, SceneComparison};
 use weaver_splat::Renderer;
 use weaver_trainer::evaluate::load_lpips;
 
-/// Compares what a file of Gaussians shows with the photos of a capture.
+/// Compares a file of Gaussians with the photos of a capture.
 ///
 /// At the photos' own size, by those that the capture holds out, or by all where it holds none out.
 #[derive(Args, Debug)]
@@ -31,7 +27,8 @@ pub struct Compare {
     /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub long_side: Option<u32>,
-    /// Does not count what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
+    /// Does not count pixels that are black in masks: mask_path of transforms.json, a file in masks/ named as the
+    /// photo, or its alpha
     #[arg(long)]
     pub masks: bool,
     /// Also LPIPS, with the weights in this safetensors file
@@ -50,89 +47,19 @@ pub struct Compare {
 }
 
 pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || compare(arguments, console))
-}
-
-fn compare(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     let Compare { scene, data, .. } = arguments;
     let mut renderer = Renderer::new(device::rasterizer(&arguments.device)?);
     let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
-    let SceneFile { gaussians, drawing } = read_scene(scene)?;
-    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(scene, drawing)?;
-    if gaussians.is_empty() {
-        return Err(Failure::message(format!("{}: expected Gaussians to judge, found none", scene.display())));
-    }
+    let (gaussians, background, settings) = DrawingOptions::from(arguments.drawing).read(scene)?;
     let long_side = arguments.long_side.map(|side| side as usize);
     let masks = arguments.masks;
     let options = PosedOptions { long_side, background, masks, held_out_only: true, ..PosedOptions::default() };
-    let capture = posed::load(data, &options)?;
-    capture.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
-    let held_out = capture.photos.iter().any(|photo| photo.held_out);
-    // Of a photo that is masked altogether, nothing can be judged.
-    let photos = capture.photos.into_iter().map(|posed| posed.photo).filter(|photo| !photo.is_masked());
-    let photos: Vec<Photo> = photos.collect();
-    if !held_out {
-        console.note(&format!("{}: no photo is held out; these are all of them", data.display()));
-    }
-    let fit = outcome_beside(scene);
-    let activated = gaussians.to_activated();
-    let mut progress = Progress::new("compare", 0, photos.len(), console);
-    let mut views = Vec::new();
-    for photo in &photos {
-        let mut image = renderer
-            .render(&activated, &[photo.camera], background, &settings)
-            .map_err(|e| Failure::message(format!("{}: {e}", scene.display())))?
-            .concat();
-        if let Some(exposure) = fit.as_ref().and_then(|fit| fit.exposure_of(&photo.name)) {
-            let drawn = image.clone();
-            exposure.apply(&drawn, &mut image);
-        }
-        let quality = judge.compare_inside(&image, &photo.rgb, photo.size(), photo.mask.as_deref());
-        views.push((photo.name.as_str(), quality));
-        progress.at(views.len(), photos.len(), String::new, console);
-    }
-    progress.finish();
-    let all: Vec<Quality> = views.iter().map(|(_, quality)| *quality).collect();
-    let mean = Quality::mean(&all)
-        .ok_or_else(|| Failure::message(format!("{}: expected at least one photo, found none", data.display())))?;
+    let compared = ComparedScene { file: scene, gaussians: &gaussians, settings };
+    let by = (&judge, &mut renderer);
+    let found = SceneComparison::of(&compared, data, &options, by, &mut ConsoleObserver::new(console))?;
     if arguments.json {
-        let views: Vec<Value> = views.iter().map(|(name, quality)| figures(Some(name), quality)).collect();
-        let report = json!({
-            "scene": scene.display().to_string(),
-            "gaussians": gaussians.len(),
-            "held_out": held_out,
-            "views": views,
-            "mean": figures(None, &mean),
-        });
-        return console.print(&serde_json::to_string_pretty(&report)?);
+        return console.print(&serde_json::to_string_pretty(&found.json(scene, gaussians.len()))?);
     }
-    let kind = if held_out { "held out" } else { "all, none held out" };
-    console.print(&format!("{}views: {} ({kind}), Gaussians: {}", table(&views, &mean), views.len(), gaussians.len()))
-}
-
-/// The outcome of the fit beside a scene; `None` where there is no such fit.
-fn outcome_beside(scene: &Path) -> Option<Outcome> {
-    let summary = weaver_io::read_text(scene.with_file_name("summary.json")).ok()?;
-    serde_json::from_str(&summary).ok()
-}
-
-fn figures(name: Option<&str>, quality: &Quality) -> Value {
-    let Quality { psnr, psnr_aligned, ssim, lpips } = quality;
-    let mut figures = json!({ "psnr": psnr, "psnr_aligned": psnr_aligned, "ssim": ssim, "lpips": lpips });
-    if let Some(name) = name {
-        figures["name"] = name.into();
-    }
-    figures
-}
-
-fn table(views: &[(&str, Quality)], mean: &Quality) -> String {
-    let width = views.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0).max("mean".len());
-    let number = |value: Option<f64>, digits| value.map_or("-".into(), |value| format!("{value:.digits$}"));
-    let mut text = format!("{:<width$}     PSNR  aligned    SSIM   LPIPS\n", "view");
-    for (name, quality) in views.iter().copied().chain([("mean", *mean)]) {
-        let Quality { psnr, psnr_aligned, ssim, lpips } = quality;
-        let (aligned, ssim, lpips) = (number(psnr_aligned, 2), number(ssim, 4), number(lpips, 4));
-        let _ = writeln!(text, "{name:<width$}  {psnr:>7.2}  {aligned:>7}  {ssim:>6}  {lpips:>6}");
-    }
-    text
+    let kind = if found.held_out { "held out" } else { "all, none held out" };
+    console.print(&format!("{found}views: {} ({kind}), Gaussians: {}", found.views.len(), gaussians.len()))
 }

@@ -1,13 +1,15 @@
 //! `splatweaver compress`.
 
 use clap::Args;
+use clap::builder::TypedValueParser;
 use serde_json::json;
+use std::ops::Bound;
 use std::path::PathBuf;
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, ConsoleObserver, DrawingFlags, DrawingOptions, Failure, Output, Threads, in_pool};
+use weaver_command::{Console, ConsoleObserver, DrawingFlags, DrawingOptions, Failure, Output, Threads, number};
 use weaver_compress::{Compressed, Judged, MOST_DECIBELS, Pictures, compress_judged};
 use weaver_geometry::Camera;
-use weaver_io::{SceneFile, atomic_write, read_scene, scene_bytes};
+use weaver_io::{atomic_write, scene_bytes};
 
 /// Longest side of the pictures that the scene is judged by, pixels.
 const LONG_SIDE: usize = 384;
@@ -17,8 +19,9 @@ const OF_ORBIT: usize = 6;
 
 /// Compresses a file of Gaussians to a wanted quality of its pictures, as .wsz.
 ///
-/// Positions, scales, opacities, rotations, colors and harmonics are rounded so that one more bit would gain as much in any of them; what a bit
-/// gains is measured in pictures of the scene; others say how good it is. `splatweaver convert scene.ply scene.wsz` takes fixed steps, and no time.
+/// Positions, scales, opacities, rotations, colors and harmonics are rounded so that one more bit would gain as much in
+/// any of them; the gain of a bit is measured in pictures of the scene; others say how good it is. `splatweaver convert
+/// scene.ply scene.wsz` takes fixed steps, and no time.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver compress scene.ply -o scene.wsz
@@ -31,11 +34,12 @@ pub struct Compress {
     /// The file to write, .wsz
     #[arg(short, long, value_name = "FILE", value_parser = Output::file(&["wsz"]))]
     pub out: Output,
-    /// Quality of pictures of the compressed scene beside those of the scene, decibels, at least in those that steps are chosen by; 46 is hard to tell apart, 40 shows on a closer look
-    #[arg(long, value_name = "DECIBELS", default_value = "46", value_parser = decibels)]
+    /// Quality of pictures of the compressed scene beside the scene's, decibels, at least in those that steps
+    /// are chosen by; 46 is hard to tell apart, 40 shows on a closer look
+    #[arg(long, value_name = "DECIBELS", default_value = "46", value_parser = decibels())]
     pub psnr: f64,
-    /// Cameras of the pictures, every other of which judges what the others have chosen: transforms.json, a folder with a COLMAP model, or a
-    /// RealEstate10K file [default: the transforms.json beside the scene, else an orbit]
+    /// Cameras of the pictures, every other one judges the choice of the others: transforms.json, a folder with
+    /// a COLMAP model, or a RealEstate10K file [default: the transforms.json beside the scene, else an orbit]
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     /// Prints the result as JSON, and nothing else on standard output
@@ -48,22 +52,15 @@ pub struct Compress {
     pub drawing: DrawingFlags,
 }
 
-fn decibels(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(decibels) if decibels > 0.0 && decibels <= MOST_DECIBELS => Ok(decibels),
-        _ => Err(format!("expected decibels above 0 and up to {MOST_DECIBELS}, as in 46")),
-    }
+fn decibels() -> impl TypedValueParser<Value = f64> {
+    let expected = format!("expected decibels above 0 and up to {MOST_DECIBELS}, as in 46");
+    number((Bound::Excluded(0.0), Bound::Included(MOST_DECIBELS)), expected)
 }
 
 pub fn run(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || compress_scene(arguments, console))
-}
-
-fn compress_scene(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
     let Compress { scene, out, .. } = arguments;
-    let SceneFile { gaussians, drawing } = read_scene(scene)?;
     let named = |error: &dyn std::fmt::Display| Failure::message(format!("{}: {error}", scene.display()));
-    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(scene, drawing)?;
+    let (gaussians, background, settings) = DrawingOptions::from(arguments.drawing).read(scene)?;
     let cameras = match &arguments.cameras {
         Some(file) => of_file(file)?,
         None => {
@@ -82,6 +79,7 @@ fn compress_scene(arguments: &Compress, console: &mut Console) -> Result<(), Fai
     let pictures = Pictures { cameras: &cameras, background, settings };
     let judged = compress_judged(&gaussians, &pictures, arguments.psnr, &mut ConsoleObserver::new(console))
         .map_err(|error| named(&error))?;
+    let quality = judged.to_string();
     let Judged { compressed: Compressed { bytes, psnr: chosen, .. }, choosing, judging, psnr } = judged;
     atomic_write(out, |file| std::io::Write::write_all(file, &bytes))?;
     let (before, after) = (scene_bytes(scene)?, bytes.len());
@@ -94,24 +92,13 @@ fn compress_scene(arguments: &Compress, console: &mut Console) -> Result<(), Fai
         });
         return console.print(&serde_json::to_string_pretty(&result)?);
     }
-    let of_choosing = format!("{chosen:.2} dB in {choosing} that the steps were chosen by");
-    let quality = match psnr {
-        Some(psnr) => format!("{psnr:.2} dB beside the scene in {judging} pictures, {of_choosing}"),
-        None => format!("beside the scene {of_choosing}, and no other to judge"),
-    };
-    console.print(&format!(
-        "{quality}; {bits:.1} bits a Gaussian: {after} bytes, {:.1} times fewer\nscene: {}",
-        before as f64 / after.max(1) as f64,
-        out.display()
-    ))
+    let (times, out) = (before as f64 / after.max(1) as f64, out.display());
+    console.print(&format!("{quality}; {bits:.1} bits a Gaussian: {after} bytes, {times:.1} times fewer\nscene: {out}"))
 }
 
 /// Some of the cameras of a file, evenly spread, for pictures of a size that is drawn fast.
 fn of_file(file: &std::path::Path) -> Result<Vec<Camera>, Failure> {
     let frames = camera_files::read(file, Size::default())?;
-    if frames.is_empty() {
-        return Err(Failure::message(format!("{}: expected cameras, found none", file.display())));
-    }
     let chosen = weaver_data::uniform(frames.len(), frames.len().min(2 * MOST));
     Ok(chosen.into_iter().map(|i| frames[i].camera.shrunk(LONG_SIDE)).collect())
 }

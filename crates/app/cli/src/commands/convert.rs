@@ -1,23 +1,24 @@
 //! `splatweaver convert`.
 
-mod cameras;
-mod contribution;
-
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use contribution::contributions;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, ConsoleObserver, Failure, Output};
+use weaver_command::camera_files::{self, Size};
+use weaver_command::{Console, ConsoleObserver, DrawingOptions, Failure, Output, memory, positive};
 use weaver_geometry::Similarity;
+use weaver_geometry::geodesy::{Geographic, Origin};
 use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_io::{Conversion, ConvertError, Converted, Keep, Loss, SCENE_FORMATS, SceneFormat, Score, convert};
-use weaver_scene::{Difference, Gaussians, Region};
+use weaver_io::{Conversion, ConvertError, ConvertedCameras, Drawing, Keep, SCENE_FORMATS, SceneFormat, Score};
+use weaver_io::{convert, convert_cameras, is_cameras};
+use weaver_scene::{Gaussians, Region};
 
 /// Writes files of Gaussians in another format, or cameras; the names of files select the formats.
 ///
-/// Cameras of Metashape (XML), RealityScan (CSV), Bundler, OpenSfM, COLMAP or a transforms.json become a transforms.json, by that name, or
-/// a folder with one and a COLMAP model with points in sparse/0; --rotate, --scale and --translate move them. Of scenes, several inputs are joined. What is asked for happens in this order: --rotate, --scale, --translate, --crop, --drop-floaters, --keep,
+/// Cameras of Metashape (XML), RealityScan (CSV), Bundler, OpenSfM, COLMAP or a transforms.json become a
+/// transforms.json, by that name, or a folder with one and a COLMAP model with points in sparse/0; --rotate, --scale
+/// and --translate move them. Of scenes, several inputs are joined. Changes happen in this order: --rotate,
+/// --scale, --translate, --crop, --drop-floaters, --keep,
 /// --degree.
 #[derive(Args, Debug)]
 #[command(after_help = after_help(), override_usage = "splatweaver convert [OPTIONS] <IN>... <OUT>")]
@@ -32,30 +33,31 @@ pub struct Convert {
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     pub rotate: Option<Triple>,
     /// Multiplies all lengths
-    #[arg(long, value_name = "FACTOR", value_parser = factor)]
+    #[arg(long, value_name = "FACTOR", value_parser = positive())]
     pub scale: Option<f64>,
     /// Moves, world units
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     pub translate: Option<Triple>,
-    /// Keeps what has its center in a box (X,Y,Z,X,Y,Z: two corners) or a sphere (X,Y,Z,RADIUS)
-    #[arg(long, value_name = "BOX|SPHERE", value_parser = region, allow_hyphen_values = true)]
+    /// Keeps Gaussians with their center in a box (X,Y,Z,X,Y,Z: two corners) or a sphere (X,Y,Z,RADIUS)
+    #[arg(long, value_name = "BOX|SPHERE", allow_hyphen_values = true)]
     pub crop: Option<Region>,
     /// Leaves out Gaussians that are unusually far from all others
     #[arg(long)]
     pub drop_floaters: bool,
     /// Number of Gaussians that stay, or their share below 1
-    #[arg(long, value_name = "N|SHARE", value_parser = keep)]
+    #[arg(long, value_name = "N|SHARE")]
     pub keep: Option<Keep>,
     /// The score that they are judged by
     #[arg(long, value_enum, value_name = "SCORE", default_value_t, requires = "keep")]
     pub by: ScoreName,
-    /// Cameras of the scene as it is read, for --by contribution: transforms.json, a folder with a COLMAP model, or a RealEstate10K file
+    /// Cameras of the scene as it is read, for --by contribution: transforms.json, a folder with a COLMAP model, or a
+    /// RealEstate10K file
     #[arg(long, value_name = "FILE", required_if_eq("by", "contribution"), requires = "keep", conflicts_with_all = ["rotate", "scale", "translate"])]
     pub cameras: Option<PathBuf>,
     /// Largest degree of spherical harmonics that stays
     #[arg(long, value_name = "0..4", value_parser = clap::value_parser!(u8).range(0..=4))]
     pub degree: Option<u8>,
-    /// Prints what was done as JSON, and nothing else on standard output
+    /// Prints the result as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
 }
@@ -112,30 +114,6 @@ fn triple(text: &str) -> Result<Triple, String> {
     three.map(Triple).ok_or_else(|| "expected three numbers, as in 0,0,90".into())
 }
 
-fn factor(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|x| *x > 0.0 && f64::is_finite(*x)).ok_or_else(|| "expected a positive number".into())
-}
-
-fn region(text: &str) -> Result<Region, String> {
-    let numbers: Option<Vec<f32>> = numbers(text).map(|numbers| numbers.into_iter().map(|x| x as f32).collect());
-    match numbers.as_deref() {
-        Some(&[a, b, c, d, e, f]) => {
-            let corners = [[a, d], [b, e], [c, f]];
-            Ok(Region::Box { min: corners.map(|[a, b]| a.min(b)), max: corners.map(|[a, b]| a.max(b)) })
-        }
-        Some(&[x, y, z, radius]) if radius >= 0.0 => Ok(Region::Sphere { center: [x, y, z], radius }),
-        _ => Err("expected six numbers, the corners of a box, or four, the center and the radius of a sphere".into()),
-    }
-}
-
-fn keep(text: &str) -> Result<Keep, String> {
-    let count = text.parse().ok().map(Keep::Count);
-    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share)).map(Keep::Share);
-    // Nothing is no scene.
-    let some = count.or(share).filter(|keep| !matches!(keep, Keep::Count(0) | Keep::Share(0.0)));
-    some.ok_or_else(|| "expected a number of Gaussians, or a share above 0.0 up to 1.0".into())
-}
-
 fn after_help() -> String {
     let rows = SCENE_FORMATS.iter().map(|f| format!("  {:<11} {:<16} {}", f.name, f.file_name_end(), f.keeps));
     let formats: Vec<String> = rows.collect();
@@ -161,10 +139,9 @@ pub(super) fn scene_format() -> impl TypedValueParser<Value = SceneFormat> {
 pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
     let Convert { from, to, .. } = arguments;
     if let [one] = from.as_slice()
-        && cameras::is_cameras(one)
+        && is_cameras(one)
     {
-        arguments.check_cameras()?;
-        return cameras::convert(one, to, arguments.movement(), arguments.json, console);
+        return convert_one(one, arguments, console);
     }
     // A folder is for cameras.
     weaver_io::check_output_file(to, from)?;
@@ -193,67 +170,49 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
         converted => converted?,
     };
     if arguments.json {
-        return console.print(&serde_json::to_string_pretty(&json(&written, from, to))?);
+        return console.print(&serde_json::to_string_pretty(&written.json(from, to))?);
     }
     if written.gaussians != written.read {
         console.note(&format!("{} of {} Gaussians stay", written.gaussians, written.read));
     }
-    console.print(&text(&written, to))
+    console.print(&written.text(to))
 }
 
-fn text(written: &Converted, to: &Path) -> String {
-    let Converted { format, gaussians, bytes, loss, .. } = written;
-    let mut text = format!("{gaussians} Gaussians, {:.1} MB, {}: {}", *bytes as f64 / 1e6, format.keeps, to.display());
-    if let Some(Loss { difference: Difference { position, color }, left_out }) = loss {
-        let harmonics = left_out.map_or(String::new(), |degree| format!("; no harmonics beyond degree {degree}"));
-        text += &format!(
-            "\noff by (mean, largest): positions {:.2e}, {:.2e}; colors {:.4}, {:.4}{harmonics}",
-            position.mean, position.largest, color.mean, color.largest
-        );
+/// Converts cameras.
+fn convert_one(from: &Path, arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
+    arguments.check_cameras()?;
+    let to = &arguments.to;
+    let moved = arguments.movement();
+    let ConvertedCameras { photos, points, origin } =
+        convert_cameras(from, to, moved, &mut ConsoleObserver::new(console))?;
+    let to = to.display();
+    if !arguments.json {
+        return console.print(&format!("cameras of {photos} photos, {points} points: {to}"));
     }
-    text
-}
-
-fn json(written: &Converted, from: &[PathBuf], to: &Path) -> Value {
-    let path = |path: &Path| path.display().to_string();
-    let mut report = json!({
-        "inputs": from.iter().map(|file| path(file)).collect::<Vec<_>>(),
-        "output": path(to),
-        "format": written.format.name,
-        "read": written.read,
-        "gaussians": written.gaussians,
-        "bytes": written.bytes,
-    });
-    if let Some(Loss { difference: Difference { position, color }, left_out }) = &written.loss {
-        report["position"] = json!({ "mean": position.mean, "largest": position.largest });
-        report["color"] = json!({ "mean": color.mean, "largest": color.largest });
-        report["degree"] = json!(left_out);
-    }
-    report
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn regions_are_boxes_or_spheres() {
-        let ball = Region::Sphere { center: [-1.0, 0.0, 2.5], radius: 3.0 };
-        let cube = Region::Box { min: [-1.0, 0.0, -3.0], max: [1.0, 2.0, 3.0] };
-        assert_eq!((region("-1, 0,2.5,3"), region("1,0,-3,-1,2,3")), (Ok(ball), Ok(cube)));
-        for wrong in ["", "1,2,3", "1,2,3,-1", "1,2,3,nan", "1,2,3,4,5", "a,b,c,d"] {
-            assert!(region(wrong).is_err(), "{wrong}");
+    let origin = match origin {
+        None => Value::Null,
+        Some(Origin::Local { offset }) => json!({ "offset": offset }),
+        Some(Origin::Geographic(Geographic { latitude, longitude, altitude })) => {
+            json!({ "latitude": latitude, "longitude": longitude, "altitude": altitude })
         }
-    }
+    };
+    let (inputs, output) = ([from.display().to_string()], to.to_string());
+    let report = json!({"inputs": inputs, "output": output, "photos": photos, "points": points, "origin": origin});
+    console.print(&serde_json::to_string_pretty(&report)?)
+}
 
-    #[test]
-    fn what_stays_is_a_count_or_a_share() {
-        assert_eq!((keep("1"), keep("0.25")), (Ok(Keep::Count(1)), Ok(Keep::Share(0.25))));
-        assert_eq!(keep("1.0"), Ok(Keep::Share(1.0)));
-        for wrong in ["", "-1", "1.5", "nan", "half", "0", "0.0"] {
-            assert!(keep(wrong).is_err(), "{wrong}");
-        }
-        assert_eq!(triple("0,-1.5,90"), Ok(Triple([0.0, -1.5, 90.0])));
-        assert!(triple("1,2").is_err() && triple("1,2,inf").is_err() && factor("0").is_err());
-    }
+/// Longest side of the pictures: a Gaussian that shows at this size shows at any.
+const LONG_SIDE: usize = 640;
+
+/// Contributions of Gaussians to the pictures of the cameras of a file.
+fn contributions(
+    gaussians: &Gaussians,
+    cameras: &Path,
+    (scene, drawing): (&Path, Drawing),
+) -> Result<Vec<f32>, Failure> {
+    let mut cameras = camera_files::read(cameras, Size::default())?;
+    cameras.iter_mut().for_each(|frame| frame.camera = frame.camera.shrunk(LONG_SIDE));
+    memory::check(memory::of_pictures(&cameras, 1), "smaller cameras reduce it")?;
+    let (background, settings) = DrawingOptions::default().beside(scene, drawing)?;
+    Ok(weaver_fit::contributions(gaussians, cameras.iter().map(|frame| frame.camera), background, &settings)?)
 }

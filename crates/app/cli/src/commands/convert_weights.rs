@@ -11,8 +11,8 @@ use weaver_io::safetensors::write_weights;
 
 /// Turns a PyTorch checkpoint (.pt, .pth, .ckpt, .bin) into safetensors, or a run's checkpoint into small weights.
 ///
-/// Of a PyTorch checkpoint only the tensors are read; code in the file is never executed. Of a run's checkpoint.safetensors the
-/// averaged weights are kept, with 16 bits.
+/// Of a PyTorch checkpoint only the tensors are read; code in the file is never executed. Of a run's
+/// checkpoint.safetensors the averaged weights are kept, with 16 bits.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:
   splatweaver convert-weights model.ckpt -o model.safetensors

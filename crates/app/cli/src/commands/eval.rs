@@ -1,19 +1,15 @@
 //! `splatweaver eval`.
 
-use super::align::{self, LOSSES, METHODS};
+use super::align::{LOSSES, METHODS};
 use crate::flags::{CameraChoice, DensityFlags, RefineFlags};
 use crate::methods;
-use crate::refine::refined;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use weaver_command::{Console, DeviceFlag, Failure, Progress, ShellCommand, Threads, choice, device, in_pool};
-use weaver_fit::align::Method;
-use weaver_inference::RunFolder;
+use weaver_command::{Console, DeviceFlag, Failure, Progress, ShellCommand, Threads, choice, device};
+use weaver_fit::align::{AlignLoss, Method, Options as AlignOptions};
 use weaver_splat::Renderer;
-use weaver_trainer::{
-    AlignLoss, Alignment, CameraMode, EvalOptions, LookOf, MatchingOverride, OpenRun, Source, Targets, comparison,
-};
+use weaver_trainer::{Alignment, CameraMode, EvalOptions, LookOf, MatchingOverride, Source, Targets, comparison};
 
 /// Heading of the flags that choose views and figures.
 const WHAT: &str = "What is judged";
@@ -38,7 +34,8 @@ const TARGETS: [(&str, Targets, &str); 4] = [
 
 /// Renders held-out views and compares them with the photos.
 ///
-/// From the Gaussians that a network makes of their nearest training views. `splatweaver compare` judges one file of Gaussians.
+/// From the Gaussians that a network makes of their nearest training views. `splatweaver compare` judges one file of
+/// Gaussians.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver eval --run runs/mine
@@ -52,7 +49,8 @@ const TARGETS: [(&str, Targets, &str); 4] = [
   splatweaver eval --run runs/wild --light-of half
   splatweaver eval --run runs/mine --unseen --json > unseen.json")]
 pub struct Eval {
-    /// The run folder; several are told apart in one table, on the same --data [default: the weights that come with the program]
+    /// The run folder; several are told apart in one table, on the same --data [default: the weights that come with the
+    /// program]
     #[arg(long, help_heading = WHAT)]
     pub run: Vec<PathBuf>,
     /// A file of weights instead: a run's checkpoint.safetensors, small weights made of one, or a published checkpoint
@@ -70,9 +68,9 @@ pub struct Eval {
     /// Cameras of the context views; `estimated` by matching these photos, the held-out view aside [default: the run's]
     #[arg(long, value_name = "predicted|given|estimated", help_heading = VIEWS)]
     pub cameras: Option<CameraChoice>,
-    /// Where held-out photos are drawn from: from the data's cameras in the frame of the first, or in that which fits all of the context's
-    /// centers; from where the model says that they were taken, having seen them beside the context photos, as 2Xplat is published,
-    /// with predicted cameras; or `context`, whose photos then judge instead
+    /// Where held-out photos are drawn from: from the data's cameras in the frame of the first, or in that which fits
+    /// all of the context's centers; from where the model says that they were taken, having seen them beside the
+    /// context photos, as 2Xplat is published, with predicted cameras; or `context`, whose photos then judge instead
     #[arg(long, value_parser = choice(&TARGETS), default_value = "data", help_heading = VIEWS)]
     pub targets: Targets,
     /// With estimated cameras: focal lengths are not told, as by photos without EXIF
@@ -84,16 +82,17 @@ pub struct Eval {
     /// Given cameras come with the points that the context photos see: depth is brought to these
     #[arg(long, help_heading = VIEWS)]
     pub points: bool,
-    /// Does not count what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha; without
-    /// it, what the run leaves out is left out
+    /// Does not count pixels that are black in masks: mask_path of transforms.json, a file in masks/ named as the
+    /// photo, or its alpha; without it, masks count as in the run
     #[arg(long, conflicts_with = "unseen", help_heading = VIEWS)]
     pub masks: bool,
-    /// In whose light held-out views are drawn, for runs of --model wild: told by the left `half` of the photo, by all of it (`own`), by
-    /// nobody (`none`), or by another photo (`wrong`); all figures are then of the right halves [default: the first context photo's, and
-    /// all of each view]
+    /// In whose light held-out views are drawn, for runs of --model wild: told by the left `half` of the photo, by all
+    /// of it (`own`), by nobody (`none`), or by another photo (`wrong`); all figures are then of the right halves
+    /// [default: the first context photo's, and all of each view]
     #[arg(long, value_name = "half|own|none|wrong", conflicts_with_all = ["refine", "refine_steps", "align"], help_heading = VIEWS)]
     pub light_of: Option<LookOf>,
-    /// Leaves photos as they were taken, where the run was trained with data.looks; a table of runs not all of which were does so, too
+    /// Leaves photos as they were taken, where the run was trained with data.looks; a table of runs not all of which
+    /// were does so, too
     #[arg(long, help_heading = VIEWS)]
     pub as_taken: bool,
     #[command(flatten)]
@@ -118,8 +117,9 @@ pub struct Eval {
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Alignment")]
 pub struct AlignFlags {
-    /// Moves the camera of each held-out view until the render is most like its photo, for figures beside the others: they have looked at
-    /// what they are judged by. What that gains with given cameras, where there is nothing to move, is printed with them
+    /// Moves the camera of each held-out view until the render is most like its photo, for figures beside the others:
+    /// they have looked at their own judges. The gain with given cameras, where there is nothing to move,
+    /// is printed with them
     #[arg(long, conflicts_with_all = ["refine", "refine_steps"])]
     pub align: bool,
     /// Which numbers of the camera move, and at what rate
@@ -137,10 +137,6 @@ pub struct AlignFlags {
 const MATCHED: usize = 384;
 
 pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || evaluate(arguments, console))
-}
-
-fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     let several = arguments.run.len() > 1;
     if arguments.data.is_empty() && !arguments.unseen && (several || arguments.run.is_empty()) {
         let runs = if several { "one --run" } else { "--run" };
@@ -164,7 +160,7 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     let long_side = arguments.match_size.map_or(MATCHED, |side| side as usize);
     let flags = &arguments.align;
     let rasterizer = device::rasterizer(&arguments.device)?;
-    let runs = opened(arguments)?;
+    let runs = methods::models().open_all(arguments.weights.as_deref(), &arguments.run)?;
     // One table is of the same photos: in drawn light only if all runs draw it alike.
     let alike = runs.iter().all(|(_, run)| run.data.looks == runs[0].1.data.looks);
     if !alike && !arguments.as_taken {
@@ -178,7 +174,7 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         matching: estimated.then_some(MatchingOverride { long_side, focal_known: !arguments.unknown_focal }),
         density: arguments.density.into(),
         align: flags.align.then(|| Alignment {
-            options: align::options(flags.align_as, flags.align_steps),
+            options: AlignOptions::of(flags.align_as).in_steps(flags.align_steps.map(|steps| steps as usize)),
             loss: flags.align_loss.unwrap_or(AlignLoss::of(flags.align_as)),
         }),
         look: arguments.light_of,
@@ -197,7 +193,7 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
             console.note(&format!("warning: {name} is at step {done} of {planned}{resume}"));
         }
         *run.predictor.renderer() = Renderer::new(rasterizer.clone());
-        run.predictor = refined(run.predictor, &arguments.refine, &[], rasterizer.clone())?;
+        run.predictor = arguments.refine.refined(run.predictor, &[], rasterizer.clone())?;
         if arguments.points && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Given) {
             return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
         }
@@ -226,20 +222,4 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         }
         (all, false) => console.print(&comparison(all)),
     }
-}
-
-/// Opens the networks that are judged, with their names.
-fn opened(arguments: &Eval) -> Result<Vec<(String, OpenRun)>, Failure> {
-    if let Some(weights) = &arguments.weights {
-        return Ok(vec![(weights.display().to_string(), methods::models().open_weights(weights)?)]);
-    }
-    if arguments.run.is_empty() {
-        return Ok(vec![("built-in".into(), OpenRun::built_in()?)]);
-    }
-    let registry = methods::models();
-    let open = |path: &PathBuf| {
-        let folder = RunFolder::at(path);
-        Ok((path.display().to_string(), registry.of_run(&folder)?.open(&folder)?))
-    };
-    arguments.run.iter().map(open).collect()
 }

@@ -6,30 +6,31 @@ mod outcome;
 pub use outcome::{conclude, print};
 
 use super::convert::scene_format;
-use crate::flags::{CameraChoice, CompleteFlag, MASKED, MatchingFlags, hold_out, level, minutes};
+use crate::flags::{CameraChoice, CompleteFlag, MASKED, MatchingFlags, level, minutes};
 use crate::processes::{network, together};
 use clap::Args;
 use initial::Start;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weaver_command::{
     Console, ConsoleObserver, DeviceFlag, Failure, Interrupt, LiveFlag, MOST_THREADS, Output, Rgb, background, choice,
-    device, in_pool,
+    device, in_pool, number,
 };
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::Masked;
 use weaver_fit::{FitSettings, Judge, StrategyKind, bytes_per_step};
 use weaver_io::SceneFormat;
 use weaver_ranks::{Alone, Ranks};
-use weaver_reconstruct::{ByPhotos, FitContext, FitRequest, Folder, Pace, Run, RunSettings, resume};
+use weaver_reconstruct::{ByPhotos, FitContext, FitRequest, Pace, Run, RunSettings, resume};
 use weaver_run::settings::{Layers, source};
 use weaver_trainer::evaluate::load_lpips;
 use weaver_view_run::Listener;
 
 /// Fits Gaussians to the photos of a capture: a scene in minutes.
 ///
-/// The capture is a folder (COLMAP, transforms.json, NeRF-synthetic, RealEstate10K) or a transforms.json. Every eighth photo, or
-/// those that the capture lists, are held out and say how good the scene is from elsewhere. Writes scene.ply,
+/// The capture is a folder (COLMAP, transforms.json, NeRF-synthetic, RealEstate10K) or a transforms.json. Every eighth
+/// photo, or those that the capture lists, are held out and say how good the scene is from elsewhere. Writes scene.ply,
 /// cameras, summary.json and report.html. Ctrl-C ends early, with results; --resume goes on to the same bits as an
 /// uninterrupted run.
 #[derive(Args, Debug, Default)]
@@ -48,11 +49,13 @@ pub struct Fit {
     /// Folder for the results [default: the first free fits/NAME-N]
     #[arg(short, long, value_name = "DIR", help_heading = RUN, value_parser = Output::folder())]
     pub out: Option<Output>,
-    /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000; with a time, at most as many as it can put in place]
+    /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000; with a time, at most
+    /// as many as it can put in place]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = RUN)]
     pub gaussians: Option<u32>,
-    /// Time for all of it, matching included; the number of steps follows from the measured speed, and steps are left out where the machine turns out slower [default: 2]
-    #[arg(long, value_name = "M", value_parser = minutes, help_heading = RUN)]
+    /// Time for all of it, matching included; the number of steps follows from the measured speed, and steps are left
+    /// out where the machine turns out slower [default: 2]
+    #[arg(long, value_name = "M", value_parser = minutes(), help_heading = RUN)]
     pub minutes: Option<f64>,
     /// At least so many steps, whatever the time: they may take longer
     #[arg(long, value_name = "N", default_value_t = RunSettings::LEAST_STEPS as u32, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["steps", "resume"], help_heading = RUN)]
@@ -60,9 +63,10 @@ pub struct Fit {
     /// Steps, instead of a time; each looks at one photo, or at views_per_step
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "minutes", help_heading = RUN)]
     pub steps: Option<u32>,
-    /// Where the Gaussians begin: points (the capture's), dense (surfaces that photos agree about, and points), random, built-in (what the network that comes with the program
-    /// predicts), a run folder (what its network predicts), or a file of Gaussians [default: dense where photos agree about most of what
-    /// they show, and that is found in time; else points if there are any, else random]
+    /// Where the Gaussians begin: points (the capture's), dense (surfaces that photos agree about, and points), random,
+    /// built-in (the prediction of the network that comes with the program), a run folder (the prediction of its
+    /// network), or a file of Gaussians [default: dense where photos agree about most of their area, and that is found
+    /// in time; else points if there are any, else random]
     #[arg(long, value_name = "points|dense|random|built-in|RUN|FILE", help_heading = RUN)]
     pub init: Option<String>,
     /// Seed of everything that is drawn at random [default: 0]
@@ -71,14 +75,14 @@ pub struct Fit {
     /// Goes on with this run, with its own settings
     #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "invert_masks", "masked", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run", "if_complete"])]
     pub resume: Option<PathBuf>,
-    /// Says what the run would take, measures a few seconds of it, and writes nothing
+    /// Prints the memory of the run, measures a few seconds of it, and writes nothing
     #[arg(long, help_heading = RUN, conflicts_with = "live")]
     pub dry_run: bool,
     /// Prints the result as JSON, and nothing else on standard output
     #[arg(long, help_heading = RUN)]
     pub json: bool,
     /// Time between checkpoints, at least
-    #[arg(long, value_name = "SECONDS", default_value_t = SAVE_EVERY, value_parser = pause, help_heading = RUN)]
+    #[arg(long, value_name = "SECONDS", default_value_t = SAVE_EVERY, value_parser = number(0.0..=1e6, "expected seconds, from 0 to 1000000"), help_heading = RUN)]
     pub save_every: f64,
     #[command(flatten)]
     pub complete: CompleteFlag,
@@ -90,32 +94,33 @@ pub struct Fit {
     /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=65_536), help_heading = PHOTOS)]
     pub long_side: Option<u32>,
-    /// Which photos are held out: those that the capture lists, or every eighth where it lists none; no photo; or every so many
-    /// [default: listed]
-    #[arg(long, value_name = "listed|none|N", value_parser = hold_out, help_heading = PHOTOS)]
+    /// Which photos are held out: those that the capture lists, or every eighth where it lists none; no photo; or every
+    /// so many [default: listed]
+    #[arg(long, value_name = "listed|none|N", help_heading = PHOTOS)]
     pub hold_out: Option<HoldOut>,
     /// At most so many photos to fit to, evenly spread
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = PHOTOS)]
     pub max_photos: Option<u32>,
-    /// Leaves out what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
+    /// Leaves out pixels that are black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or
+    /// its alpha
     #[arg(long, help_heading = PHOTOS)]
     pub masks: bool,
-    /// Leaves out what is white in masks in place of what is black
+    /// Leaves out pixels that are white in masks in place of black ones
     #[arg(long, requires = "masks", help_heading = PHOTOS)]
     pub invert_masks: bool,
     /// Meaning of masked pixels: unknown, or empty space [default: unknown]
     #[arg(long, value_parser = choice(&MASKED), requires = "masks", help_heading = PHOTOS)]
     pub masked: Option<Masked>,
-    /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: the mean color of
-    /// the photos; white where photos are transparent]
+    /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: the mean
+    /// color of the photos; white where photos are transparent]
     #[arg(long, value_name = "COLOR", value_parser = background, help_heading = PHOTOS)]
     pub background: Option<Rgb>,
-    /// Corrects the colors of each photo by an affine map; =false if not [default: where photos differ in exposure or white
-    /// balance]
+    /// Corrects the colors of each photo by an affine map; =false if not [default: where photos differ in exposure or
+    /// white balance]
     #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = PHOTOS)]
     pub exposure: Option<bool>,
-    /// The capture's cameras, or cameras estimated from its photos, as `splatweaver cameras` does; these go to OUT/cameras
-    /// [default: given]
+    /// The capture's cameras, or cameras estimated from its photos, as `splatweaver cameras` does; these go to
+    /// OUT/cameras [default: given]
     #[arg(long, value_name = "given|estimated", help_heading = PHOTOS)]
     pub cameras: Option<CameraChoice>,
     /// Refines the cameras with the scene
@@ -136,8 +141,9 @@ pub struct Fit {
     /// Further files of the scene, in formats that `splatweaver convert --help` lists; may be repeated
     #[arg(long = "also", value_parser = scene_format(), value_name = "FORMAT", help_heading = SCENE)]
     pub formats: Vec<SceneFormat>,
-    /// Also writes scene.wsz, at a level from 0, the finest, to 3, and fits the last fifth of the run with its rounding in place, without Gaussians that are not worth their bits
-    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "0.25", value_parser = level, help_heading = SCENE)]
+    /// Also writes scene.wsz, at a level from 0, the finest, to 3, and fits the last fifth of the run with its rounding
+    /// in place, without Gaussians that are not worth their bits
+    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "0.25", value_parser = level(), help_heading = SCENE)]
     pub compress: Option<f64>,
     /// Writes no view.html, the page to look at the scene
     #[arg(long, help_heading = SCENE, conflicts_with = "resume")]
@@ -164,13 +170,6 @@ const PHOTOS: &str = "Photos and cameras";
 const SCENE: &str = "Scene";
 const CONFIGURATION: &str = "Configuration";
 const RUN: &str = "Run";
-
-fn pause(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(seconds) if (0.0..=1e6).contains(&seconds) => Ok(seconds),
-        _ => Err("expected seconds, from 0 to 1000000".into()),
-    }
-}
 
 /// Time for a run when nothing is said about it, minutes.
 const MINUTES: f64 = 2.0;
@@ -250,9 +249,9 @@ fn context(arguments: &Fit, initial: Option<Start>, ranks: Option<&Arc<dyn Ranks
 fn request(arguments: &Fit, initial: &Start) -> Result<FitRequest, Failure> {
     let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
     let estimates = arguments.estimates()?;
-    let out = arguments.out.as_deref().map_or_else(|| free_folder(&capture), Path::to_path_buf);
+    let out = arguments.out.as_deref().map_or_else(|| FitRequest::free_folder(&capture), Path::to_path_buf);
     let init = arguments.init.as_deref().map(PathBuf::from).filter(|path| path.is_file());
-    let Named { fit, by_photos, gaussians } = fit_settings(arguments)?;
+    let (fit, by_photos, gaussians) = fit_settings(arguments)?;
     let settings = RunSettings {
         long_side: arguments.long_side.map(|side| side as usize),
         hold_out: arguments.hold_out.unwrap_or_default(),
@@ -299,26 +298,21 @@ fn pace(settings: &RunSettings, initial: Start, arguments: &Fit) -> Result<Pace,
     Ok(Pace::of(settings, given.as_ref(), device::rasterizer(&arguments.device)?)?)
 }
 
-/// Settings of a fit, and which of them nobody has given.
-struct Named {
-    fit: FitSettings,
-    by_photos: ByPhotos,
-    gaussians: Option<usize>,
-}
-
-/// The usual settings, then the file, then flags.
-fn fit_settings(arguments: &Fit) -> Result<Named, Failure> {
+/// The usual settings, then the file, then flags; which of them photos decide, and the most Gaussians where it is
+/// given.
+fn fit_settings(arguments: &Fit) -> Result<(FitSettings, BTreeSet<ByPhotos>, Option<usize>), Failure> {
     let (file, sets) = (arguments.config.as_deref(), arguments.settings.as_slice());
     let layers = Layers::of(&RunSettings::usual_fit(), file, sets)?;
-    let by_photos = ByPhotos {
-        exposure: arguments.exposure.is_none() && !layers.gives("exposure"),
-        background: arguments.background.is_none() && !layers.gives("background"),
-        dropout: !layers.gives("dropout"),
-        start: arguments.init.is_none(),
-        means: !layers.gives("rates.means"),
-        fade: !layers.gives("density.opacity_weight"),
-        coarse: !layers.gives("halvings") && !layers.gives("coarse_until"),
-    };
+    let given = [
+        (ByPhotos::Exposure, arguments.exposure.is_some() || layers.gives("exposure")),
+        (ByPhotos::Background, arguments.background.is_some() || layers.gives("background")),
+        (ByPhotos::Dropout, layers.gives("dropout")),
+        (ByPhotos::Start, arguments.init.is_some()),
+        (ByPhotos::Means, layers.gives("rates.means")),
+        (ByPhotos::Fade, layers.gives("density.opacity_weight")),
+        (ByPhotos::Coarse, layers.gives("halvings") || layers.gives("coarse_until")),
+    ];
+    let by_photos = given.into_iter().filter(|(_, given)| !given).map(|(setting, _)| setting).collect();
     let given = arguments.gaussians.is_some() || layers.gives("gaussians");
     let mut fit = layers.finish(&source(file, sets))?;
     let set = |to: &mut usize, value: Option<u32>| *to = value.map_or(*to, |value| value as usize);
@@ -336,37 +330,17 @@ fn fit_settings(arguments: &Fit) -> Result<Named, Failure> {
     fit.density.strategy = arguments.strategy.unwrap_or(fit.density.strategy);
     fit.check()?;
     let gaussians = given.then_some(fit.gaussians);
-    Ok(Named { fit, by_photos, gaussians })
-}
-
-/// The folder of a capture's fit that is given none.
-fn free_folder(capture: &Path) -> PathBuf {
-    let absolute = std::path::absolute(capture).unwrap_or(capture.into());
-    let folder = if absolute.is_file() { absolute.parent().unwrap_or(&absolute).to_path_buf() } else { absolute };
-    let name = folder.file_name().map_or("capture".into(), |name| name.to_string_lossy().into_owned());
-    Folder::free(Path::new("fits"), &name)
+    Ok((fit, by_photos, gaussians))
 }
 
 fn tell(arguments: &Fit, console: &mut Console) -> Result<(), Failure> {
     let initial = Start::of(arguments.init.as_deref())?;
     let (settings, plan) = request(arguments, &initial)?.plan(Some(device::rasterizer(&arguments.device)?))?;
-    let mb = |bytes: u64| format!("{:>9.1} MB", bytes as f64 / 1e6);
     let time = settings.minutes.map_or(format!("{} steps", settings.fit.steps), |m| format!("{m} minutes"));
-    let [width, height] = plan.size;
-    let photos = match plan.on_disk {
-        true => format!("{}, and {} on disk", mb(plan.masks), mb(plan.photos).trim_start()),
-        false => mb(plan.photos + plan.masks),
-    };
+    let ([width, height], photos, held_out) = (plan.size, plan.training, plan.held_out);
+    let gaussians = settings.fit.gaussians;
     console.print(&format!(
-        "{} photos of at most {width}x{height}, {} held out; at most {} Gaussians, {time}\n\
-         photos      {photos}\nGaussians   {}\nrasterizer  {}\nstart       {}\nat most     {}",
-        plan.training,
-        plan.held_out,
-        settings.fit.gaussians,
-        mb(plan.gaussians),
-        mb(plan.rasterizer),
-        mb(plan.start),
-        mb(plan.total())
+        "{photos} photos of at most {width}x{height}, {held_out} held out; at most {gaussians} Gaussians, {time}\n{plan}"
     ))?;
     let pace = pace(&settings, initial, arguments)?;
     if settings.minutes.is_none() {
@@ -376,17 +350,4 @@ fn tell(arguments: &Fit, console: &mut Console) -> Result<(), Failure> {
     console.print(&format!("{:<28}{:>9.1} ms", "a step", 1e3 * step))?;
     let FitSettings { gaussians, sh_degree, views_per_step, .. } = settings.fit;
     console.print(&network(bytes_per_step(gaussians, sh_degree), views_per_step, step / views_per_step as f64))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn minutes_are_positive_and_finite() {
-        assert_eq!(minutes("0.5"), Ok(0.5));
-        for wrong in ["0", "-1", "NaN", "inf", "two"] {
-            assert!(minutes(wrong).is_err(), "{wrong}");
-        }
-    }
 }

@@ -1,18 +1,13 @@
 //! `splatweaver infer`.
 
-use super::view::{self, Seen};
 use crate::flags::{CameraChoice, ClipFlags, CompleteFlag, DensityFlags, LightFlags, MatchingFlags, RefineFlags};
 use crate::methods;
-use crate::refine::refined;
 use clap::{ArgGroup, Args};
-use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, mpsc};
 use weaver_clip::PhotoFiles;
-use weaver_command::{
-    Console, ConsoleObserver, DeviceFlag, Failure, Interrupt, Output, Progress, Threads, device, in_pool,
-};
+use weaver_command::{Console, ConsoleObserver, DeviceFlag, Failure, Interrupt, Output, Threads, device};
 use weaver_fit::FitRasterizer;
 use weaver_inference::published::{self, Framing};
 use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
@@ -21,8 +16,9 @@ use weaver_io::{Observe, write_text};
 use weaver_reconstruct::{EstimatedCameras, VIEW};
 use weaver_splat::Renderer;
 use weaver_view::HtmlOptions;
+use weaver_view_run::SceneFiles;
 
-/// The file of what `--json` prints.
+/// The file with the output of `--json`.
 pub const FIGURES: &str = "infer.json";
 /// Heading of flags.
 const PUBLISHED: &str = "With --weights";
@@ -30,8 +26,8 @@ const PUBLISHED: &str = "With --weights";
 /// Turns photos into Gaussians, cameras, renders, depth and expert maps.
 ///
 /// Writes scene.ply, transforms.json, a COLMAP model in sparse/0, the folders input, render, depth and experts, and
-/// overview.png. From a checkpoint without a Gaussian head (VGGT), or with --geometry: points.ply, depth.safetensors and the
-/// cameras.
+/// overview.png. From a checkpoint without a Gaussian head (VGGT), or with --geometry: points.ply, depth.safetensors
+/// and the cameras.
 #[derive(Args, Debug)]
 #[command(group(ArgGroup::new("network").args(["run", "weights"])))]
 #[command(after_help = "Examples:
@@ -64,20 +60,20 @@ pub struct Infer {
     /// Seed of the router's noise [default: 0]
     #[arg(long, value_name = "S", requires = "weights", help_heading = PUBLISHED)]
     pub seed: Option<u64>,
-    /// Round to bf16 (8 bits) what bf16 matrices are multiplied with; faster on processors with AVX-512 BF16,
+    /// Round the other factor of bf16 matrices to bf16 (8 bits) as well; faster on processors with AVX-512 BF16,
     /// the same on others
     #[arg(long, requires = "weights", help_heading = PUBLISHED)]
     pub bf16_products: bool,
     /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, or clips; the first one's camera becomes the origin
     #[arg(required = true)]
     pub photos: Vec<PathBuf>,
-    /// Cameras of the photos, matched by the ends of their paths: transforms.json or a folder with a COLMAP model, whose points
-    /// repair depth; or `estimated`: by matching, as `splatweaver cameras` does, whose results go to the folder `cameras`
-    /// [default: with --run and --weights predicted, else estimated]
+    /// Cameras of the photos, matched by the ends of their paths: transforms.json or a folder with a COLMAP model,
+    /// whose points repair depth; or `estimated`: by matching, as `splatweaver cameras` does, whose results go to the
+    /// folder `cameras` [default: with --run and --weights predicted, else estimated]
     #[arg(long, value_name = "estimated|predicted|FILE")]
     pub cameras: Option<CameraChoice>,
-    /// Gives no Gaussians to what is black in masks: mask_path of --cameras, a file in a folder masks beside the photo, or beside its
-    /// folder, named as the photo, or its alpha
+    /// Gives no Gaussians to pixels that are black in masks: mask_path of --cameras, a file in a folder masks beside
+    /// the photo, or beside its folder, named as the photo, or its alpha
     #[arg(long)]
     pub masks: bool,
     #[command(flatten)]
@@ -131,10 +127,6 @@ impl Infer {
 }
 
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || infer(arguments, console, interrupt))
-}
-
-fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let asked = arguments.cameras == Some(CameraChoice::Estimated);
     let mut cameras = match &arguments.cameras {
         None | Some(CameraChoice::Estimated | CameraChoice::Predicted) => None,
@@ -175,16 +167,18 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     let of_run = arguments.weights.as_deref().map(is_of_run).transpose()?.unwrap_or(false);
     let report = match &arguments.weights {
         Some(weights) if !of_run => {
-            if arguments.masks {
-                return Err(Failure::Usage("--masks: expected weights of a run, found a published checkpoint".into()));
-            }
-            if arguments.light.light.is_some() {
-                return Err(Failure::Usage(
-                    "--light: expected a run that knows about light, found a published checkpoint".into(),
-                ));
-            }
-            if arguments.refine.is_asked() {
-                let message = "--refine: expected weights of a run; published checkpoints are not refined yet";
+            let refused = [
+                (arguments.masks, "--masks: expected weights of a run, found a published checkpoint"),
+                (
+                    arguments.light.light.is_some(),
+                    "--light: expected a run that knows about light, found a published checkpoint",
+                ),
+                (
+                    arguments.refine.is_asked(),
+                    "--refine: expected weights of a run; published checkpoints are not refined yet",
+                ),
+            ];
+            if let Some((_, message)) = refused.into_iter().find(|(given, _)| *given) {
                 return Err(Failure::Usage(message.into()));
             }
             published(weights, &images, (cameras, rasterizer), (arguments, &out), console, interrupt)?
@@ -197,29 +191,18 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     // A network without Gaussians leaves nothing to look at.
     let viewed = report.psnr.is_some() && !arguments.no_html;
     if viewed {
-        write_text(out.file(VIEW)?, &view::scene_page(&Seen::of(out.path()))?.html(HtmlOptions::default())?)?;
+        write_text(out.file(VIEW)?, &SceneFiles::of(out.path()).page()?.html(HtmlOptions::default())?)?;
     }
-    let PredictReport { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
-    let figures =
-        json!({"gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks});
-    let figures = serde_json::to_string_pretty(&figures)?;
+    let figures = report.json();
     write_text(out.file(FIGURES)?, &format!("{figures}\n"))?;
     if arguments.json {
         return console.print(&figures);
     }
     let file = |name: &str| arguments.out.join(name).display().to_string();
-    let result = match report.psnr {
-        Some(psnr) => format!(
-            "{} Gaussians, {:.3} per pixel; the input views come back at {psnr:.2} dB\nscene: {}",
-            report.gaussians,
-            report.gaussians_per_pixel,
-            file("scene.ply")
-        ),
-        None => format!("points: {}\ncameras: {}", file("points.ply"), file("transforms.json")),
-    };
     let looks = arguments.light.light.as_ref().map_or(String::new(), |_| format!("\nlooks: {}", file("looks.png")));
     let look = if viewed { format!("\nlook: {}", file(VIEW)) } else { String::new() };
-    console.print(&format!("{result}\noverview: {}{looks}{look}", report.overview.display()))
+    let (text, overview) = (report.text(&arguments.out), report.overview.display());
+    console.print(&format!("{text}\noverview: {overview}{looks}{look}"))
 }
 
 /// Runs the network of a run, of a file of a run's weights, or the one that comes with the program.
@@ -236,8 +219,7 @@ fn own(
     }
     let (mut predictor, seed): (Box<dyn Predictor>, u64) = match (&arguments.run, &arguments.weights) {
         (Some(run), _) => {
-            let folder = RunFolder::at(run);
-            let run = methods::models().of_run(&folder)?.open(&folder)?;
+            let run = methods::models().open_run(&RunFolder::at(run))?;
             (run.predictor, run.seed)
         }
         (None, Some(weights)) => {
@@ -251,7 +233,7 @@ fn own(
     if let Some(remark) = predictor.remark(density) {
         console.note(&format!("warning: {remark}"));
     }
-    let mut predictor = refined(predictor, &arguments.refine, images, rasterizer)?;
+    let mut predictor = arguments.refine.refined(predictor, images, rasterizer)?;
     if arguments.light.light.is_some() && (density != Density::default() || arguments.refine.is_asked()) {
         let message = "--light: expected neither --allocation nor --budget nor --refine with it, found one of them";
         return Err(Failure::Usage(message.into()));
@@ -283,42 +265,11 @@ fn published(
         rasterizer,
         bf16_products: arguments.bf16_products,
     };
-    let (sender, receiver) = mpsc::channel::<published::Progress>();
-    let report = std::thread::scope(|scope| {
-        scope.spawn(move || {
-            let mut progress: Option<Progress> = None;
-            for heard in receiver {
-                let shown = progress.get_or_insert_with(|| Progress::new("infer", 0, heard.total, console));
-                shown.at(heard.done, heard.total, || heard.stage.to_string(), console);
-            }
-            if let Some(progress) = progress {
-                progress.finish();
-            }
-        });
-        let tell = move |progress| {
-            // Sending fails only when the receiving thread is gone, and then there is nothing to show.
-            let _ = sender.send(progress);
-        };
-        // Before the first file is written, Ctrl-C ends the process at once; afterward, once all files are written.
-        published::run(weights, images, &options, out, tell, || {
-            interrupt.watch_after("all files are written");
-        })
-    })?;
+    // Before the first file is written, Ctrl-C ends the process at once; afterward, once all files are written.
+    let writing = || _ = interrupt.watch_after("all files are written");
+    let report = published::run_observed(weights, images, &options, out, &mut ConsoleObserver::new(console), writing)?;
     if interrupt.watch().load(Ordering::Relaxed) {
         return Err(Failure::message("interrupted; the results were complete and are written"));
     }
     Ok(report)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_one_number_or_two() {
-        assert_eq!((size("448"), size("448x252")), (Ok([448, 448]), Ok([252, 448])));
-        for wrong in ["", "x", "448x", "0", "-1", "4.5", "448x252x3", "99999"] {
-            assert!(size(wrong).is_err(), "{wrong}");
-        }
-    }
 }

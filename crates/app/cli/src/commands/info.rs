@@ -1,24 +1,20 @@
 //! `splatweaver info`.
 
-mod json;
-
 use crate::methods;
 use clap::Args;
-use json::of_json;
-use serde_json::Value;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, device};
-use weaver_inference::{Checkpoint, RunFolder};
-use weaver_io::{TorchCheckpoint, read_part, read_text};
+use weaver_inference::RunFolder;
 use weaver_run::Folder;
-use weaver_run::description::{SETTINGS, describe};
+use weaver_run::description::{SETTINGS, describe, describe_table, is_of_results};
+use weaver_trainer::describe_results;
 
 /// Describes a file or a folder.
 ///
-/// Files: photos, clips, pictures of `image fit` (.wgi), scenes in every format, safetensors, PyTorch checkpoints, NPY, NPZ, transforms.json, COLMAP,
-/// RealEstate10K, scans of lidars (.bin, .pcd), TOML, and JSON of results. Folders: runs of train, fit, reconstruct, lidar, image fit, dynamic, vad and
-/// bench compress, COLMAP models, captures, weights, photos.
+/// Files: photos, clips, pictures of `image fit` (.wgi), scenes in every format, safetensors, PyTorch checkpoints, NPY,
+/// NPZ, transforms.json, COLMAP, RealEstate10K, scans of lidars (.bin, .pcd), TOML, and JSON of results. Folders: runs
+/// of train, fit, reconstruct, lidar, image fit, dynamic, vad and bench compress, COLMAP models, captures, weights,
+/// photos.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver info scene.ply
@@ -31,7 +27,7 @@ pub struct Info {
     /// The file, or the folder of a run, of a capture, of weights or of photos
     #[arg(required_unless_present = "devices")]
     pub file: Option<PathBuf>,
-    /// Lists what Gaussians can be drawn on, for --device of other commands
+    /// Lists the devices that Gaussians can be drawn on, for --device of other commands
     #[arg(long, conflicts_with = "file")]
     pub devices: bool,
     /// Lists it as JSON
@@ -46,103 +42,24 @@ pub fn run(arguments: &Info, console: &mut Console) -> Result<(), Failure> {
     }
 }
 
-/// Files of this program's own, and else what weaver-io knows.
+/// Files of this program's own, and else those of weaver-io.
 fn described(path: &Path) -> Result<String, Failure> {
     let run = RunFolder::at(path);
     if run.config_path().is_file() {
-        return of_run(&run);
+        return Ok(methods::models().describe(&run)?);
     }
     if path.join(SETTINGS).is_file() {
         let summary = Some(path.join(Folder::SUMMARY)).filter(|summary| summary.is_file());
-        return Ok(describe(path)? + &summary.map(|summary| of_json(&summary)).transpose()?.unwrap_or_default());
+        return Ok(
+            describe(path)? + &summary.map(|summary| describe_results(&summary)).transpose()?.unwrap_or_default()
+        );
     }
     let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().to_lowercase());
     match name.rsplit_once('.').map_or("", |(_, extension)| extension) {
-        "toml" => of_toml(path),
-        "ckpt" | "pt" | "pth" => of_torch(path),
-        "bin" if !["cameras.bin", "images.bin", "points3d.bin"].contains(&name.as_str()) => of_bin(path),
-        "json" if is_of_results(path)? => of_json(path),
+        "toml" => Ok(describe_table(path)?),
+        "json" if is_of_results(path)? => Ok(describe_results(path)?),
         "wgi" => methods::describe_picture(path),
         _ if path.is_file() && weaver_clip::is_clip(path) => Ok(weaver_clip::info(path)?),
         _ => Ok(weaver_io::info(path)?),
     }
-}
-
-/// True if JSON is no file of cameras, of a scene or of an index of weights.
-fn is_of_results(path: &Path) -> Result<bool, Failure> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    if name == "meta.json" || name.ends_with(".index.json") {
-        return Ok(false);
-    }
-    // What is no JSON is told by those who read cameras, with its place.
-    let value: Option<Value> = serde_json::from_str(&read_text(path)?).ok();
-    Ok(name == "summary.json" || value.is_some_and(|value| value.get("frames").is_none()))
-}
-
-/// A checkpoint of PyTorch, or a scan of a lidar.
-fn of_bin(path: &Path) -> Result<String, Failure> {
-    const ZIP: &[u8] = b"PK";
-    if read_part(path, 0..ZIP.len() as u64).is_ok_and(|start| start == ZIP) {
-        return of_torch(path);
-    }
-    weaver_io::info(path).map_err(|error| match error {
-        weaver_io::Error::Invalid { path, place, expected, found } => {
-            let expected =
-                format!("a checkpoint of PyTorch 1.6 or later (a ZIP archive), or a scan of a lidar: {expected}");
-            weaver_io::Error::Invalid { path, place, expected, found }.into()
-        }
-        error => error.into(),
-    })
-}
-
-fn of_run(run: &RunFolder) -> Result<String, Failure> {
-    let config = methods::models().of_run(run)?.read(run)?;
-    let mut text = format!("run of {}, preset {}\n", config.architecture, config.preset);
-    if run.checkpoint_path().is_file() {
-        let checkpoint = Checkpoint::read(&run.checkpoint_path())?;
-        let _ = writeln!(text, "checkpoint.safetensors: {} of {} steps", checkpoint.step, config.steps);
-    } else {
-        text.push_str("no checkpoint\n");
-    }
-    if run.summary_path().is_file() {
-        text.push_str(&of_json(&run.summary_path())?);
-    }
-    Ok(text)
-}
-
-/// A configuration, checked where it is one of a run, else the tables and keys of the file.
-fn of_toml(path: &Path) -> Result<String, Failure> {
-    let table = weaver_run::settings::read_table(path)?;
-    let mut text = format!("TOML, {} keys\n", table.len());
-    for (key, value) in &table {
-        let value = match value {
-            weaver_run::settings::Value::Table(inner) => format!("{} keys", inner.len()),
-            weaver_run::settings::Value::Array(list) if list.iter().any(|entry| entry.is_table()) => {
-                format!("{} tables", list.len())
-            }
-            value => value.to_string(),
-        };
-        let _ = writeln!(text, "{key}: {value}");
-    }
-    Ok(text)
-}
-
-/// Tensors that are listed.
-const SHOWN: usize = 30;
-
-fn of_torch(path: &Path) -> Result<String, Failure> {
-    let checkpoint = TorchCheckpoint::open(path)?;
-    let tensors = checkpoint.tensors()?;
-    let bytes: usize = tensors.iter().map(|tensor| tensor.bytes()).sum();
-    let mut text = format!("PyTorch checkpoint, {} tensors, {:.3} MB\n", tensors.len(), bytes as f64 / 1e6);
-    for tensor in tensors.iter().take(SHOWN) {
-        let _ = writeln!(text, "{} {} {:?}", tensor.name, tensor.dtype, tensor.shape);
-    }
-    if tensors.len() > SHOWN {
-        let _ = writeln!(text, "and {} others", tensors.len() - SHOWN);
-    }
-    for remark in checkpoint.remarks() {
-        let _ = writeln!(text, "{remark}");
-    }
-    Ok(text)
 }

@@ -7,7 +7,7 @@ use weaver_command::{Console, Failure, Output};
 use weaver_io::{SceneFormat, write_scene};
 use weaver_reconstruct::blocks::{Merged, merge};
 
-/// Joins the fits of the blocks that `splatweaver split` made: of each what lies in its block.
+/// Joins the fits of the blocks that `splatweaver split` made: of each the Gaussians in its block.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver merge blocks -o scene.ply
@@ -19,7 +19,7 @@ pub struct Merge {
     /// The file to write, in the format of its name
     #[arg(short, long, value_name = "FILE", value_parser = Output::file(&[]))]
     pub out: Output,
-    /// Prints what was done as JSON, and nothing else on standard output
+    /// Prints the result as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
 }
@@ -31,12 +31,8 @@ pub fn run(arguments: &Merge, console: &mut Console) -> Result<(), Failure> {
     remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     write_scene(out, &gaussians, drawing)?;
     if arguments.json {
-        let report = json!({
-            "output": out.display().to_string(),
-            "gaussians": gaussians.len(),
-            "fitted": fitted,
-            "background": background,
-        });
+        let (output, gaussians) = (out.display().to_string(), gaussians.len());
+        let report = json!({"output": output, "gaussians": gaussians, "fitted": fitted, "background": background});
         return console.print(&serde_json::to_string_pretty(&report)?);
     }
     let [r, g, b] = background;

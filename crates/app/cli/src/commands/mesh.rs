@@ -5,29 +5,23 @@ use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, DrawingFlags, Failure, Output, Progress, Threads, in_pool, memory};
-use weaver_geometry::trajectory::focus;
-use weaver_geometry::{Camera, Pose};
+use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, memory};
+use weaver_geometry::Camera;
 use weaver_io::ply::write_triangles;
-use weaver_io::{SceneFile, read_scene};
-use weaver_mesh::{DistanceField, DrawnScene, FieldProgress, Mesh, RangeView};
+use weaver_mesh::{DistanceField, DrawnScene, FieldProgress, Mesh, RangeView, SceneScale};
 
 /// Cells of the map of a lidar run, meters.
 const MAP_VOXEL: f64 = 0.1;
-/// The most cells between a camera and what all cameras look at.
-const CELLS: f64 = 256.0;
 /// Cells of the truncation, of a scene and of a map.
 const TRUNCATION: f64 = 5.0;
 const MAP_TRUNCATION: f64 = 3.0;
-/// Distances of the nearest camera from what all look at, beyond which everything is background.
-const FAR: f64 = 2.0;
 /// The largest pieces that are kept, and the least triangles of each.
 const PIECES: (usize, usize) = (50, 50);
 
 /// Makes a mesh of a scene as its cameras see it, or of the map of a lidar run.
 ///
-/// Drawn depth is averaged as truncated signed distances, whose zero level becomes triangles by surface nets; vertices of scenes take the
-/// colors that cameras see, and of their pieces the 50 largest of at least 50 triangles stay.
+/// Drawn depth is averaged as truncated signed distances, whose zero level becomes triangles by surface nets; vertices
+/// of scenes take the colors that cameras see, and of their pieces the 50 largest of at least 50 triangles stay.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver mesh scene -o surface.ply
@@ -37,16 +31,19 @@ pub struct Meshing {
     /// The folder of a result, a file of Gaussians, or the folder of a run of `lidar` that is complete
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
-    /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file [default: the transforms.json of the folder]
+    /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file [default: the transforms.json of
+    /// the folder]
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// The mesh, PLY
     #[arg(short, long, value_name = "FILE", default_value = "mesh.ply", value_parser = Output::file(&["ply"]))]
     out: Output,
-    /// Side of a cell, world units [default: 0.1 m of a map; of a scene a 256th of the cameras' distance, and at least a pixel]
+    /// Side of a cell, world units [default: 0.1 m of a map; of a scene a 256th of the cameras' distance, and at least
+    /// a pixel]
     #[arg(long, value_name = "DISTANCE")]
     voxel: Option<f64>,
-    /// Distance from a camera beyond which everything is background, world units [default: twice the least distance of a camera from what all look at]
+    /// Distance from a camera beyond which everything is background, world units [default: twice the least distance of
+    /// a camera from the point that all look at]
     #[arg(long, value_name = "DISTANCE")]
     far: Option<f64>,
     /// Longest side that photos are shrunk to, for drawing
@@ -56,7 +53,7 @@ pub struct Meshing {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    threads: Threads,
+    pub threads: Threads,
     // Last: its heading would be that of what follows.
     #[command(flatten)]
     drawing: DrawingFlags,
@@ -64,23 +61,21 @@ pub struct Meshing {
 
 pub fn run(arguments: &Meshing, console: &mut Console) -> Result<(), Failure> {
     let Meshing { scene, out, .. } = arguments;
-    in_pool(arguments.threads.count(), || {
-        let file = if scene.is_dir() { scene.join("scene.ply") } else { scene.clone() };
-        let is_map = scene.is_dir() && !file.exists();
-        let (mesh, colors) = match is_map {
-            true => (map_mesh(scene, arguments.voxel.unwrap_or(MAP_VOXEL), console)?, Vec::new()),
-            false => scene_mesh(&file, arguments, console)?,
-        };
-        write_triangles(out, &mesh.vertices, &colors, &mesh.triangles)?;
-        let (vertices, triangles, area) = (mesh.vertices.len(), mesh.triangles.len(), mesh.area());
-        if arguments.json {
-            let area_key = if is_map { "area_m2" } else { "area" };
-            let figures = json!({ "vertices": vertices, "triangles": triangles, area_key: area });
-            return console.print(&serde_json::to_string_pretty(&figures)?);
-        }
-        let (out, unit) = (out.display(), if is_map { "m^2" } else { "square units" });
-        console.print(&format!("{out}: {vertices} vertices, {triangles} triangles, {area:.1} {unit}"))
-    })
+    let file = if scene.is_dir() { scene.join("scene.ply") } else { scene.clone() };
+    let is_map = scene.is_dir() && !file.exists();
+    let (mesh, colors) = match is_map {
+        true => (map_mesh(scene, arguments.voxel.unwrap_or(MAP_VOXEL), console)?, Vec::new()),
+        false => scene_mesh(&file, arguments, console)?,
+    };
+    write_triangles(out, &mesh.vertices, &colors, &mesh.triangles)?;
+    let (vertices, triangles, area) = (mesh.vertices.len(), mesh.triangles.len(), mesh.area());
+    if arguments.json {
+        let area_key = if is_map { "area_m2" } else { "area" };
+        let figures = json!({ "vertices": vertices, "triangles": triangles, area_key: area });
+        return console.print(&serde_json::to_string_pretty(&figures)?);
+    }
+    let (out, unit) = (out.display(), if is_map { "m^2" } else { "square units" });
+    console.print(&format!("{out}: {vertices} vertices, {triangles} triangles, {area:.1} {unit}"))
 }
 
 /// The mesh of the map of a lidar run, as its keyframes see it.
@@ -90,22 +85,17 @@ fn map_mesh(run: &Path, voxel: f64, console: &mut Console) -> Result<Mesh, Failu
 
 /// The mesh of a scene, and the colors of its vertices.
 fn scene_mesh(file: &Path, arguments: &Meshing, console: &mut Console) -> Result<(Mesh, Vec<[u8; 3]>), Failure> {
-    let SceneFile { gaussians, drawing } = read_scene(file)?;
-    let (background, settings) = weaver_command::DrawingOptions::from(arguments.drawing).beside(file, drawing)?;
+    let (gaussians, background, settings) = DrawingOptions::from(arguments.drawing).read(file)?;
     let beside = arguments.scene.is_dir().then(|| arguments.scene.join("transforms.json"));
     let path = arguments.cameras.clone().or(beside.filter(|path| path.exists())).ok_or_else(|| {
         Failure::Usage(format!("{}: expected --cameras with a scene that has none beside it", file.display()))
     })?;
     let frames = camera_files::read(&path, Size::default())?;
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera.shrunk(arguments.long_side as usize)).collect();
-    let distance = distance(&cameras);
-    let scale = distance.or(arguments.far.map(|far| far / FAR)).ok_or_else(|| {
+    let SceneScale { far, voxel } = SceneScale::of(&cameras, arguments.far, arguments.voxel).ok_or_else(|| {
         let path = path.display();
         Failure::Usage(format!("{path}: expected --far with cameras that look at no common point before them"))
     })?;
-    let far = arguments.far.unwrap_or(FAR * scale);
-    let pixels = cameras.iter().map(|camera| camera.intrinsics.fx).fold(0.0, f64::max);
-    let voxel = arguments.voxel.unwrap_or(scale / pixels.min(CELLS));
     let mut scene = DrawnScene::new(&gaussians, background, settings, far).carving();
     let mut progress = Progress::new("mesh", 0, cameras.len(), console);
     for (i, camera) in cameras.iter().enumerate() {
@@ -144,13 +134,4 @@ fn distance_field(
     })?;
     progress.finish();
     Ok(field)
-}
-
-/// The least distance of a camera from the point that all look at, if that is before them.
-fn distance(cameras: &[Camera]) -> Option<f64> {
-    let poses: Vec<Pose> = cameras.iter().map(|camera| camera.pose).collect();
-    let focus = focus(&poses)?;
-    let before = poses.iter().filter(|pose| pose.apply(focus).z > 0.0).count();
-    let nearest = poses.iter().map(|pose| pose.center().distance(focus)).fold(f64::INFINITY, f64::min);
-    (2 * before > poses.len() && nearest > 0.0).then_some(nearest)
 }

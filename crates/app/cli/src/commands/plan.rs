@@ -4,19 +4,21 @@ use super::{Command, fit};
 use crate::command_line::CommandLine;
 use crate::flags::CameraChoice;
 use clap::Args;
-use serde::Deserialize;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, ShellCommand};
 use weaver_data::capture::has_cameras;
 use weaver_io::list_photos;
+use weaver_run::{Work, WorkInput, WorkList};
 
-/// Expands a list of captures into one command a line, each a unit of work for any engine, with the time and memory that it takes.
+/// Expands a list of captures into one command a line, each a unit of work for any engine, with the time and memory
+/// that it takes.
 ///
-/// The list is a TOML file: `[[work]]` with `command` (reconstruct, fit, cameras or infer), `inputs` (captures or folders of photos; a last part `*`
-/// stands for every folder that the command can be given), `out` (each result goes to OUT/NAME) and `flags`. Lines end in a comment with minutes and megabytes where these are known;
-/// every command is checked, and nothing is written. Minutes of a fit of so many steps are measured with --measure.
+/// The list is a TOML file: `[[work]]` with `command` (reconstruct, fit, cameras or infer), `inputs` (captures or
+/// folders of photos; a last part `*` stands for every folder that the command can be given), `out` (each result goes
+/// to OUT/NAME) and `flags`. Lines end in a comment with minutes and megabytes where these are known; every command is
+/// checked, and nothing is written. Minutes of a fit of so many steps are measured with --measure.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver plan list.toml
@@ -41,31 +43,6 @@ pub struct Plan {
     pub json: bool,
 }
 
-/// A list of work.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct List {
-    work: Vec<Work>,
-}
-
-/// One command for many inputs.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Work {
-    command: String,
-    inputs: Vec<PathBuf>,
-    out: PathBuf,
-    #[serde(default)]
-    flags: Vec<String>,
-}
-
-/// An input of a command.
-struct Input {
-    path: PathBuf,
-    /// True if a `*` stands for it.
-    found: bool,
-}
-
 /// A unit of work.
 struct Unit {
     words: Vec<String>,
@@ -76,7 +53,7 @@ struct Unit {
 
 pub fn run(arguments: &Plan, console: &mut Console) -> Result<(), Failure> {
     let path = &arguments.list;
-    let list: List = weaver_run::settings::read_table(path)?.try_into().map_err(|error| {
+    let list: WorkList = weaver_run::settings::read_table(path)?.try_into().map_err(|error| {
         let lines = error.to_string();
         Failure::Usage(format!("{}: {}", path.display(), lines.split_whitespace().collect::<Vec<_>>().join(" ")))
     })?;
@@ -94,15 +71,17 @@ pub fn run(arguments: &Plan, console: &mut Console) -> Result<(), Failure> {
     Ok(())
 }
 
-fn units(path: &Path, list: List, measure: bool, console: &mut Console) -> Result<Vec<Unit>, Failure> {
+fn units(path: &Path, list: WorkList, measure: bool, console: &mut Console) -> Result<Vec<Unit>, Failure> {
     let wrong = |place: String, told: &str| Failure::Usage(format!("{}: {place}: {told}", path.display()));
     let (mut units, mut outs) = (Vec::new(), BTreeSet::new());
-    for (i, Work { command, inputs, out, flags }) in list.work.into_iter().enumerate() {
+    for (i, work) in list.work.into_iter().enumerate() {
+        let inputs = work.expanded();
+        let Work { command, out, flags, .. } = work;
         if !["reconstruct", "fit", "cameras", "infer"].contains(&command.as_str()) {
             let expected = format!("expected reconstruct, fit, cameras or infer, found `{command}`");
             return Err(wrong(format!("work.{i}.command"), &expected));
         }
-        for Input { path: input, found } in expanded(&inputs)? {
+        for WorkInput { path: input, found } in inputs? {
             let out = out.join(input.file_stem().unwrap_or_default());
             let names = [&input, &out].map(|path| path.display().to_string());
             let mut words = ["splatweaver", &command, &names[0], "-o", &names[1], "--if-complete", "skip"]
@@ -135,24 +114,6 @@ fn units(path: &Path, list: List, measure: bool, console: &mut Console) -> Resul
         }
     }
     Ok(units)
-}
-
-/// The inputs, in order; a last part `*` stands for every folder there.
-fn expanded(inputs: &[PathBuf]) -> Result<Vec<Input>, Failure> {
-    let mut all = Vec::new();
-    for input in inputs {
-        let Some(parent) = input.to_str().and_then(|text| text.strip_suffix('*')).map(Path::new) else {
-            all.push(Input { path: input.clone(), found: false });
-            continue;
-        };
-        let entries =
-            std::fs::read_dir(parent).map_err(|source| weaver_io::Error::Io { path: parent.into(), source })?;
-        let mut folders: Vec<PathBuf> = entries.filter_map(Result::ok).map(|entry| entry.path()).collect();
-        folders.retain(|path| path.is_dir());
-        folders.sort();
-        all.extend(folders.into_iter().map(|path| Input { path, found: true }));
-    }
-    Ok(all)
 }
 
 /// Why a folder that a `*` stands for is nothing that the command can be given; `None` where it is.

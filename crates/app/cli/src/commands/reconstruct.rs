@@ -1,15 +1,13 @@
 //! `splatweaver reconstruct`.
 
 use super::fit;
-use crate::flags::{
-    ClipFlags, CompleteFlag, MaskFlags, MaskedFlag, MatchingFlags, PlacingFlags, hold_out, level, minutes,
-};
+use crate::flags::{CompleteFlag, EstimateFlags, MaskedFlag, level, minutes};
+use clap::Args;
 use clap::builder::ArgPredicate;
-use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use weaver_command::{Console, ConsoleObserver, Failure, Interrupt, LiveFlag, Output, Threads, in_pool};
+use weaver_command::{Console, ConsoleObserver, Failure, Interrupt, LiveFlag, Output, Threads, choice};
 use weaver_data::capture::HoldOut;
-use weaver_reconstruct::{Photos, Request, reconstruct};
+use weaver_reconstruct::{Photos, Quality, Request, reconstruct};
 use weaver_view_run::Listener;
 
 /// Heading of the flags of a fit.
@@ -17,10 +15,11 @@ const FIT: &str = "Fit";
 
 /// A scene from a folder of photos, or a video, and nothing else.
 ///
-/// A capture's own cameras are taken where there are any; else they are estimated. Then Gaussians are fitted to the photos. Writes
-/// scene.ply, cameras, summary.json and report.html, and with estimated cameras the folder `cameras` as `splatweaver cameras` does.
-/// Photos overlap best when each place is seen in three of them or more, from places that are apart. Of a clip (MP4, MOV, MKV, WebM, AVI
-/// and what else ffmpeg reads) sharp frames become photos, as many steps of the camera apart; they are written to the folder `frames`.
+/// A capture's own cameras are taken where there are any; else they are estimated. Then Gaussians are fitted to the
+/// photos. Writes scene.ply, cameras, summary.json and report.html, and with estimated cameras the folder `cameras` as
+/// `splatweaver cameras` does. Photos overlap best when each place is seen in three of them or more, from places that
+/// are apart. Of a clip (MP4, MOV, MKV, WebM, AVI and others that ffmpeg reads) sharp frames become photos, as many
+/// steps of the camera apart; they are written to the folder `frames`.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver reconstruct --demo -o scene                      photos that come with the program
@@ -39,18 +38,22 @@ pub struct Reconstruct {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
     pub out: Output,
-    /// Time for all of it, and size of the photos; a fit ends early once it has used each photo 200 times, or 40 times where they are larger than the least. It takes longer where matching leaves less than a quarter of the time, which the fit gets all the same, or where 200 steps do
-    #[arg(long, value_enum, default_value_t = Quality::Normal, default_value_if("demo", ArgPredicate::Equals("true".into()), "draft"), help_heading = FIT)]
+    /// Time for all of it, and size of the photos; a fit ends early once it has used each photo 200 times, or 40 times
+    /// where they are larger than the least. It takes longer where matching leaves less than a quarter of the time,
+    /// which the fit gets all the same, or where 200 steps do
+    #[arg(long, value_parser = choice(&QUALITIES), default_value = "normal", default_value_if("demo", ArgPredicate::Equals("true".into()), "draft"), help_heading = FIT)]
     pub quality: Quality,
-    /// Time for all of it, matching included, which is used up; the fit gets at least a quarter of it and 200 steps, whatever matching took [default: the quality's]
-    #[arg(long, value_name = "M", value_parser = minutes, help_heading = FIT)]
+    /// Time for all of it, matching included, which is used up; the fit gets at least a quarter of it and 200 steps,
+    /// whatever matching took [default: the quality's]
+    #[arg(long, value_name = "M", value_parser = minutes(), help_heading = FIT)]
     pub minutes: Option<f64>,
-    /// The most Gaussians there may be [default: as many as the time can put in place, at most 0.4 for each pixel of a photo]
+    /// The most Gaussians there may be [default: as many as the time can put in place, at most 0.4 for each pixel of a
+    /// photo]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = FIT)]
     pub gaussians: Option<u32>,
-    /// Which photos are not shown to the fit, which is judged by them: none; those that a capture lists, or every eighth where none are
-    /// listed; or every so many
-    #[arg(long, value_name = "listed|none|N", value_parser = hold_out, default_value = "none", help_heading = FIT)]
+    /// Which photos are not shown to the fit, which is judged by them: none; those that a capture lists, or every
+    /// eighth where none are listed; or every so many
+    #[arg(long, value_name = "listed|none|N", default_value = "none", help_heading = FIT)]
     pub hold_out: HoldOut,
     /// Seed of everything that is drawn at random
     #[arg(long, value_name = "S", default_value_t = 0, help_heading = FIT)]
@@ -58,8 +61,9 @@ pub struct Reconstruct {
     /// Prints the result as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
-    /// Also writes scene.wsz, at a level from 0, the finest, to 3, and fits the last fifth of the run with its rounding in place, without Gaussians that are not worth their bits
-    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "0.25", value_parser = level)]
+    /// Also writes scene.wsz, at a level from 0, the finest, to 3, and fits the last fifth of the run with its rounding
+    /// in place, without Gaussians that are not worth their bits
+    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "0.25", value_parser = level())]
     pub compress: Option<f64>,
     /// Writes no view.html, the page to look at the scene
     #[arg(long)]
@@ -67,13 +71,7 @@ pub struct Reconstruct {
     #[command(flatten)]
     pub live: LiveFlag,
     #[command(flatten)]
-    pub clip: ClipFlags,
-    #[command(flatten)]
-    pub matching: MatchingFlags,
-    #[command(flatten)]
-    pub placing: PlacingFlags,
-    #[command(flatten)]
-    pub masks: MaskFlags,
+    pub estimate: EstimateFlags,
     #[command(flatten)]
     pub masked: MaskedFlag,
     #[command(flatten)]
@@ -82,60 +80,42 @@ pub struct Reconstruct {
     pub threads: Threads,
 }
 
-/// The purpose of a reconstruction.
-#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
-pub enum Quality {
-    /// A look: half a minute for up to some 50 photos, longer for more, at most 384 pixels
-    Draft,
-    /// Five minutes, 800 to 1600 pixels, as time allows
-    Normal,
-    /// Twenty minutes, 800 to 1600 pixels, as time allows
-    Fine,
-    /// As long as held-out photos gain from twice the steps and Gaussians, hours if need be; up to 1600 pixels. Every eighth photo is held out for that, or every sixteenth of 64 and more, unless --hold-out chooses
-    Best,
-}
-
-impl From<Quality> for weaver_reconstruct::Quality {
-    fn from(quality: Quality) -> Self {
-        match quality {
-            Quality::Draft => Self::Draft,
-            Quality::Normal => Self::Normal,
-            Quality::Fine => Self::Fine,
-            Quality::Best => Self::Best,
-        }
-    }
-}
+/// Purposes of a reconstruction.
+const QUALITIES: [(&str, Quality, &str); 4] = [
+    ("draft", Quality::Draft, "A look: half a minute for up to some 50 photos, longer for more, at most 384 pixels"),
+    ("normal", Quality::Normal, "Five minutes, 800 to 1600 pixels, as time allows"),
+    ("fine", Quality::Fine, "Twenty minutes, 800 to 1600 pixels, as time allows"),
+    (
+        "best",
+        Quality::Best,
+        "As long as held-out photos gain from twice the steps and Gaussians, hours if need be; up to 1600 pixels. Every eighth photo is held out for that, or every sixteenth of 64 and more, unless --hold-out chooses",
+    ),
+];
 
 impl Reconstruct {
     /// Minutes of all of it, if they are bounded.
     pub fn minutes(&self) -> Option<f64> {
-        self.minutes.or(weaver_reconstruct::Quality::from(self.quality).minutes())
+        self.minutes.or(self.quality.minutes())
     }
 }
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || make(arguments, console, interrupt))
-}
-
-fn make(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let photos = if arguments.demo { Photos::Demo } else { Photos::at(&arguments.photos) };
     if let Photos::Capture(_) = photos {
-        arguments.matching.check_unused("a capture with cameras of its own")?;
-        arguments.clip.check_unused("a capture with cameras of its own")?;
-        arguments.placing.check_unused("a capture with cameras of its own")?;
+        arguments.estimate.check_unused("a capture with cameras of its own")?;
     }
     let request = Request {
-        quality: arguments.quality.into(),
+        quality: arguments.quality,
         minutes: arguments.minutes,
         gaussians: arguments.gaussians.map(|gaussians| gaussians as usize),
         hold_out: arguments.hold_out,
         seed: arguments.seed,
         compress: arguments.compress,
         html: !arguments.no_html,
-        frames: arguments.clip.most(),
-        matching: arguments.matching.into(),
-        placing: (&arguments.placing).into(),
-        masks: arguments.masks.options(),
+        frames: arguments.estimate.clip.most(),
+        matching: arguments.estimate.matching.into(),
+        placing: (&arguments.estimate.placing).into(),
+        masks: arguments.estimate.masks.options(),
         masked: arguments.masked.masked.unwrap_or_default(),
         live: Listener::of(arguments.live)?,
         ..Request::new(&*arguments.out)
@@ -143,27 +123,4 @@ fn make(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -
     let outcome = reconstruct(&photos, &request, &mut ConsoleObserver::interruptible(console, interrupt))?;
     fit::conclude(&outcome, interrupt);
     fit::print(&outcome, &arguments.out, arguments.json, console)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use clap::Parser;
-
-    #[derive(Parser)]
-    struct Line {
-        #[command(flatten)]
-        arguments: Reconstruct,
-    }
-
-    /// Promise (scenes): a reconstruction has the quality that its help names: five minutes, and half a minute of the
-    /// photos that come with the program.
-    #[test]
-    fn photos_of_ones_own_get_the_usual_quality() {
-        let quality = |line: &str| Line::parse_from(line.split(' ')).arguments.quality;
-        assert_eq!(quality("reconstruct photos -o scene"), Quality::Normal);
-        assert_eq!(quality("reconstruct photos -o scene --minutes 3"), Quality::Normal);
-        assert_eq!(quality("reconstruct --demo -o scene"), Quality::Draft);
-        assert_eq!(quality("reconstruct --demo -o scene --quality fine"), Quality::Fine);
-    }
 }

@@ -1,15 +1,12 @@
 //! `splatweaver render`.
 
 use clap::{ArgGroup, Args};
-use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-use weaver_clip::{Film, Gif, VIDEOS, Video, WebP};
+use weaver_clip::{Film, Gif, PictureSink, VIDEOS, Video, WebP};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{
-    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, in_pool,
-    memory, rate,
+    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, memory, rate,
 };
-use weaver_geometry::Camera;
 use weaver_io::{Image, OutputFolder, SceneFile, read_scene};
 use weaver_scene::{CameraPath, Frame, Gaussians, middle};
 use weaver_splat::Renderer;
@@ -57,7 +54,7 @@ pub struct Render {
     #[arg(long, value_name = "FILE.webp", value_parser = Output::file(&["webp"]))]
     pub webp: Option<Output>,
     /// Pictures of the video, GIF or WebP per second
-    #[arg(long, value_name = "F", default_value = "30", value_parser = rate, requires = "film")]
+    #[arg(long, value_name = "F", default_value = "30", value_parser = rate(), requires = "film")]
     pub fps: f64,
     /// Width in pixels; intrinsics follow [default: the cameras', or 640 for an orbit]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
@@ -85,10 +82,6 @@ const PATHS: [(&str, CameraPath, &str); 3] = [
 const WIDTH: usize = 640;
 
 pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
-    in_pool(arguments.threads.count(), || draw(arguments, console))
-}
-
-fn draw(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let read: Vec<&Path> = std::iter::once(&arguments.scene).chain(&arguments.cameras).map(PathBuf::as_path).collect();
     let out = arguments.out.as_ref().map(|folder| OutputFolder::claim(folder, "render", &read)).transpose()?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
@@ -114,85 +107,47 @@ fn draw(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
         memory::of_pictures(&cameras, at_once),
         "a smaller --width and --height, or fewer --threads, reduce it",
     )?;
-    let mut output = Sink::create(arguments, out.as_ref(), &cameras)?;
+    let mut output = PictureSink { folder: out.as_ref(), films: films(arguments, &cameras)? };
     let activated = gaussians.to_activated();
     let mut progress = Progress::new("render", 0, cameras.len(), console);
-    let jobs: Vec<_> = cameras.iter().zip(&stems).collect();
-    let (mut done, mut waiting) = (0, Vec::new());
-    // All threads draw one picture after the other, while earlier pictures are written, one per thread.
-    for group in jobs.chunks(at_once.max(1)) {
-        let draw = || -> Result<Vec<_>, Failure> {
-            let mut drawn = Vec::new();
-            for (view, stem) in group {
-                let camera = std::slice::from_ref(&view.camera);
-                let pixels = renderer.render(&activated, camera, background, &settings)?;
-                let Camera { width, height, .. } = view.camera;
-                drawn.push((stem.as_str(), Image { width, height, pixels: pixels.concat() }));
-                done += 1;
-                progress.at(done, cameras.len(), String::new, console);
-            }
-            Ok(drawn)
-        };
-        let (drawn, written) = rayon::join(draw, || output.write(&waiting));
-        written?;
-        waiting = drawn?;
-    }
-    output.write(&waiting)?;
+    output.fill(&stems, at_once, |i| -> Result<Image, Failure> {
+        let camera = cameras[i].camera;
+        let pixels = renderer.render(&activated, &[camera], background, &settings)?.concat();
+        progress.at(i + 1, cameras.len(), String::new, console);
+        Ok(Image { width: camera.width, height: camera.height, pixels })
+    })?;
     progress.finish();
-    console.print(&format!("pictures: {} of {} Gaussians, in {}", cameras.len(), gaussians.len(), output.finish()?))
+    let places: Vec<String> = output.finish()?.iter().map(|path| path.display().to_string()).collect();
+    let places = places.join(" and ");
+    console.print(&format!("pictures: {} of {} Gaussians, in {places}", cameras.len(), gaussians.len()))
 }
 
 /// Pictures that wait to be written.
 const MOST_WAITING: usize = 8;
 
-/// Where the pictures go.
-struct Sink<'a> {
-    folder: Option<&'a OutputFolder>,
-    films: Vec<Box<dyn Film>>,
-}
-
-impl<'a> Sink<'a> {
-    fn create(arguments: &Render, folder: Option<&'a OutputFolder>, cameras: &[Frame]) -> Result<Self, Failure> {
-        let Render { video, gif, webp, fps, .. } = arguments;
-        let size = |view: &Frame| (view.camera.width, view.camera.height);
-        let first = cameras.first().map(size).unwrap_or_default();
-        let flags = [("--video", video), ("--gif", gif), ("--webp", webp)];
-        let flag = flags.iter().find(|(_, path)| path.is_some());
-        let other = cameras.iter().map(size).find(|other| *other != first);
-        if let (Some(other), Some((flag, _))) = (other, flag) {
-            let sizes = format!("{}x{} and {}x{}", first.0, first.1, other.0, other.1);
-            return Err(Failure::Usage(format!("{flag}: pictures of {sizes}; --width and --height make them equal")));
-        }
-        let mut films: Vec<Box<dyn Film>> = Vec::new();
-        if let Some(path) = video {
-            films.push(Box::new(Video::create(path, first, *fps)?));
-        }
-        if let Some(path) = gif {
-            films.push(Box::new(Gif::create(path, first, *fps)?));
-        }
-        if let Some(path) = webp {
-            films.push(Box::new(WebP::create(path, first, *fps)?));
-        }
-        Ok(Self { folder, films })
+/// Opens the files of moving pictures.
+fn films(arguments: &Render, cameras: &[Frame]) -> Result<Vec<Box<dyn Film>>, Failure> {
+    let Render { video, gif, webp, fps, .. } = arguments;
+    let size = |view: &Frame| (view.camera.width, view.camera.height);
+    let first = cameras.first().map(size).unwrap_or_default();
+    let flags = [("--video", video), ("--gif", gif), ("--webp", webp)];
+    let flag = flags.iter().find(|(_, path)| path.is_some());
+    let other = cameras.iter().map(size).find(|other| *other != first);
+    if let (Some(other), Some((flag, _))) = (other, flag) {
+        let sizes = format!("{}x{} and {}x{}", first.0, first.1, other.0, other.1);
+        return Err(Failure::Usage(format!("{flag}: pictures of {sizes}; --width and --height make them equal")));
     }
-
-    /// Writes pictures with these names.
-    fn write(&mut self, pictures: &[(&str, Image)]) -> Result<(), Failure> {
-        if let Some(folder) = self.folder {
-            let write = |(stem, image): &(&str, Image)| image.write_png(folder.file(format!("{stem}.png"))?);
-            pictures.par_iter().try_for_each(write)?;
-        }
-        let push = |film: &mut Box<dyn Film>| pictures.iter().try_for_each(|(_, image)| film.push(image));
-        Ok(self.films.par_iter_mut().try_for_each(push)?)
+    let mut films: Vec<Box<dyn Film>> = Vec::new();
+    if let Some(path) = video {
+        films.push(Box::new(Video::create(path, first, *fps)?));
     }
-
-    /// Prints where the results are.
-    fn finish(self) -> Result<String, Failure> {
-        let folder = self.folder.map(|folder| Ok(folder.path().to_path_buf()));
-        let files = folder.into_iter().chain(self.films.into_iter().map(|film| film.finish()));
-        let files = files.map(|path| Ok(path?.display().to_string())).collect::<Result<Vec<_>, Failure>>()?;
-        Ok(files.join(" and "))
+    if let Some(path) = gif {
+        films.push(Box::new(Gif::create(path, first, *fps)?));
     }
+    if let Some(path) = webp {
+        films.push(Box::new(WebP::create(path, first, *fps)?));
+    }
+    Ok(films)
 }
 
 /// Cameras on a circle around the scene; `None` of a scene without Gaussians.

@@ -1,18 +1,18 @@
 //! `splatweaver split`.
 
-use crate::flags::hold_out;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use weaver_command::{Console, Failure, Output, ShellCommand, fraction};
+use weaver_command::{Console, Failure, Output, fraction, number};
 use weaver_data::OutputFolder;
 use weaver_data::capture::HoldOut;
-use weaver_reconstruct::blocks::{BlockCount, BlockFile, Split as Cut, SplitOptions, split};
+use weaver_reconstruct::blocks::{BlockCount, BlockFile, SplitOptions, split};
 
 /// Cuts a capture that is too large for one fit into blocks, each a capture of its own.
 ///
-/// Upright planes cut the points into blocks of equally many; a block has the photos of which enough lies in it, and the points that these see. Prints
-/// the command that fits each block, one a line, for any machine that sees the photos; `splatweaver merge` joins the fits.
+/// Upright planes cut the points into blocks of equally many; a block has the photos that see enough of it, and
+/// the points that these see. Prints the command that fits each block, one a line, for any machine that sees the
+/// photos; `splatweaver merge` joins the fits.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver split street --blocks 4 -o blocks
@@ -27,13 +27,13 @@ pub struct Split {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000), required_unless_present = "memory", conflicts_with = "memory")]
     pub blocks: Option<u16>,
     /// As few blocks as take so many gigabytes each
-    #[arg(long, value_name = "GB", value_parser = gigabytes)]
+    #[arg(long, value_name = "GB", value_parser = number(1e-3..=1e6, "expected gigabytes above 0"))]
     pub memory: Option<f64>,
     /// Folder for the blocks
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
     pub out: Output,
     /// Part of the points that a photo sees which makes it the block's where they lie in it
-    #[arg(long, value_name = "SHARE", default_value_t = SHARE, value_parser = fraction)]
+    #[arg(long, value_name = "SHARE", default_value_t = SHARE, value_parser = fraction())]
     pub share: f64,
     /// Gaussians of the whole scene [default: for each block as many as `fit` takes]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -41,11 +41,12 @@ pub struct Split {
     /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=65_536))]
     pub long_side: Option<u32>,
-    /// Which photos are held out: those that the capture lists, or every eighth where it lists none; no photo; or every so many
-    /// [default: listed]
-    #[arg(long, value_name = "listed|none|N", value_parser = hold_out)]
+    /// Which photos are held out: those that the capture lists, or every eighth where it lists none; no photo; or every
+    /// so many [default: listed]
+    #[arg(long, value_name = "listed|none|N")]
     pub hold_out: Option<HoldOut>,
-    /// Leaves out what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
+    /// Leaves out pixels that are black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or
+    /// its alpha
     #[arg(long)]
     pub masks: bool,
     /// Prints the blocks as JSON, and nothing else on standard output
@@ -53,12 +54,8 @@ pub struct Split {
     pub json: bool,
 }
 
-/// A photo is a block's if this part of what it sees lies there.
+/// Part of the points that a photo sees which makes it a block's where they lie in it.
 const SHARE: f64 = 0.05;
-
-fn gigabytes(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|size| (1e-3..=1e6).contains(size)).ok_or_else(|| "expected gigabytes above 0".into())
-}
 
 pub fn run(arguments: &Split, console: &mut Console) -> Result<(), Failure> {
     let is_plain = |name: &str| !name.contains(char::is_control);
@@ -92,24 +89,9 @@ pub fn run(arguments: &Split, console: &mut Console) -> Result<(), Failure> {
         ));
     }
     if arguments.json {
-        return console.print(&serde_json::to_string_pretty(&json!({
-            "blocks": found.blocks,
-            "background": found.background,
-        }))?);
+        let report = json!({"blocks": found.blocks, "background": found.background});
+        return console.print(&serde_json::to_string_pretty(&report)?);
     }
-    found.blocks.iter().try_for_each(|block| console.print(&command(&found, block, arguments).to_string()))
-}
-
-/// The command that fits a block.
-fn command(found: &Cut, block: &BlockFile, arguments: &Split) -> ShellCommand {
-    let folder = arguments.out.join(block.folder());
-    let [r, g, b] = found.background;
-    let fit = ShellCommand::new("splatweaver fit").path(folder.join(BlockFile::CAPTURE));
-    let fit = fit.then("-o").path(folder.join(BlockFile::FIT)).then("--gaussians").word(block.gaussians.to_string());
-    let fit = fit.then("--background").word(format!("{r:.3},{g:.3},{b:.3}"));
-    let fit = match arguments.long_side {
-        Some(side) => fit.then("--long-side").word(side.to_string()),
-        None => fit,
-    };
-    if arguments.masks { fit.then("--masks") } else { fit }
+    let command = |block| found.fit_command(block, &arguments.out, &options).to_string();
+    found.blocks.iter().try_for_each(|block| console.print(&command(block)))
 }

@@ -11,8 +11,7 @@ use weaver_command::{
 };
 use weaver_inference::RunFolder;
 use weaver_trainer::{
-    CURVES, ConfigSource, Error, Folder, Observer, Ranks, ResolvedConfig, StepReport, Summary, Training, claim_run,
-    reclaim_run,
+    CURVES, ConfigSource, Folder, Ranks, ResolvedConfig, StepReport, Summary, Training, claim_run, reclaim_run,
 };
 use weaver_view_run::{Listener, LiveRun, LiveView, Server, live};
 
@@ -41,14 +40,15 @@ pub struct Train {
     /// Folder of a capture (COLMAP, transforms.json, NeRF-synthetic, RealEstate10K); may be repeated
     #[arg(long, value_name = "DIR", help_heading = "Data")]
     pub data: Vec<PathBuf>,
-    /// For --data of photos without cameras: a published checkpoint, VGGT's or SplatWeaver's, from which they get cameras and depth;
-    /// what it says is kept beside the photos, in teacher.safetensors
+    /// For --data of photos without cameras: a published checkpoint, VGGT's or SplatWeaver's, from which they get
+    /// cameras and depth; both are kept beside the photos, in teacher.safetensors
     #[arg(long, value_name = "FILE", requires = "data", help_heading = "Data")]
     pub teacher: Option<PathBuf>,
     /// The model to train [default: splatweaver]
     #[arg(long, value_name = "NAME", help_heading = CONFIGURATION)]
     pub model: Option<String>,
-    /// Where the configuration starts from: micro, tiny, tiny-endless, tiny-published, tiny-dagger, small or medium [default: the file's, or tiny]
+    /// Where the configuration starts from: micro, tiny, tiny-endless, tiny-published, tiny-dagger, small or medium
+    /// [default: the file's, or tiny]
     #[arg(long, help_heading = CONFIGURATION)]
     pub preset: Option<String>,
     /// Configuration file (TOML) between the preset and the flags; `splatweaver config` prints one to start from
@@ -57,8 +57,8 @@ pub struct Train {
     /// Sets a configuration value by its path, list entries by number; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE", help_heading = CONFIGURATION)]
     pub settings: Vec<String>,
-    /// Steps in all; the stages are rescaled in proportion. With --resume: the last stage becomes longer, and its rate follows the
-    /// longer cosine from then on
+    /// Steps in all; the stages are rescaled in proportion. With --resume: the last stage becomes longer, and its rate
+    /// follows the longer cosine from then on
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = CONFIGURATION)]
     pub steps: Option<u32>,
     /// Seed of weights, data order and noise
@@ -67,8 +67,8 @@ pub struct Train {
     /// Folder of the run [default: the first free runs/PRESET-N]
     #[arg(short, long, value_name = "DIR", help_heading = RUN, value_parser = Output::folder())]
     pub out: Option<Output>,
-    /// Starts from the averaged weights of this run or checkpoint, of whichever model, from a published checkpoint, or with `built-in` from
-    /// those that come with the program, as far as they fit; what was taken is said
+    /// Starts from the averaged weights of this run or checkpoint, of whichever model, from a published checkpoint, or
+    /// with `built-in` from those that come with the program, as far as they fit; the weights that were taken are named
     #[arg(long, value_name = "built-in|RUN|FILE", help_heading = RUN)]
     pub init: Option<PathBuf>,
     /// Goes on with this run, with its own configuration
@@ -77,8 +77,8 @@ pub struct Train {
     /// Threads. Does not change results [default: the configuration's, or one per core]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS), help_heading = RUN)]
     pub threads: Option<u16>,
-    /// Measures what the run would take (parameters, activations, optimizer, peak) on a few steps of each stage, and writes
-    /// nothing
+    /// Measures the memory of the run (parameters, activations, optimizer, peak) on a few steps of each stage, and
+    /// writes nothing
     #[arg(long, conflicts_with_all = ["out", "trace", "live"], help_heading = MEASURING)]
     pub dry_run: bool,
     /// Writes every op of one step of each stage into this file, in Chrome's trace format (chrome://tracing, Perfetto)
@@ -123,24 +123,47 @@ fn run_in(
     };
     let registry = methods::models();
     let rasterizer = device::rasterizer(&arguments.device)?;
-    if let Some(path) = &arguments.resume {
-        let folder = RunFolder::at(path);
-        let entry = registry.of_run(&folder)?;
-        let config = entry.read(&folder)?;
-        check_trace(arguments, &config)?;
-        let claimed = writes.then(|| reclaim_run(path)).transpose()?;
-        return in_pool(arguments.threads.map(usize::from).or(config.threads), || {
-            let mut session = entry.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
-            session.draw_by(rasterizer);
-            let Some(session) = joined(session)? else { return Ok(()) };
-            let Some(claimed) = &claimed else {
-                return dry_run(session, &config, console);
-            };
-            train(session, claimed, arguments, listener, console, interrupt)
-        });
+    let resumed = arguments.resume.as_deref().map(RunFolder::at);
+    let (entry, config) = match &resumed {
+        Some(folder) => {
+            let entry = registry.of_run(folder)?;
+            (entry, entry.read(folder)?)
+        }
+        None => {
+            let entry = registry.find(arguments.model.as_deref())?;
+            (entry, entry.resolve(&source(arguments))?)
+        }
+    };
+    if let Some(trace) = &arguments.trace {
+        weaver_io::check_output_file(trace, &config.inputs)?;
     }
-    let entry = registry.find(arguments.model.as_deref())?;
-    let config = entry.resolve(&ConfigSource {
+    // Claimed before anything is read; nothing is left behind when the data cannot be.
+    let claim = || match (&arguments.resume, &arguments.out) {
+        (Some(path), _) => reclaim_run(path),
+        (None, Some(out)) => claim_run(out, &config),
+        (None, None) => claim_run(&Folder::free(Path::new("runs"), &config.preset), &config),
+    };
+    let claimed = writes.then(claim).transpose()?;
+    in_pool(arguments.threads.map(usize::from).or(config.threads), || {
+        let mut session = match &resumed {
+            Some(folder) => entry.resume(folder, arguments.steps.map(|steps| steps as usize))?,
+            None => entry.start(&config)?,
+        };
+        session.draw_by(rasterizer);
+        let Some(session) = joined(session)? else { return Ok(()) };
+        let Some(claimed) = &claimed else {
+            return dry_run(session, &config, console);
+        };
+        if resumed.is_none() {
+            claimed.store_text(&config.toml)?;
+        }
+        train(session, claimed, arguments, listener, console, interrupt)
+    })
+}
+
+/// Sources of the configuration of a new run.
+fn source(arguments: &Train) -> ConfigSource {
+    ConfigSource {
         preset: arguments.preset.clone(),
         file: arguments.config.clone(),
         settings: arguments.settings.clone(),
@@ -150,34 +173,14 @@ fn run_in(
         seed: arguments.seed,
         threads: arguments.threads.map(usize::from),
         steps: arguments.steps.map(|steps| steps as usize),
-    })?;
-    let path =
-        arguments.out.as_deref().map_or_else(|| Folder::free(Path::new("runs"), &config.preset), Path::to_path_buf);
-    check_trace(arguments, &config)?;
-    // Claimed before anything is read; nothing is left behind when the data cannot be.
-    let claimed = writes.then(|| claim_run(&path, &config)).transpose()?;
-    in_pool(config.threads, || {
-        let mut session = entry.start(&config)?;
-        session.draw_by(rasterizer);
-        let Some(session) = joined(session)? else { return Ok(()) };
-        let Some(claimed) = &claimed else {
-            return dry_run(session, &config, console);
-        };
-        claimed.store_text(&config.toml)?;
-        train(session, claimed, arguments, listener, console, interrupt)
-    })
+    }
 }
 
-/// Checks that the file of a trace can be written.
-fn check_trace(arguments: &Train, config: &ResolvedConfig) -> Result<(), Failure> {
-    Ok(arguments.trace.as_ref().map_or(Ok(()), |path| weaver_io::check_output_file(path, &config.inputs))?)
-}
-
-/// Measures what the run would take. Nothing is left behind.
+/// Measures the resources of the run. Nothing is left behind.
 fn dry_run(session: Box<dyn Training>, config: &ResolvedConfig, console: &mut Console) -> Result<(), Failure> {
     console.print(session.plan().trim_end())?;
     let path = std::env::temp_dir().join(format!("splatweaver-dry-run-{}", std::process::id()));
-    // With a folder for temporary files that is not there.
+    // The folder for temporary files itself may not exist.
     let made: Vec<&Path> = path.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists()).skip(1).collect();
     let folder = claim_run(&path, config)?;
     let measured = session.dry_run(&folder);
@@ -217,11 +220,14 @@ fn train(
     let (names, showing) = (&CURVES, LiveView::Pictures(&samples));
     let followed = LiveRun { folder: folder.path(), steps: total, names, showing, stop };
     let server = listener.map(|listener| Server::of_run(&path, followed, listener)).transpose()?;
-    let progress = Progress::new("train", done, total, console);
     let summary = live(server, console, |console| {
-        let mut shown = Shown { progress, label, total, console };
-        let result = session.train(folder, &mut shown, stop);
-        shown.progress.finish();
+        let mut progress = Progress::new("train", done, total, console);
+        let mut show = |report: &StepReport| {
+            progress.at(report.step, total, || label(report), console);
+            Ok(())
+        };
+        let result = session.train(folder, &mut show, stop);
+        progress.finish();
         result
     })?;
     report(&summary, folder, arguments.json, console)
@@ -243,20 +249,4 @@ fn report(summary: &Summary, folder: &Folder, json: bool, console: &mut Console)
         console.print(&evaluation.table())?;
     }
     console.print(&format!("report: {}", folder.path().join(Folder::REPORT).display()))
-}
-
-/// Shows each step.
-struct Shown<'a, 'c> {
-    progress: Progress,
-    label: fn(&StepReport) -> String,
-    total: usize,
-    console: &'a mut Console<'c>,
-}
-
-impl Observer for Shown<'_, '_> {
-    fn step(&mut self, report: &StepReport) -> Result<(), Error> {
-        let label = self.label;
-        self.progress.at(report.step, self.total, || label(report), self.console);
-        Ok(())
-    }
 }

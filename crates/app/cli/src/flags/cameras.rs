@@ -32,12 +32,14 @@ impl FromStr for CameraChoice {
     }
 }
 
-impl CameraChoice {
-    /// The file or folder, if it is one.
-    pub fn file(self) -> Option<PathBuf> {
-        if let Self::File(path) = self { Some(path) } else { None }
+/// The file or folder, if it is one.
+impl From<CameraChoice> for Option<PathBuf> {
+    fn from(choice: CameraChoice) -> Self {
+        if let CameraChoice::File(path) = choice { Some(path) } else { None }
     }
+}
 
+impl CameraChoice {
     /// The refusal of a choice that a command does not accept; `expected` lists the accepted ones.
     pub fn refused(&self, expected: &str) -> Failure {
         let found = match self {

@@ -7,11 +7,11 @@ use std::path::PathBuf;
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Light, for runs of --model wild")]
 pub struct LightFlags {
-    /// Shows the place in the light of this photo, which need not be one of it; looks.png is a strip of renders [default: that of the
-    /// first photo]
+    /// Shows the place in the light of this photo, which need not be one of it; looks.png is a strip of renders
+    /// [default: the first photo's]
     #[arg(long, value_name = "PHOTO")]
     pub light: Option<PathBuf>,
-    /// Changes the light from --light to that of this photo: a PLY for each step in the folder looks
+    /// Changes the light from --light to this photo's: a PLY for each step in the folder looks
     #[arg(long, value_name = "PHOTO", requires = "light")]
     pub to: Option<PathBuf>,
     /// Steps from --light to --to, both included

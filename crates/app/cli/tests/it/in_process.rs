@@ -22,6 +22,13 @@ pub fn splatweaver(arguments: &[&dyn AsRef<OsStr>]) -> Outcome {
     Outcome { code, stdout: text(stdout), stderr: text(stderr) }
 }
 
+/// Runs `splatweaver` with the words of these parts, which spaces separate.
+pub fn line(parts: &[&dyn AsRef<OsStr>]) -> Outcome {
+    let parts: Vec<&str> = parts.iter().map(|part| part.as_ref().to_str().unwrap()).collect();
+    let words: Vec<&str> = parts.iter().flat_map(|part| part.split(' ')).collect();
+    splatweaver(&words.iter().map(|word| word as &dyn AsRef<OsStr>).collect::<Vec<_>>())
+}
+
 impl Outcome {
     /// The command succeeded.
     #[track_caller]

@@ -1,26 +1,14 @@
 //! Captures that are damaged in one place each.
 
 use crate::capture::{self, edit, halve};
-use crate::in_process::{Outcome, splatweaver};
+use crate::in_process::{Outcome, line, splatweaver};
 use crate::run::Run;
 use std::path::Path;
 use weaver_io::Image;
 
 fn train(data: &Path, out: &Path) -> Outcome {
     let scale = "data.scene_scale=3";
-    splatweaver(&[
-        &"train",
-        &"--preset",
-        &"micro",
-        &"--steps",
-        &"1",
-        &"--set",
-        &scale,
-        &"--data",
-        &data,
-        &"--out",
-        &out,
-    ])
+    line(&[&"train --preset micro --steps 1 --set", &scale, &"--data", &data, &"--out", &out])
 }
 
 /// Training and evaluating both refuse a capture, saying `parts`, and leave nothing behind.

@@ -1,6 +1,6 @@
 //! Files that a run leaves for its reader match its course: report, sample pictures, TensorBoard's events.
 
-use crate::in_process::splatweaver;
+use crate::in_process::line;
 use crate::run::Run;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,11 +17,8 @@ fn trained(out: &Path) -> Vec<Record> {
     let (data, steps) = (Run::shared().data(), STEPS.to_string());
     let settings = ["output.log_every=1", "output.sample_every=3"];
     let [logged, sampled] = &settings;
-    splatweaver(&[
-        &"train",
-        &"--preset",
-        &"micro",
-        &"--steps",
+    line(&[
+        &"train --preset micro --steps",
         &steps,
         &"--data",
         &data,

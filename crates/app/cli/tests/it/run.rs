@@ -1,7 +1,7 @@
 //! One small run, trained once and looked at from all sides.
 
 use crate::capture;
-use crate::in_process::{Outcome, splatweaver};
+use crate::in_process::{Outcome, line, splatweaver};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use tempfile::TempDir;
@@ -22,20 +22,7 @@ static RUN: LazyLock<Run> = LazyLock::new(|| {
 
 fn train(data: &Path, out: &Path, threads: usize) -> Outcome {
     let threads = threads.to_string();
-    splatweaver(&[
-        &"train",
-        &"--preset",
-        &"micro",
-        &"--steps",
-        &"4",
-        &"--data",
-        &data,
-        &"--out",
-        &out,
-        &"--threads",
-        &threads,
-    ])
-    .fine()
+    line(&[&"train --preset micro --steps 4 --data", &data, &"--out", &out, &"--threads", &threads]).fine()
 }
 
 impl Run {
@@ -176,19 +163,8 @@ fn a_budget_needs_an_allocation_that_has_one() {
         .refused(2, &["--budget", "sampled"]);
     let photo = run.data().join("images/01.png");
     let out = run.path().join("never");
-    splatweaver(&[
-        &"infer",
-        &"--run",
-        &run.path(),
-        &photo,
-        &"--allocation",
-        &"fixed:1",
-        &"--budget",
-        &"1",
-        &"-o",
-        &out,
-    ])
-    .refused(2, &["--budget", "fixed:1"]);
+    line(&[&"infer --run", &run.path(), &photo, &"--allocation fixed:1 --budget 1 -o", &out])
+        .refused(2, &["--budget", "fixed:1"]);
     assert!(!out.exists());
 }
 

@@ -1,26 +1,13 @@
 //! The second model of the command line: trained, evaluated beside the first, used, and refused where it lacks an
 //! ability.
 
-use crate::in_process::splatweaver;
+use crate::in_process::{line, splatweaver};
 use crate::run::Run;
 use std::path::Path;
 
 /// A run of a few steps on the shared capture.
 fn train(data: &Path, out: &Path) {
-    splatweaver(&[
-        &"train",
-        &"--model",
-        &"two-experts",
-        &"--preset",
-        &"micro",
-        &"--steps",
-        &"5",
-        &"--data",
-        &data,
-        &"--out",
-        &out,
-    ])
-    .fine();
+    line(&[&"train --model two-experts --preset micro --steps 5 --data", &data, &"--out", &out]).fine();
 }
 
 /// Promise (results): models are evaluated in one table; an impossible request to a model is refused with both

@@ -1,7 +1,7 @@
 //! Commands as units of work, and lists of them.
 
 use crate::capture;
-use crate::in_process::{Outcome, splatweaver};
+use crate::in_process::{Outcome, line, splatweaver};
 use std::path::Path;
 use std::time::Duration;
 
@@ -20,19 +20,7 @@ fn a_unit_is_done_once() {
     capture::colmap(&path("capture"), 6);
     let fit = |out: &str, steps: &str| {
         let (capture, out) = (path("capture"), path(out));
-        splatweaver(&[
-            &"fit",
-            &capture,
-            &"-o",
-            &out,
-            &"--steps",
-            &steps,
-            &"--gaussians",
-            &"300",
-            &"--no-html",
-            &"--if-complete",
-            &"skip",
-        ])
+        line(&[&"fit", &capture, &"-o", &out, &"--steps", &steps, &"--gaussians 300 --no-html --if-complete skip"])
     };
     fit("whole", "400").fine();
     let before = std::fs::metadata(path("whole/scene.ply")).unwrap().modified().unwrap();

@@ -1,7 +1,7 @@
 //! The third model of the command line: trained on photos in different light, judged by looks, used with them, and
 //! refused where it lacks an ability.
 
-use crate::in_process::splatweaver;
+use crate::in_process::{line, splatweaver};
 use crate::run::Run;
 
 #[test]
@@ -86,21 +86,8 @@ fn what_does_not_know_about_light_says_so() {
         .refused(1, &["does not know about light"]);
     splatweaver(&[&"infer", &"--run", &run, photo, &"--to", photo, &"-o", &out])
         .refused(2, &["required arguments were not provided"]);
-    splatweaver(&[
-        &"infer",
-        &"--run",
-        &run,
-        photo,
-        &"--light",
-        photo,
-        &"--to",
-        photo,
-        &"--light-steps",
-        &"1",
-        &"-o",
-        &out,
-    ])
-    .refused(2, &["--light-steps"]);
+    line(&[&"infer --run", &run, photo, &"--light", photo, &"--to", photo, &"--light-steps 1 -o", &out])
+        .refused(2, &["--light-steps"]);
     splatweaver(&[&"infer", &"--run", &run, photo, &"--light", photo, &"--budget", &"0.4", &"-o", &out])
         .refused(2, &["--light: expected neither"]);
     let missing = folder.path().join("missing.jpg");

@@ -3,13 +3,13 @@
 use super::BlockFile;
 use crate::partition::{Block, BlockError, BlockOptions, Region, Sight, Sights, blocks};
 use crate::{Error, Plan};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use weaver_data::capture::{HoldOut, Survey, SurveyedPhoto, survey};
 use weaver_fit::FitSettings;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Undistortion};
 use weaver_io::colmap::{Model, Point};
-use weaver_io::{Checksum, OutputFolder, Transforms, relative_path, write_text};
+use weaver_io::{Checksum, OutputFolder, ShellCommand, Transforms, relative_path, write_text};
 use weaver_scene::Frame;
 
 /// The most blocks that are tried for a bound on memory.
@@ -56,6 +56,23 @@ pub struct Split {
     pub background: [f32; 3],
     /// Remarks for the user about how the capture was read.
     pub remarks: Vec<String>,
+}
+
+impl Split {
+    /// The command that fits a block in the folder of the blocks.
+    pub fn fit_command(&self, block: &BlockFile, blocks: &Path, options: &SplitOptions) -> ShellCommand {
+        let folder = blocks.join(block.folder());
+        let [r, g, b] = self.background;
+        let fit = ShellCommand::new("splatweaver fit").path(folder.join(BlockFile::CAPTURE));
+        let fit = fit.then("-o").path(folder.join(BlockFile::FIT));
+        let fit = fit.then("--gaussians").word(block.gaussians.to_string());
+        let fit = fit.then("--background").word(format!("{r:.3},{g:.3},{b:.3}"));
+        let fit = match options.long_side {
+            Some(side) => fit.then("--long-side").word(side.to_string()),
+            None => fit,
+        };
+        if options.masks { fit.then("--masks") } else { fit }
+    }
 }
 
 /// Cuts a capture into blocks, each a capture in a folder of its own ([`blocks`](crate::blocks)).

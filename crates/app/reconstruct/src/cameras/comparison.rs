@@ -1,8 +1,9 @@
 //! Estimated cameras beside others of the same photos.
 
 use crate::Error;
+use std::fmt;
 use std::path::{Path, PathBuf};
-use weaver_data::EstimatedPhotos;
+use weaver_data::{EstimatedPhotos, some_of};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 
@@ -22,14 +23,26 @@ pub struct CameraComparison {
     pub center: [f64; 2],
     /// Focal lengths, percent: the median, with its sign.
     pub focal: f64,
-    /// Photos whose cameras are more than [`ELSEWHERE`](Self::ELSEWHERE) degrees apart.
+    /// Photos whose cameras are more than five degrees apart.
     pub elsewhere: Vec<PathBuf>,
 }
 
-impl CameraComparison {
-    /// Degrees from which cameras count as apart.
-    pub const ELSEWHERE: f64 = ELSEWHERE;
+impl fmt::Display for CameraComparison {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { rotation: [turned, most_turned], center: [off, most_off], focal, elsewhere, .. } = self;
+        write!(
+            f,
+            "rotation {turned:.3} degrees in the median, {most_turned:.2} at most; center {off:.2} % of the cameras' spread, {most_off:.1} at most; focal length {focal:+.2} %"
+        )?;
+        if elsewhere.is_empty() {
+            return Ok(());
+        }
+        let names: Vec<String> = elsewhere.iter().map(|path| path.display().to_string()).collect();
+        write!(f, "; more than {ELSEWHERE} degrees apart: {}", some_of(&names))
+    }
+}
 
+impl CameraComparison {
     /// Compares estimated cameras with the cameras of a file.
     ///
     /// # Errors

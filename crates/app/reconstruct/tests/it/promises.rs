@@ -100,7 +100,7 @@ fn a_dense_start_is_kept() {
     let (data, whole, cut) = (folder.path().join("data"), folder.path().join("whole"), folder.path().join("cut"));
     capture(&data, 16);
     with_points(&data);
-    let settings = || RunSettings { by_photos: ByPhotos { start: true, ..ByPhotos::default() }, ..settings(&data) };
+    let settings = || RunSettings { by_photos: [ByPhotos::Start].into(), ..settings(&data) };
     let outcome = fitted(&whole, settings());
     assert_eq!(outcome.coverage.0.len(), outcome.train.views);
     assert!(outcome.coverage.0.values().all(|part| *part > 0.2), "{:?}", outcome.coverage);
@@ -122,8 +122,8 @@ fn on_surfaces_means_move_by_pixels() {
     let data = folder.path().join("data");
     sized(&data, 3, [768, 16]);
     with_points(&data);
-    let rate = |init, means| {
-        let by_photos = ByPhotos { means, ..ByPhotos::default() };
+    let rate = |init, means: bool| {
+        let by_photos = means.then_some(ByPhotos::Means).into_iter().collect();
         let settings = RunSettings { init, by_photos, hold_out: HoldOut::Nothing, ..settings(&data) };
         let out = folder.path().join(format!("{init:?}-{means}"));
         let run = Run::create(&out, settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
@@ -140,17 +140,17 @@ fn a_dense_start_needs_points() {
     let data = folder.path().join("data");
     capture(&data, 16);
     let settings =
-        |init, start| RunSettings { init, by_photos: ByPhotos { start, ..ByPhotos::default() }, ..settings(&data) };
+        |init, start: Option<ByPhotos>| RunSettings { init, by_photos: start.into_iter().collect(), ..settings(&data) };
     let create = |name: &str, settings| {
         Run::create(&folder.path().join(name), settings, None, Judge::default(), Arc::new(CpuRasterizer))
     };
-    let random = create("random", settings(Initial::Auto, true)).unwrap();
+    let random = create("random", settings(Initial::Auto, Some(ByPhotos::Start))).unwrap();
     assert!(random.coverage().is_empty());
     assert_eq!(random.settings().init, Initial::Auto);
-    let error = create("dense", settings(Initial::Dense, false)).unwrap_err().to_string();
+    let error = create("dense", settings(Initial::Dense, None)).unwrap_err().to_string();
     assert!(error.contains("init") && error.contains("points"), "{error}");
     with_points(&data);
-    let few = create("few", RunSettings { views: Some(12), ..settings(Initial::Auto, true) }).unwrap();
+    let few = create("few", RunSettings { views: Some(12), ..settings(Initial::Auto, Some(ByPhotos::Start)) }).unwrap();
     assert_eq!(few.settings().init, Initial::Points);
     assert!(few.coverage().is_empty());
 }
@@ -184,7 +184,7 @@ fn exposures_are_corrected_where_photos_differ() {
     capture(&data, 10);
     with_points(&data);
     let measured = |name: &str| {
-        let settings = RunSettings { by_photos: ByPhotos { exposure: true, ..ByPhotos::default() }, ..settings(&data) };
+        let settings = RunSettings { by_photos: [ByPhotos::Exposure].into(), ..settings(&data) };
         let out = folder.path().join(name);
         let run = Run::create(&out, settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
         let corrected = run.settings().fit.exposure;

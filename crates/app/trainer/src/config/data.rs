@@ -14,22 +14,22 @@ use weaver_kernels::random::Stream;
 pub struct DataConfig {
     /// Folders of captures; empty trains on the built-in procedural scenes.
     pub folders: Vec<PathBuf>,
-    /// Procedural scenes only: train on varied scenes without end in place of the fixed default set. Sixteen are kept; every
-    /// so many steps a fresh one takes the place of the oldest.
+    /// Procedural scenes only: train on varied scenes without end in place of the fixed default set. Sixteen are kept;
+    /// every so many steps a fresh one takes the place of the oldest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = MOST))]
     pub endless: Option<usize>,
-    /// Captures without points: the mean distance from camera 0 to what the cameras see, in the capture's units. Without
-    /// it, such a capture is an error where its scale is needed.
+    /// Captures without points: the mean distance from camera 0 to what the cameras see, in the capture's units.
+    /// Without it, such a capture is an error where its scale is needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub scene_scale: Option<f64>,
-    /// For folders of photos without cameras: a published checkpoint, VGGT's or SplatWeaver's, from which they get cameras and depth.
-    /// Its predictions are kept beside the photos, in teacher.safetensors.
+    /// For folders of photos without cameras: a published checkpoint, VGGT's or SplatWeaver's, from which they get
+    /// cameras and depth. Its predictions are kept beside the photos, in teacher.safetensors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub teacher: Option<PathBuf>,
-    /// Captures only: leaves out what is black in masks (`mask_path` of transforms.json, a file in `masks/` named as the photo, or its
-    /// alpha): no loss counts it, and it gets no Gaussians.
+    /// Captures only: leaves out what is black in masks (`mask_path` of transforms.json, a file in `masks/` named as
+    /// the photo, or its alpha): no loss counts it, and it gets no Gaussians.
     #[serde(default)]
     pub masks: bool,
     /// Context views of a tuple: the photos that the network sees.
@@ -38,7 +38,8 @@ pub struct DataConfig {
     /// Target views of a tuple: rendered and compared, not seen.
     #[schemars(range(min = 1, max = MOST_VIEWS))]
     pub target_views: usize,
-    /// With this, each step draws how many context views its tuples have, from `context_views` to so many, all equally likely.
+    /// With this, each step draws how many context views its tuples have, from `context_views` to so many, all equally
+    /// likely.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 2, max = MOST_VIEWS))]
     pub most_context_views: Option<usize>,
@@ -63,7 +64,8 @@ pub enum SamplerKind {
     /// Some of the views nearest to a random one, in random order.
     #[default]
     Nearest,
-    /// As published for videos: two views whose distance in the order of paths is bounded, and random ones between them.
+    /// As published for videos: two views whose distance in the order of paths is bounded, and random ones between
+    /// them.
     BoundedGap,
     /// Context views evenly spread over all, in the order of paths; targets are others.
     Uniform,

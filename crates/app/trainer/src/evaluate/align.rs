@@ -4,18 +4,15 @@
 //! is a little off; PSNR punishes that more than blur. Alignment looks at the held-out photo: its figures stand beside
 //! the others, with its gain for correct cameras, which comes from six numbers fitted to the photo and nothing else.
 
-use super::LEAST_SIDE;
 use super::drawn::{Drawing, Drawn};
 use crate::figures::CameraFigures;
 use crate::{CameraMode, Error};
 use std::sync::Arc;
 use weaver_data::{Scene, Tuple, View};
-use weaver_fit::align::{Aligned, Method, Options, Outcome, Photo, Scene as AlignScene, align, mean_square};
-use weaver_geometry::glam::DVec3;
+use weaver_fit::align::{AlignLoss, Aligned, Options, Outcome, Photo, Scene as AlignScene, align, unit};
 use weaver_geometry::{Camera, Pose};
 use weaver_inference::{Predictor, ViewOpacityRasterizer};
 use weaver_io::Image;
-use weaver_losses::Photometric;
 use weaver_pose::PoseErrors;
 
 /// Alignment of held-out cameras.
@@ -25,42 +22,6 @@ pub struct Alignment {
     pub options: Options,
     /// The loss of the descent.
     pub loss: AlignLoss,
-}
-
-/// Loss between render and photo while a camera is aligned.
-#[derive(Clone, Copy, Debug, Eq, PartialEq)]
-pub enum AlignLoss {
-    /// The mean square of differences, by which the published methods align.
-    MeanSquare,
-    /// Mean absolute differences and structure, `0.8 L1 + 0.2 (1 - SSIM)`: the loss by which scenes are fitted.
-    Photometric,
-    /// Structure alone, `1 - SSIM`; of images with fewer than 11 rows or columns the mean absolute difference.
-    Similarity,
-}
-
-impl AlignLoss {
-    /// The default loss of a method: for published methods as published, for ours the loss that finds most cameras.
-    pub fn of(method: Method) -> Self {
-        if method == Method::Own { Self::Photometric } else { Self::MeanSquare }
-    }
-
-    /// The smallest side of a photo at which the loss is defined, pixels.
-    pub fn least_side(self) -> usize {
-        if self == Self::Similarity { LEAST_SIDE } else { 1 }
-    }
-
-    /// The loss as [`align`] wants it.
-    pub fn function(self) -> impl FnMut(&[f32], &[f32], [usize; 2], &mut [f32]) -> f64 {
-        let mut photometric = Photometric::new();
-        move |image: &[f32], photo: &[f32], size: [usize; 2], gradient: &mut [f32]| {
-            let structure = match self {
-                Self::MeanSquare => return mean_square(image, photo, size, gradient),
-                Self::Photometric => 0.2,
-                Self::Similarity => 1.0,
-            };
-            photometric.value_and_gradient(image, photo, size, structure, gradient).loss
-        }
-    }
 }
 
 /// A held-out view from its aligned camera.
@@ -136,11 +97,4 @@ pub(super) fn control(
     let drawn = drawing.with(scene, tuple, CameraMode::Given)?;
     let aligned = aligned(drawing.predictor, &drawn, &scene.views[tuple.targets[0]], alignment)?;
     Ok([drawn.render, aligned.render])
-}
-
-/// The largest coordinate of a camera from the middle of all, which is 1 in 2Xplat's world.
-fn unit(centers: impl Iterator<Item = DVec3> + Clone) -> f64 {
-    let middle = centers.clone().sum::<DVec3>() / centers.clone().count().max(1) as f64;
-    let largest = centers.map(|center| (center - middle).abs().max_element()).fold(0.0, f64::max);
-    if largest > 0.0 { largest } else { 1.0 }
 }

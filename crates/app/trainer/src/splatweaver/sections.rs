@@ -19,13 +19,13 @@ pub struct StageSettings {
     /// The learning rate of the backbone and the camera head, as a fraction of the stage's rate.
     #[schemars(range(min = 0.0))]
     pub backbone_rate: f64,
-    /// Which pixels get Gaussians: mix (random budgets, densities and thresholds, so that the budget can be chosen at test
-    /// time), quadtree-mix, quadtree-grid-mix (cells at random budgets), or an allocation of evaluation: sampled, argmax, dithered, quadtree,
-    /// quadtree-grid, grid, random or fixed:K.
+    /// Which pixels get Gaussians: mix (random budgets, densities and thresholds, so that the budget can be chosen at
+    /// test time), quadtree-mix, quadtree-grid-mix (cells at random budgets), or an allocation of evaluation: sampled,
+    /// argmax, dithered, quadtree, quadtree-grid, grid, random or fixed:K.
     #[schemars(with = "String")]
     pub allocation: StageAllocation,
-    /// Share of a mix's steps in which every pixel has the same number of Gaussians, drawn from 1 to the most that it can have, so that all
-    /// experts learn.
+    /// Share of a mix's steps in which every pixel has the same number of Gaussians, drawn from 1 to the most that it
+    /// can have, so that all experts learn.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub dense: f64,
@@ -123,7 +123,8 @@ impl fmt::Display for StageAllocation {
 pub struct EvaluationSettings {
     /// Source of the cameras.
     pub cameras: CameraMode,
-    /// Which pixels get Gaussians: sampled, argmax, dithered, quadtree, quadtree-grid, grid, random or fixed:K. Without it dithered.
+    /// Which pixels get Gaussians: sampled, argmax, dithered, quadtree, quadtree-grid, grid, random or fixed:K. Without
+    /// it dithered.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "allocation_name")]
     #[schemars(with = "Option<String>")]
     pub allocation: Option<AllocationKind>,

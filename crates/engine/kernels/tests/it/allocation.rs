@@ -9,7 +9,7 @@ use weaver_kernels::conv::{
 };
 use weaver_kernels::gemm::{Mat, MatMut, gemm};
 use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_forward};
-use weaver_kernels::optim::{AdamW, SparseRows, lerp};
+use weaver_kernels::optim::{AdamW, lerp};
 use weaver_kernels::permute::permute;
 use weaver_kernels::reduce::{column_sums, sum};
 use weaver_kernels::resample::Resample;
@@ -79,8 +79,6 @@ fn warm_kernels_allocate_nothing() {
         let settings = AdamW { rate: 1e-3, beta1: 0.9, beta2: 0.99, eps: 1e-8, weight_decay: 0.0, gradient_scale: 1.0 };
         let (m, v) = large.split_at_mut(w.len());
         settings.step(1, &mut dw, &w, m, &mut v[..w.len()]);
-        let rows = SparseRows { rows: &[0, 1], row_steps: &mut [0; 4] };
-        settings.step_rows(2, &mut dw, &w, m, &mut v[..w.len()], rows);
         lerp(&mut dw, &w, 0.9);
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread pool");

@@ -3,7 +3,7 @@
 use crate::{assert_close, noise, threads, widen};
 use proptest::prelude::*;
 use weaver_kernels::Real;
-use weaver_kernels::optim::{AdamW, SparseRows, lerp};
+use weaver_kernels::optim::{AdamW, lerp};
 use weaver_kernels::permute::{inverse, permute};
 use weaver_kernels::random::Stream;
 use weaver_kernels::rows::*;
@@ -132,95 +132,6 @@ fn adamw<T: Real>(tolerance: f64) {
 fn adamw_matches_the_paper() {
     adamw::<f64>(1e-13);
     adamw::<f32>(1e-6);
-}
-
-/// Steps in which each row takes part or not, one row after the other and one number after the other.
-fn rows_one_by_one(
-    settings: &AdamW<f64>,
-    width: usize,
-    taking_part: &[Vec<u32>],
-    state: [&mut Vec<f64>; 3],
-) -> Vec<u64> {
-    let [p, m, v] = state;
-    let mut row_steps = vec![0; p.len() / width];
-    for (step, rows) in (1..).zip(taking_part) {
-        let g = noise::<f64>(p.len(), 10 + step);
-        for row in rows.iter().map(|r| *r as usize) {
-            let skipped = (step - 1 - std::mem::replace(&mut row_steps[row], step)) as f64;
-            for i in row * width..(row + 1) * width {
-                if skipped > 0.0 {
-                    m[i] *= settings.beta1.powf(skipped);
-                    v[i] *= settings.beta2.powf(skipped);
-                }
-                let [p, m, v] = [&mut *p, &mut *m, &mut *v].map(|x| std::slice::from_mut(&mut x[i]));
-                settings.step(step, p, &g[i..=i], m, v);
-            }
-        }
-    }
-    row_steps
-}
-
-/// Ascending rows among `total`; each is taken with this probability, all with 1.
-fn some_rows(total: usize, share: f64, seed: u64) -> Vec<u32> {
-    let stream = Stream::new(seed, 0, "some rows");
-    (0..total as u32).filter(|row| stream.uniform::<f64>(u64::from(*row)) < share).collect()
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
-
-    #[test]
-    fn sparse_adamw(total in 1..3000usize, width in 1..20usize, share in 0.0..1.0_f64, seed: u64) {
-        let settings = AdamW { rate: 0.01, beta1: 0.9, beta2: 0.99, eps: 1e-8, weight_decay: 0.1, gradient_scale: 0.5 };
-        let n = total * width;
-        // The last step has every row, so that each shows the steps that it missed.
-        let mut steps: Vec<_> = (0..4).map(|step| some_rows(total, share, seed ^ step)).collect();
-        steps.push((0..total as u32).collect());
-        let begin = || [noise::<f64>(n, 1), noise(n, 2), noise(n, 3).into_iter().map(f64::abs).collect()];
-        let [mut p, mut m, mut v] = begin();
-        let mut row_steps = vec![0; total];
-        for (step, rows) in (1..).zip(&steps) {
-            let rows = SparseRows { rows, row_steps: &mut row_steps };
-            settings.step_rows(step, &mut p, &noise(n, 10 + step), &mut m, &mut v, rows);
-        }
-        let [mut twin_p, mut twin_m, mut twin_v] = begin();
-        let twin_steps = rows_one_by_one(&settings, width, &steps, [&mut twin_p, &mut twin_m, &mut twin_v]);
-        prop_assert_eq!((p, m, v, row_steps), (twin_p, twin_m, twin_v, twin_steps));
-    }
-
-    #[test]
-    fn every_row_is_the_whole(total in 1..5000usize, width in 1..9usize) {
-        let settings = AdamW { rate: 0.01_f32, beta1: 0.9, beta2: 0.99, eps: 1e-8, weight_decay: 0.1, gradient_scale: 0.5 };
-        let (n, all) = (total * width, Vec::from_iter(0..total as u32));
-        let [mut sparse, mut dense] = [0; 2].map(|_| [noise::<f32>(n, 1), vec![0.0; n], vec![0.0; n]]);
-        let mut row_steps = vec![0; total];
-        for step in 1..4 {
-            let g = noise::<f32>(n, 10 + step);
-            let [p, m, v] = &mut sparse;
-            settings.step_rows(step, p, &g, m, v, SparseRows { rows: &all, row_steps: &mut row_steps });
-            let [p, m, v] = &mut dense;
-            settings.step(step, p, &g, m, v);
-        }
-        prop_assert_eq!(sparse, dense);
-    }
-}
-
-#[test]
-fn no_rows_at_all() {
-    let settings = AdamW { rate: 0.1, beta1: 0.9, beta2: 0.99, eps: 1e-8, weight_decay: 0.1, gradient_scale: 1.0 };
-    settings.step_rows(1, &mut [], &[], &mut [], &mut [], SparseRows { rows: &[], row_steps: &mut [] });
-    let (mut p, mut row_steps) = ([1.0], [0]);
-    let rows = SparseRows { rows: &[], row_steps: &mut row_steps };
-    settings.step_rows(1, &mut p, &[9.0], &mut [0.0], &mut [0.0], rows);
-    assert_eq!((p, row_steps), ([1.0], [0]));
-}
-
-#[test]
-#[should_panic(expected = "AdamW: row 2 of 2")]
-fn a_row_that_is_not_there_is_refused() {
-    let settings = AdamW { rate: 0.1, beta1: 0.9, beta2: 0.99, eps: 1e-8, weight_decay: 0.1, gradient_scale: 1.0 };
-    let rows = SparseRows { rows: &[2], row_steps: &mut [0, 0] };
-    settings.step_rows(1, &mut [1.0; 2], &[1.0; 2], &mut [0.0; 2], &mut [0.0; 2], rows);
 }
 
 #[test]

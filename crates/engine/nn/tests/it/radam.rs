@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape};
-use weaver_nn::{RAdam, StateError};
+use weaver_nn::{Optimizer, RAdam};
 
 /// Three numbers, and one with a rate of its own.
 fn setup() -> (Params<f64>, [ParamId; 2]) {
@@ -83,13 +83,8 @@ fn a_resumed_run_takes_the_same_steps() {
     let stored: BTreeMap<_, _> = first.state(&params).map(|(n, s, m)| (n.to_string(), (s, m.clone()))).collect();
     let mut resumed_params = params.clone();
     let mut resumed = RAdam::new(ids.to_vec(), 0.9, 0.999, 1e-8);
-    resumed.set_state(&resumed_params, stored.clone()).unwrap();
+    resumed.set_state(&resumed_params, stored).unwrap();
     step(&mut first, &mut params, ids);
     step(&mut resumed, &mut resumed_params, ids);
     assert!(ids.iter().all(|id| params.get(*id).value() == resumed_params.get(*id).value()));
-
-    let mut wrong = stored;
-    wrong.get_mut("a").unwrap().1.row_steps = vec![7; 3];
-    let error = resumed.set_state(&params, wrong).unwrap_err();
-    assert_eq!(error, StateError::RowSteps { name: "a".into(), expected: 0, found: 3 });
 }

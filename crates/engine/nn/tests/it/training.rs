@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape};
-use weaver_nn::{AdamW, Ema, Group, PublishedSchedule, StateError, WarmupCosine, clip_global_norm, missing_gradients};
+use weaver_nn::{
+    AdamW, Ema, Group, Optimizer, PublishedSchedule, StateError, WarmupCosine, clip_global_norm, missing_gradients,
+};
 
 /// Two parameters and the gradient of sum(a^2) + 3 sum(b) on a tape.
 fn setup() -> (Params<f64>, [ParamId; 2]) {

@@ -27,6 +27,12 @@ impl Options {
         let steps = if method == Method::Own { 200 } else { 100 };
         Self { method, steps, blur: true, intrinsics: false }
     }
+
+    /// The same in another number of steps, if one is given.
+    #[must_use]
+    pub fn in_steps(self, steps: Option<usize>) -> Self {
+        Self { steps: steps.unwrap_or(self.steps), ..self }
+    }
 }
 
 /// Outcome of a photo.

@@ -1,6 +1,7 @@
 //! The loss of a camera: the scene drawn, compared with the photo, and differentiated by the camera.
 
 use super::AlignError;
+use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::Real;
 use weaver_scene::{CameraSlices, GaussianSlices, Model};
@@ -18,6 +19,14 @@ pub struct Scene<'a, T> {
     /// The length that [`Method::TwoXplat`](super::Method::TwoXplat) measures centers in, world units: there the
     /// largest coordinate of a scene is 1.
     pub unit: f64,
+}
+
+/// The largest coordinate of a camera's center from the middle of all, the [unit](Scene::unit) of 2Xplat; 1 of a single
+/// camera.
+pub fn unit(centers: impl Iterator<Item = DVec3> + Clone) -> f64 {
+    let middle = centers.clone().sum::<DVec3>() / centers.clone().count().max(1) as f64;
+    let largest = centers.map(|center| (center - middle).abs().max_element()).fold(0.0, f64::max);
+    if largest > 0.0 { largest } else { 1.0 }
 }
 
 /// A photo of the scene.

@@ -4,10 +4,12 @@ use super::{
     Blocks, Chained, Changed, Drawing, SceneFormat, WrittenScene, open_scene, scene_bytes, write_blocks_checked,
 };
 use crate::{Error, Observe};
+use serde_json::{Value, json};
 use std::borrow::Cow;
 use std::error::Error as StdError;
 use std::fmt;
 use std::path::Path;
+use std::str::FromStr;
 use weaver_geometry::Similarity;
 use weaver_scene::{Difference, Gaussians, Region, forms};
 
@@ -35,6 +37,18 @@ pub enum Keep {
     Count(usize),
     /// This share of them.
     Share(f64),
+}
+
+impl FromStr for Keep {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let count = text.parse().ok().map(Self::Count);
+        let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share)).map(Self::Share);
+        // Nothing is no scene.
+        let some = count.or(share).filter(|keep| !matches!(keep, Self::Count(0) | Self::Share(0.0)));
+        some.ok_or_else(|| "expected a number of Gaussians, or a share above 0.0 up to 1.0".into())
+    }
 }
 
 /// A score of each Gaussian that a caller computes.
@@ -108,6 +122,42 @@ pub struct Loss {
     pub difference: Difference,
     /// The degree beyond which harmonics are gone.
     pub left_out: Option<usize>,
+}
+
+impl Converted {
+    /// The conversion to a file in words.
+    pub fn text(&self, to: &Path) -> String {
+        let Self { format, gaussians, bytes, loss, .. } = self;
+        let megabytes = *bytes as f64 / 1e6;
+        let mut text = format!("{gaussians} Gaussians, {megabytes:.1} MB, {}: {}", format.keeps, to.display());
+        if let Some(Loss { difference: Difference { position, color }, left_out }) = loss {
+            let harmonics = left_out.map_or(String::new(), |degree| format!("; no harmonics beyond degree {degree}"));
+            text += &format!(
+                "\noff by (mean, largest): positions {:.2e}, {:.2e}; colors {:.4}, {:.4}{harmonics}",
+                position.mean, position.largest, color.mean, color.largest
+            );
+        }
+        text
+    }
+
+    /// The conversion of these files to one as JSON.
+    pub fn json(&self, from: &[impl AsRef<Path>], to: &Path) -> Value {
+        let path = |path: &Path| path.display().to_string();
+        let mut report = json!({
+            "inputs": from.iter().map(|file| path(file.as_ref())).collect::<Vec<_>>(),
+            "output": path(to),
+            "format": self.format.name,
+            "read": self.read,
+            "gaussians": self.gaussians,
+            "bytes": self.bytes,
+        });
+        if let Some(Loss { difference: Difference { position, color }, left_out }) = &self.loss {
+            report["position"] = json!({ "mean": position.mean, "largest": position.largest });
+            report["color"] = json!({ "mean": color.mean, "largest": color.largest });
+            report["degree"] = json!(left_out);
+        }
+        report
+    }
 }
 
 /// Joins files of Gaussians, changes the scene, and writes it in the format of a file's name.

@@ -310,6 +310,15 @@ impl Image {
     }
 }
 
+/// Photos, and in place of folders [those in them](list_photos).
+///
+/// # Errors
+/// When a folder cannot be read.
+pub fn photos_at(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let photos = |path: &PathBuf| if path.is_dir() { list_photos(path) } else { Ok(vec![path.clone()]) };
+    Ok(paths.iter().map(photos).collect::<Result<Vec<_>>>()?.concat())
+}
+
 /// The photos in a folder, in [natural order](natural_order): every kind that [`PhotoFile`] reads, and HEIC and AVIF,
 /// whose error says how to convert them. Links that lead nowhere are among them, so that whoever reads them says so;
 /// files whose names begin with a dot, as macOS keeps them beside photos, are not.

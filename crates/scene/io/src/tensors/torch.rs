@@ -18,6 +18,9 @@ const LARGEST_PICKLE: u64 = 1 << 28;
 /// Where checkpoints keep their tensors, if not at the top.
 const STATE: [&str; 3] = ["state_dict", "model", "model_state_dict"];
 
+/// Tensors that a description lists.
+const SHOWN: usize = 30;
+
 /// An open PyTorch checkpoint (`.pt`, `.pth`, `.ckpt`, `.bin`; of PyTorch 1.6 or later).
 ///
 /// The description is a program for Python's pickle machine. The interpreter here makes lists, dictionaries and tensors
@@ -114,6 +117,23 @@ impl TorchCheckpoint {
             Ok(Planned { name: name.clone(), dtype, width, shape: tensor.shape.clone() })
         };
         self.tensors.iter().map(plan).collect()
+    }
+
+    /// A description for people: the first thirty tensors, a line each, and the remarks.
+    ///
+    /// # Errors
+    /// As [`tensors`](Self::tensors).
+    pub fn describe(&self) -> Result<String> {
+        let tensors = self.tensors()?;
+        let bytes: usize = tensors.iter().map(|tensor| tensor.bytes()).sum();
+        let mut text = format!("PyTorch checkpoint, {} tensors, {:.3} MB\n", tensors.len(), bytes as f64 / 1e6);
+        for tensor in tensors.iter().take(SHOWN) {
+            text += &format!("{} {} {:?}\n", tensor.name, tensor.dtype, tensor.shape);
+        }
+        if tensors.len() > SHOWN {
+            text += &format!("and {} others\n", tensors.len() - SHOWN);
+        }
+        Ok(self.remarks.iter().fold(text, |text, remark| text + remark + "\n"))
     }
 
     /// Remarks on entries that are no tensors and were left out.

@@ -11,7 +11,7 @@ use weaver_autograd::Tape;
 use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
 use weaver_losses::Photometric;
-use weaver_nn::{AdamW, Group, Moments};
+use weaver_nn::{AdamW, Group, Moments, Optimizer};
 use weaver_pose::CameraVars;
 use weaver_scene::{CameraRows, Gaussians, Photo};
 use weaver_splat::{Rasterize, WorkspacePool};
@@ -201,7 +201,7 @@ impl Training for HacTraining<'_> {
                 let steps = state.values::<u64>(&format!("moment_steps.{name}"), &[1])?[0];
                 let moment = |k: usize| state.values::<f32>(&format!("moment{k}.{name}"), &[shape.len()]);
                 let (first, second) = (moment(1)?.to_vec(), moment(2)?.to_vec());
-                moments.insert(name, (steps, Moments { first, second, row_steps: Vec::new() }));
+                moments.insert(name, (steps, Moments { first, second }));
             }
         }
         let misfit = |error: weaver_nn::StateError| broken("optimizer", "the state of these parameters", error);

@@ -4,9 +4,9 @@ use crate::methods;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use weaver_command::Failure;
-use weaver_data::capture::{self, CaptureOptions};
+use weaver_data::capture::CaptureOptions;
 use weaver_fit::init;
-use weaver_inference::{RunFolder, predict_capture};
+use weaver_inference::{RunFolder, predict_photos};
 use weaver_reconstruct::{GivenGaussians, Initial, RunSettings};
 use weaver_scene::Gaussians;
 use weaver_trainer::OpenRun;
@@ -75,20 +75,11 @@ impl Start {
 /// Predicts Gaussians of the photos to fit to, thinned so that there is room to work in.
 fn predicted(folder: Option<&RunFolder>, settings: &RunSettings) -> Result<Gaussians, Box<dyn Error + Send + Sync>> {
     let mut run = match folder {
-        Some(folder) => methods::models().of_run(folder)?.open(folder)?,
+        Some(folder) => methods::models().open_run(folder)?,
         None => OpenRun::built_in()?,
     };
-    let [height, width] = run.predictor.image_size();
-    let hold_out = settings.hold_out;
-    let options = CaptureOptions { width, height, hold_out, masks: settings.masks, ..CaptureOptions::default() };
-    let scene = capture::load(&settings.capture, &options)?;
-    let mut views = scene.training_views();
-    if let Some(most) = settings.views {
-        views = weaver_data::uniform(views.len(), most.min(views.len())).into_iter().map(|i| views[i]).collect();
-    }
-    let gaussians = predict_capture(&mut *run.predictor, &scene, &views, NETWORK_VIEWS, settings.fit.seed)?;
-    Ok(init::part_of(&gaussians, init::room(&settings.fit), settings.fit.seed))
+    let options = CaptureOptions { hold_out: settings.hold_out, masks: settings.masks, ..CaptureOptions::default() };
+    let (most, seed) = (settings.views, settings.fit.seed);
+    let gaussians = predict_photos(&mut *run.predictor, &settings.capture, &options, most, seed)?;
+    Ok(init::part_of(&gaussians, init::room(&settings.fit), seed))
 }
-
-/// Photos that a network sees at once.
-const NETWORK_VIEWS: usize = 4;

@@ -2,10 +2,9 @@
 
 use std::path::Path;
 use weaver_command::{Console, Failure, Interrupt};
-use weaver_fit::Quality;
-use weaver_reconstruct::{Outcome, VIEW, Views};
+use weaver_reconstruct::{Outcome, VIEW};
 
-/// Notes that a fit was stopped, which may have been wished at its page: what was stopped is no complete unit of work.
+/// Notes that a fit was stopped, as by its page: a stopped fit is no complete unit of work.
 pub fn conclude(outcome: &Outcome, interrupt: &Interrupt) {
     if outcome.steps < outcome.planned {
         interrupt.request();
@@ -14,26 +13,12 @@ pub fn conclude(outcome: &Outcome, interrupt: &Interrupt) {
 
 /// Prints the quality of a scene, for people or as JSON.
 pub fn print(outcome: &Outcome, folder: &Path, json: bool, console: &mut Console) -> Result<(), Failure> {
-    let path = |name: &str| folder.join(name).display().to_string();
-    let views = |name: &str, views: &Views| {
-        let number = |x: Option<f64>, digits| x.map_or("-".into(), |x| format!("{x:.digits$}"));
-        let Quality { psnr, psnr_aligned, ssim, lpips } = views.quality;
-        let (aligned, ssim, lpips) = (number(psnr_aligned, 2), number(ssim, 4), number(lpips, 4));
-        format!("{name:<10}{:>5}  {psnr:>7.2}  {aligned:>7}  {ssim:>6}  {lpips:>6}\n", views.views)
-    };
-    let test = match &outcome.test {
-        Some(test) => views("held out", test),
-        None => "held out   none\n".into(),
-    };
     if json {
         return console.print(&serde_json::to_string_pretty(outcome)?);
     }
-    console.print(&format!(
-        "photos   views     PSNR  aligned    SSIM   LPIPS\n{test}{}{} Gaussians: {}\nreport: {}{}",
-        views("fitted", &outcome.train),
-        outcome.gaussians,
-        path("scene.ply"),
-        path("report.html"),
-        if folder.join(VIEW).is_file() { format!("\nlook: {}", path(VIEW)) } else { String::new() }
-    ))
+    let path = |name: &str| folder.join(name).display().to_string();
+    let look = if folder.join(VIEW).is_file() { format!("\nlook: {}", path(VIEW)) } else { String::new() };
+    let (table, gaussians) = (outcome.table(), outcome.gaussians);
+    let (scene, report) = (path("scene.ply"), path("report.html"));
+    console.print(&format!("{table}{gaussians} Gaussians: {scene}\nreport: {report}{look}"))
 }

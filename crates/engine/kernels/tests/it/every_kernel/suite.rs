@@ -8,7 +8,7 @@ use weaver_kernels::conv::*;
 use weaver_kernels::gelu::{gelu_backward, gelu_forward};
 use weaver_kernels::gemm::{Half, Mat, MatMut, gemm, gemm_batched, gemm_half, gemm_half_scratch_len};
 use weaver_kernels::layer_norm::*;
-use weaver_kernels::optim::{AdamW, SparseRows, lerp};
+use weaver_kernels::optim::{AdamW, lerp};
 use weaver_kernels::permute::permute;
 use weaver_kernels::random::Stream;
 use weaver_kernels::reduce::*;
@@ -260,16 +260,6 @@ impl<T: Real> Suite<T> {
                 let mut average = x[1].clone();
                 lerp(&mut average, &x[0], beta1);
                 [p, m, v, average].concat()
-            });
-            self.curved(format!("AdamW of some rows {n}"), [n, n], move |x| {
-                let [beta1, beta2, rate, eps, weight_decay] = [0.9, 0.99, 0.01, 1e-8, 0.1].map(T::from_f64);
-                let step = AdamW { rate, beta1, beta2, eps, weight_decay, gradient_scale: T::ONE };
-                let (mut p, mut m, mut v) = (x[0].clone(), vec![T::ONE; n], vec![T::ONE; n]);
-                let rows: Vec<u32> = (0..n as u32).filter(|row| row % 7 > 2).collect();
-                let mut row_steps: Vec<u64> = (0..n as u64).map(|row| row % 3).collect();
-                let rows = SparseRows { rows: &rows, row_steps: &mut row_steps };
-                step.step_rows(3, &mut p, &x[1], &mut m, &mut v, rows);
-                [p, m, v].concat()
             });
         }
     }

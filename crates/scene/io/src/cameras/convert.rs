@@ -1,14 +1,14 @@
-//! Cameras from one form to another.
+//! Cameras from one format to another, moved on the way.
 
-use serde_json::{Value, json};
+use super::colmap::{CAMERA_ID, ImageRecord, Model, model_folder};
+use super::project::{Project, ProjectKind};
+use super::transforms::Transforms;
+use crate::{Observe, OutputFolder, Result, relative_path};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, Failure};
 use weaver_geometry::Similarity;
 use weaver_geometry::geodesy::Origin;
 use weaver_geometry::glam::DVec3;
-use weaver_io::colmap::{Model, model_folder};
-use weaver_io::{OutputFolder, Project, ProjectKind, Transforms, relative_path};
 use weaver_scene::Frame;
 
 const TRANSFORMS: &str = "transforms.json";
@@ -22,7 +22,18 @@ struct Cameras {
     remarks: Vec<String>,
 }
 
-/// True for a file or folder of cameras.
+/// Cameras that were converted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConvertedCameras {
+    /// Cameras, one for each photo.
+    pub photos: usize,
+    /// Points of the scene.
+    pub points: usize,
+    /// Origin of their world; `None` where the input has none, and of cameras that were moved.
+    pub origin: Option<Origin>,
+}
+
+/// True for a file or folder of cameras, which [`convert_cameras`] reads.
 pub fn is_cameras(path: &Path) -> bool {
     if path.is_dir() {
         let model = model_folder(path);
@@ -35,16 +46,19 @@ pub fn is_cameras(path: &Path) -> bool {
     named || matches!(ProjectKind::of(path), Ok(Some(_)))
 }
 
-/// Writes cameras to a transforms.json, by its name, or to a folder with one and a COLMAP model.
-pub fn convert(
+/// Writes cameras of Metashape, RealityScan, Bundler, OpenSfM, COLMAP or a transforms.json to a transforms.json, by its
+/// name, or to a folder with one and a COLMAP model. Photos stay where they are; files name them relative to theirs.
+///
+/// # Errors
+/// When a file cannot be read or written.
+pub fn convert_cameras(
     from: &Path,
     to: &Path,
     moved: Option<Similarity>,
-    json: bool,
-    console: &mut Console,
-) -> Result<(), Failure> {
+    observe: &mut dyn Observe,
+) -> Result<ConvertedCameras> {
     let mut cameras = read(from)?;
-    cameras.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
+    cameras.remarks.iter().for_each(|remark| observe.warning(remark));
     if let Some(moved) = moved {
         cameras.frames.iter_mut().for_each(|frame| frame.camera.pose = moved.apply_to_pose(&frame.camera.pose));
         cameras.model.points.iter_mut().for_each(|point| point.xyz = moved.apply(DVec3::from(point.xyz)).to_array());
@@ -59,7 +73,7 @@ pub fn convert(
         let mask = frame.mask.as_ref().map(|mask| relative_path(folder, mask)).transpose()?;
         (frame.name, frame.mask) = (relative_path(folder, &frame.path)?, mask.map(PathBuf::from));
         // Ids of COLMAP's cameras are those of the written model.
-        frame.extras.remove(weaver_io::colmap::CAMERA_ID);
+        frame.extras.remove(CAMERA_ID);
     }
     let Cameras { frames, model, origin, .. } = cameras;
     let (photos, points) = (frames.len(), model.points.len());
@@ -77,37 +91,16 @@ pub fn convert(
             *image = ids.get(image).copied().unwrap_or(*image);
         }
         let images = named.images.into_iter().zip(model.images);
-        let images =
-            images.map(|(named, old)| weaver_io::colmap::ImageRecord { points: old.points, ..named }).collect();
+        let images = images.map(|(named, old)| ImageRecord { points: old.points, ..named }).collect();
         let model = Model { images, cameras: named.cameras, points };
         model.write_binary(staged.files(SPARSE, Model::FILES)?)?;
         transforms.write(staged.file(TRANSFORMS)?)?;
         staged.commit(&[&format!("{SPARSE}/images.bin"), TRANSFORMS])?;
     }
-    if json {
-        let report: Value = json!({
-            "inputs": [from.display().to_string()],
-            "output": to.display().to_string(),
-            "photos": photos,
-            "points": points,
-            "origin": origin_json(origin),
-        });
-        return console.print(&serde_json::to_string_pretty(&report)?);
-    }
-    console.print(&format!("cameras of {photos} photos, {points} points: {}", to.display()))
+    Ok(ConvertedCameras { photos, points, origin })
 }
 
-fn origin_json(origin: Option<Origin>) -> Value {
-    match origin {
-        None => Value::Null,
-        Some(Origin::Local { offset }) => json!({ "offset": offset }),
-        Some(Origin::Geographic(place)) => {
-            json!({ "latitude": place.latitude, "longitude": place.longitude, "altitude": place.altitude })
-        }
-    }
-}
-
-fn read(from: &Path) -> Result<Cameras, Failure> {
+fn read(from: &Path) -> Result<Cameras> {
     let project = if from.is_dir() { None } else { Some(from.to_path_buf()) };
     let is_model = |folder: &Path| ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file());
     if project.is_none() {
@@ -137,7 +130,7 @@ fn read(from: &Path) -> Result<Cameras, Failure> {
 }
 
 /// A model of COLMAP, whose photos are in `images` of the capture, or in the capture.
-fn of_model(folder: &Path, from: &Path) -> Result<Cameras, Failure> {
+fn of_model(folder: &Path, from: &Path) -> Result<Cameras> {
     let model = Model::read(folder)?;
     let mut frames = model.frames();
     let above = folder.ancestors().take(3).chain([from]);
