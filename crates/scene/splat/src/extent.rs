@@ -77,7 +77,7 @@ impl Extent {
     ///
     /// # Errors
     ///
-    /// Cameras that are not pinholes, lengths that do not fit, a degree above 4, an image without pixels, a background
+    /// Lengths that do not fit, a degree above 4, an image without pixels, a background
     /// that is not finite, a region beyond the image, more Gaussians than a call may have.
     pub fn of<T: Real>(
         gaussians: &GaussianSlices<'_, T>,
@@ -86,11 +86,6 @@ impl Extent {
         depth: bool,
     ) -> Result<Self, RasterError> {
         let (n, v) = (gaussians.opacities.len(), cameras.views());
-        if cameras.model != Model::Pinhole {
-            return Err(RasterError::Unsupported(
-                "Gaussians are drawn by pinhole cameras only, found spherical ones".into(),
-            ));
-        }
         if let Color::Sh { degree, .. } = gaussians.color
             && degree > sh::MAX_DEGREE
         {
@@ -167,6 +162,9 @@ impl Extent {
     ) -> Result<(), RasterError> {
         let (n, v) = (self.gaussians, self.views);
         let pixels = self.pixels();
+        if cameras.model != Model::Pinhole && gradients.intrinsics.is_some() {
+            return Err(RasterError::Unsupported("a lens has no gradient of the intrinsics".into()));
+        }
         let inputs = [
             ("cotangent of the image", cotangents.image, if self.color_len > 0 { 3 * pixels } else { 0 }),
             ("cotangent of alpha", cotangents.alpha, pixels),
