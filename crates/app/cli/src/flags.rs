@@ -10,6 +10,7 @@ mod masks;
 mod matching;
 mod minutes;
 mod placing;
+mod projection;
 mod refine;
 
 pub use cameras::CameraChoice;
@@ -18,8 +19,9 @@ pub use density::DensityFlags;
 pub use hold_out::hold_out;
 pub use level::level;
 pub use light::LightFlags;
-pub use masks::{MASKED, MaskFlags, MaskedFlag};
+pub use masks::{LENSES, MASKED, MaskFlags, MaskedFlag};
 pub use matching::{ClipFlags, MatchingFlags};
 pub use minutes::minutes;
 pub use placing::PlacingFlags;
+pub use projection::{Projection, projection};
 pub use refine::RefineFlags;

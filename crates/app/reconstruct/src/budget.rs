@@ -148,6 +148,7 @@ impl Speed {
             by_photos: ByPhotos { start: false, ..settings.by_photos },
             ..settings
         };
+        few.decide_lenses(&*rasterizer);
         // No others are decoded.
         let sample = PosedOptions { sample: few.views, ..few.posed_options() };
         let photos = posed::load(&few.capture, &sample)?;

@@ -52,6 +52,7 @@ pub(crate) fn load(
     given: Option<&Gaussians>,
     rasterizer: Arc<dyn FitRasterizer>,
 ) -> Result<Loaded, Error> {
+    settings.decide_lenses(&*rasterizer);
     let photos = posed::load(&settings.capture, &settings.posed_options())?;
     prepare(settings, photos, given, rasterizer)
 }
@@ -117,8 +118,10 @@ pub(crate) fn prepare(
     // The file of a fisheye's photo with another focal length would have no distortion that can be written.
     let refocusable = |origin: &Origin| origin.frame.distortion.is_none_or(|d| d.refocused(1.0).is_some());
     let refocus = settings.focal && origins.iter().all(refocusable);
-    let matching =
-        settings.fit.poses.refine.then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, refocus));
+    // Matching knows pinholes.
+    let wide = training.iter().chain(&held_out).any(|photo| photo.lens.is_some());
+    let matching = (settings.fit.poses.refine && !wide)
+        .then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, refocus));
     if let Some(Matching { focal, .. }) = matching.filter(|_| refocus) {
         for origin in &mut origins {
             let Frame { camera, distortion, .. } = &mut origin.frame;
@@ -133,6 +136,10 @@ pub(crate) fn prepare(
         settings.fit.rates.means = Rates::means_on_surfaces(long_side);
     }
     let mut remarks = capture.remarks;
+    if wide {
+        let lenses = "photos of 120 degrees or more are drawn through their own lens (--lens undistort undoes it)";
+        remarks.push(format!("{}: {lenses}", settings.capture.display()));
+    }
     if !masked.is_empty() {
         let have = if masked.len() == 1 { "is" } else { "are" };
         remarks.push(format!("{} {have} left out: masks cover all of it", some_of(&masked)));

@@ -110,7 +110,7 @@ pub fn plan(settings: &RunSettings) -> Result<Plan, Error> {
 
 /// Plans a run of a capture with these cameras.
 pub(crate) fn planned(settings: &RunSettings, cameras: &CaptureCameras) -> Result<Plan, Error> {
-    let cameras = cameras.at(settings.long_side)?;
+    let cameras = cameras.at(settings.long_side, settings.lenses)?;
     let plan = Plan::of(&cameras, settings.masks, &settings.fit);
     let plan = Plan { training: plan.training.min(settings.views.unwrap_or(usize::MAX)), ..plan };
     let asked = settings.init == Initial::Auto && settings.by_photos.start && plan.asks_for_depth();

@@ -2,9 +2,11 @@
 //! from the axis.
 
 pub(crate) mod angles;
+mod camera;
 
 use crate::{Camera, Distortion, Intrinsics};
 use angles::Angles;
+pub use camera::LensCamera;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

@@ -73,13 +73,27 @@ fn checked(groups: Groups<'_>, n: usize) -> Result<usize, RasterError> {
 }
 
 impl Extent {
-    /// The sizes of a call, if everything in it fits together; `depth` says whether depth is requested.
+    /// The sizes of a call of pinholes, if everything in it fits together; `depth` says whether depth is requested.
     ///
     /// # Errors
     ///
-    /// Lengths that do not fit, a degree above 4, an image without pixels, a background
+    /// Cameras that are not pinholes, lengths that do not fit, a degree above 4, an image without pixels, a background
     /// that is not finite, a region beyond the image, more Gaussians than a call may have.
     pub fn of<T: Real>(
+        gaussians: &GaussianSlices<'_, T>,
+        cameras: &CameraSlices<'_, T>,
+        settings: &RasterSettings,
+        depth: bool,
+    ) -> Result<Self, RasterError> {
+        if cameras.model != Model::Pinhole {
+            let message = "this rasterizer draws pinhole cameras only, found a lens; the CPU draws through lenses";
+            return Err(RasterError::Unsupported(message.into()));
+        }
+        Self::through_any_lens(gaussians, cameras, settings, depth)
+    }
+
+    /// As [`of`](Self::of), for cameras of any model.
+    pub(crate) fn through_any_lens<T: Real>(
         gaussians: &GaussianSlices<'_, T>,
         cameras: &CameraSlices<'_, T>,
         settings: &RasterSettings,

@@ -84,7 +84,7 @@ pub fn rasterize<T: Real>(
     workspace: &mut Workspace<T>,
     images: Images<'_, T>,
 ) -> Result<RasterStats, RasterError> {
-    let extent = Extent::of(gaussians, cameras, settings, images.depth.is_some())?;
+    let extent = Extent::through_any_lens(gaussians, cameras, settings, images.depth.is_some())?;
     extent.check_images(&images)?;
     (workspace.drawn, workspace.differentiated) = (None, None);
     workspace.rays = workspace.rays_cache.of(cameras)?;

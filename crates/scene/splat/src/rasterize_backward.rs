@@ -16,7 +16,7 @@ use crate::workspace::Workspace;
 use std::time::Instant;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::Row;
-use weaver_scene::{CameraSlices, GaussianSlices};
+use weaver_scene::{CameraSlices, GaussianSlices, Model};
 
 /// Gradients with respect to everything that [`rasterize`](crate::rasterize()) was given, from those with respect to
 /// image, alpha, depth and features.
@@ -45,8 +45,12 @@ pub fn rasterize_backward<T: Real>(
     mut gradients: Gradients<'_, T>,
 ) -> Result<(), RasterError> {
     let depth = workspace.drawn.is_some_and(|(extent, _)| extent.depth);
-    let extent = Extent::of(gaussians, cameras, settings, depth)?;
-    if workspace.drawn != Some((extent, *settings)) {
+    let extent = Extent::through_any_lens(gaussians, cameras, settings, depth)?;
+    let same_rays = match &workspace.rays {
+        None => cameras.model == Model::Pinhole,
+        Some(rays) => rays.is_of(cameras),
+    };
+    if workspace.drawn != Some((extent, *settings)) || !same_rays {
         return Err(RasterError::Arguments(
             "backward needs the workspace of a forward with the same sizes and settings".into(),
         ));

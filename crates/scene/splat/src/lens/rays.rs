@@ -28,6 +28,16 @@ struct Key {
     height: usize,
 }
 
+impl Key {
+    /// The lens of cameras, those of the first view; `None` for pinholes, or without a view.
+    fn of<T: Real>(cameras: &CameraSlices<'_, T>) -> Option<Self> {
+        let Model::Lens(lens) = cameras.model else { return None };
+        let [fx, fy, cx, cy] = cameras.intrinsics.first_chunk::<4>()?.map(|x| x.to_f64());
+        let intrinsics = Intrinsics { fx, fy, cx, cy };
+        Some(Self { lens, intrinsics, width: cameras.width, height: cameras.height })
+    }
+}
+
 /// The rays of the pixels of an image.
 #[derive(Debug)]
 pub(crate) struct Rays<T> {
@@ -78,6 +88,11 @@ impl<T: Real> Rays<T> {
         [size + slope * past, slope]
     }
 
+    /// True if they are the rays of these cameras.
+    pub fn is_of(&self, cameras: &CameraSlices<'_, T>) -> bool {
+        Key::of(cameras) == Some(self.key)
+    }
+
     fn bytes(&self) -> usize {
         size_of_val(&*self.blocks) * 5 / 4
     }
@@ -124,19 +139,17 @@ impl<T> Default for RaysCache<T> {
 impl<T: Real> RaysCache<T> {
     /// The rays of cameras; `None` for pinholes.
     pub fn of(&mut self, cameras: &CameraSlices<'_, T>) -> Result<Option<Arc<Rays<T>>>, RasterError> {
-        let Model::Lens(lens) = cameras.model else { return Ok(None) };
-        let Some(first) = cameras.intrinsics.first_chunk::<4>() else { return Ok(None) };
-        if cameras.intrinsics.chunks_exact(4).any(|other| other != first) {
+        let Some(key) = Key::of(cameras) else { return Ok(None) };
+        if cameras.intrinsics.chunks_exact(4).any(|other| other != &cameras.intrinsics[..4]) {
             let message = "views of one call through a lens have the same intrinsics, found several";
             return Err(RasterError::Arguments(message.into()));
         }
-        let [fx, fy, cx, cy] = first.map(|x| x.to_f64());
+        let Intrinsics { fx, fy, cx, cy } = key.intrinsics;
         if !(fx > 0.0 && fy > 0.0 && [fx, fy, cx, cy].iter().all(|x| x.is_finite())) {
             return Err(RasterError::Arguments(format!(
                 "intrinsics of a lens are finite and focal lengths above 0, found fx {fx} fy {fy} cx {cx} cy {cy}"
             )));
         }
-        let key = Key { lens, intrinsics: Intrinsics { fx, fy, cx, cy }, width: cameras.width, height: cameras.height };
         let rays = match self.0.iter().position(|rays| rays.key == key) {
             Some(at) => self.0.remove(at),
             None => Arc::new(Rays::new(key)),
