@@ -258,7 +258,9 @@ impl Fitting {
             }
             let batch = batch(first);
             let Self { capture: Loaded { fit, .. }, judge, .. } = self;
-            let draw = |&i: &usize| Ok(corrected(fit.render_through(fit.photo(i).model(), &fit.camera(i))?, fit.exposure(i).copied()));
+            let draw = |&i: &usize| {
+                Ok(corrected(fit.render_through(fit.photo(i).model(), &fit.camera(i))?, fit.exposure(i).copied()))
+            };
             let images = batch.iter().map(draw).collect::<Result<Vec<_>, Error>>()?;
             let views = batch.iter().zip(images).map(|(&i, image)| View {
                 number: i,

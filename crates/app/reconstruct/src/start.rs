@@ -2,7 +2,7 @@
 
 use crate::{Coverage, Error, Initial, RunSettings};
 use std::time::Instant;
-use weaver_fit::{FitSettings, init};
+use weaver_fit::{FitError, FitSettings, init};
 use weaver_scene::{Gaussians, Photo, PointCloud};
 use weaver_stereo::{Stereo, StereoSettings};
 
@@ -56,7 +56,8 @@ impl Start {
         }
         let gaussians = match (settings.init, given) {
             (Initial::Dense, None) if seen.photos.iter().any(|photo| photo.lens.is_some()) => {
-                return Err(FitError::setting("init", "points or random for photos that keep their lens", "dense").into());
+                let expected = "points or random for photos that keep their lens".into();
+                return Err(FitError::Setting { key: "init", expected, found: "dense".into() }.into());
             }
             (Initial::Dense, None) => return Self::dense(settings, seen),
             (Initial::Dense | Initial::Given, given) => {

@@ -83,8 +83,7 @@ impl Alignment {
         let mut right = DVec2::ZERO;
         for c in 0..3 {
             let color = |at: usize| f64::from(views.image[3 * at + c] + views.photo[3 * at + c]);
-            let slope =
-                0.25 * DVec2::new(color(at + 1) - color(at - 1), color(at + width) - color(at - width));
+            let slope = 0.25 * DVec2::new(color(at + 1) - color(at - 1), color(at + width) - color(at - width));
             let difference = f64::from(views.image[3 * at + c] - views.photo[3 * at + c]);
             let weight = 1.0 / difference.abs().max(SMALL);
             right += weight * difference * slope;

@@ -29,11 +29,7 @@ impl Drawing<'_> {
         (0..photos).step_by(photos.div_ceil(PICTURES)).map(of)
     }
 
-    fn draw(
-        &mut self,
-        scene: &ActivatedGaussians,
-        (camera, model): (Camera, Model),
-    ) -> Result<Vec<f32>, RasterError> {
+    fn draw(&mut self, scene: &ActivatedGaussians, (camera, model): (Camera, Model)) -> Result<Vec<f32>, RasterError> {
         let pixels = camera.width * camera.height;
         let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
         let rows = CameraRows::new(&[camera]);

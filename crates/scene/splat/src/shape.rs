@@ -213,7 +213,8 @@ impl<V: Lanes> Shape<V> {
         let w: Mat23<V> = [each!(3, |j| short * eps.mul_add(m[0][j], turned[0][j])), each!(3, |j| r * m[1][j])];
         let pulled: Mat23<V> =
             [each!(3, |j| uu.mul_add(w[0][j], uv * w[1][j])), each!(3, |j| uv.mul_add(w[0][j], vv * w[1][j]))];
-        let mut dm: Mat23<V> = [each!(3, |j| p * pulled[0][j]), each!(3, |j| q.mul_add(pulled[0][j], r * pulled[1][j]))];
+        let mut dm: Mat23<V> =
+            [each!(3, |j| p * pulled[0][j]), each!(3, |j| q.mul_add(pulled[0][j], r * pulled[1][j]))];
         // dL/dS = L^T G L / 2, and the trace of it for S + d eps I.
         let half = V::constant(0.5);
         let mut deps = half * uu.mul_add(p.mul_add(p, q * q), r * (two * uv).mul_add(q, vv * r));

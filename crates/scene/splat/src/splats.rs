@@ -70,7 +70,9 @@ impl<T: Real> Workspace<T> {
     fn of_each<R>(&self, of: impl Fn(usize, usize) -> R) -> Result<Vec<R>, RasterError> {
         let (extent, _) = self.last()?;
         if self.rays.is_some() {
-            return Err(RasterError::Unsupported("places of Gaussians on images are those of pinholes, found a lens".into()));
+            return Err(RasterError::Unsupported(
+                "places of Gaussians on images are those of pinholes, found a lens".into(),
+            ));
         }
         Ok((0..extent.views).flat_map(|v| (0..extent.gaussians).map(move |n| (v, n))).map(|(v, n)| of(v, n)).collect())
     }

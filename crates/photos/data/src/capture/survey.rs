@@ -8,8 +8,8 @@ use crate::Error;
 use rayon::prelude::*;
 use std::path::Path;
 use weaver_geometry::Camera;
-use weaver_geometry::lens::LensCamera;
 use weaver_geometry::geodesy::Origin;
+use weaver_geometry::lens::LensCamera;
 use weaver_scene::{Frame, PointCloud};
 
 /// A photo of a capture before it is read.

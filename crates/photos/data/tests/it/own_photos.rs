@@ -103,7 +103,8 @@ fn distorted_photos_are_undistorted() {
                     (camera(0).intrinsics, Some(lens))
                 );
             }
-            let planned = CaptureCameras::read(folder, options.hold_out).unwrap().at(options.long_side, options.lenses).unwrap();
+            let planned =
+                CaptureCameras::read(folder, options.hold_out).unwrap().at(options.long_side, options.lenses).unwrap();
             let cameras: Vec<_> = capture.photos.iter().map(|photo| (photo.photo.camera, photo.held_out)).collect();
             assert_eq!(planned, cameras, "what is said beforehand is what is loaded");
         }

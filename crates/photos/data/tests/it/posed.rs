@@ -53,7 +53,8 @@ fn photos_keep_their_size_or_shrink_to_a_longest_side() {
     let photo = &capture.photos[4];
     assert!((photo.photo.camera.intrinsics.fx - written[4].intrinsics.fx / 2.0).abs() < 1e-9);
     assert_eq!(photo.frame.camera.width, 40);
-    let planned = CaptureCameras::read(folder.path(), options.hold_out).unwrap().at(options.long_side, options.lenses).unwrap();
+    let planned =
+        CaptureCameras::read(folder.path(), options.hold_out).unwrap().at(options.long_side, options.lenses).unwrap();
     let loaded: Vec<_> = capture.photos.iter().map(|p| (p.photo.camera, p.held_out)).collect();
     assert_eq!(planned, loaded, "what is said beforehand is what is loaded");
 }

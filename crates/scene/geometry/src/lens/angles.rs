@@ -77,7 +77,8 @@ impl Angles {
             p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y + r2 * (s2 + r2 * s3),
         );
         let mixed = 2.0 * (p1 * x + p2 * y);
-        let tangential = DMat2::from_cols_array(&[2.0 * p1 * y + 6.0 * p2 * x, mixed, mixed, 6.0 * p1 * y + 2.0 * p2 * x]);
+        let tangential =
+            DMat2::from_cols_array(&[2.0 * p1 * y + 6.0 * p2 * x, mixed, mixed, 6.0 * p1 * y + 2.0 * p2 * x]);
         let prism = outer(DVec2::new(s0 + 2.0 * r2 * s1, s2 + 2.0 * r2 * s3), 2.0 * base);
         let dshift = tangential + prism;
         (far + shift, dfar + if self.after { dshift * dfar } else { dshift })

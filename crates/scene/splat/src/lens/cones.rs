@@ -102,7 +102,14 @@ impl Cones {
     }
 
     /// Adds the blocks below a cone that may see something to the rectangle of their half of the image.
-    fn visit(&self, level: usize, at: [usize; 2], normals: &[DVec3; 5], middle: usize, halves: &mut [Option<Blocks>; 2]) {
+    fn visit(
+        &self,
+        level: usize,
+        at: [usize; 2],
+        normals: &[DVec3; 5],
+        middle: usize,
+        halves: &mut [Option<Blocks>; 2],
+    ) {
         let (columns, rows, cones) = &self.levels[level];
         let cone = &cones[at[1] * columns + at[0]];
         if normals.iter().any(|n| n.dot(cone.axis) > cone.sine) {

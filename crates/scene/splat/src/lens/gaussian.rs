@@ -3,7 +3,7 @@
 use super::Rays;
 use crate::each::each;
 use crate::ewa::{BITS, moment};
-use crate::tiles::{Footprint, BLOCK, Record, Response};
+use crate::tiles::{BLOCK, Footprint, Record, Response};
 use std::any::Any;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes, Row, Vector};

@@ -170,7 +170,8 @@ fn spheres_have_neither_seam_nor_poles() {
         scene.viewmats = rows.iter().flat_map(|row| [row[0], row[1], row[2], 0.0]).collect();
     };
     turn(&mut scene, DMat3::IDENTITY);
-    let (straight, projection, k) = (scene.render(), Lens::Equirectangular.projection(), intrinsics(Lens::Equirectangular, size));
+    let (straight, projection, k) =
+        (scene.render(), Lens::Equirectangular.projection(), intrinsics(Lens::Equirectangular, size));
     // Half a turn about the vertical moves every pixel by half a row; a turn about the forward axis brings poles about.
     turn(&mut scene, DMat3::from_rotation_y(std::f64::consts::PI));
     let half = scene.render();
@@ -253,12 +254,8 @@ fn wrong_uses_of_lenses_are_errors() {
     let draw = |scene: &Scene<f64>, workspace: &mut Workspace<f64>| {
         let pixels = scene.pixels();
         let (mut image, mut alpha, mut features) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; 2 * pixels]);
-        let images = weaver_splat::Images {
-            image: &mut image,
-            alpha: &mut alpha,
-            depth: None,
-            features: Some(&mut features),
-        };
+        let images =
+            weaver_splat::Images { image: &mut image, alpha: &mut alpha, depth: None, features: Some(&mut features) };
         weaver_splat::rasterize(&scene.gaussians(), &scene.cameras(), &scene.settings, workspace, images).map(drop)
     };
     let mut workspace = Workspace::new();
