@@ -16,7 +16,7 @@ pub const MASKED: [(&str, Masked, &str); 2] = [
 /// Treatments of lenses.
 pub const LENSES: [(&str, Lenses, &str); 2] = [
     ("keep", Lenses::Keep, "The scene is drawn through the photo's own lens: no pixel of it is lost"),
-    ("undistort", Lenses::Undistort, "Photos become a pinhole's, at most about 140 degrees wide"),
+    ("undistort", Lenses::Undistort, "Photos become a pinhole's, at most about 145 degrees wide"),
 ];
 
 /// Masks of photos.

@@ -4,6 +4,7 @@ mod align;
 mod allocation;
 mod bits;
 mod cameras;
+mod lens;
 mod masks;
 mod population;
 mod recovery;

@@ -34,7 +34,7 @@ pub enum Lenses {
     Auto,
     /// Photos keep their lens: nothing of them is lost, and scenes are drawn through it.
     Keep,
-    /// Distortion is undone: a photo then shows what a pinhole sees, at most about 140 degrees.
+    /// Distortion is undone: a photo then shows what a pinhole sees, at most about 145 degrees.
     #[default]
     Undistort,
 }
