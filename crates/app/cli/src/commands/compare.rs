@@ -1,11 +1,14 @@
 //! `splatweaver compare`: one file of Gaussians against the photos of a capture.
 
+use crate::flags::LENSES;
 use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Progress, Threads, device, in_pool};
-use weaver_data::capture::posed::{self, PosedOptions};
+use weaver_command::{
+    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Progress, Threads, choice, device, in_pool,
+};
+use weaver_data::capture::posed::{self, Lenses, PosedOptions};
 use weaver_fit::{Judge, Quality};
 use weaver_io::{SceneFile, read_scene};
 use weaver_reconstruct::Outcome;
@@ -34,6 +37,9 @@ pub struct Compare {
     /// Does not count what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
     #[arg(long)]
     pub masks: bool,
+    /// Lenses that bend straight lines: keep draws through them, undistort undoes them [default: keep from 120 degrees on]
+    #[arg(long, value_parser = choice(&LENSES))]
+    pub lens: Option<Lenses>,
     /// Also LPIPS, with the weights in this safetensors file
     #[arg(long, value_name = "WEIGHTS")]
     pub lpips: Option<PathBuf>,
@@ -64,7 +70,10 @@ fn compare(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     }
     let long_side = arguments.long_side.map(|side| side as usize);
     let masks = arguments.masks;
-    let options = PosedOptions { long_side, background, masks, held_out_only: true, ..PosedOptions::default() };
+    // Devices draw pinholes.
+    let chosen = device::name(&arguments.device).map_or(Lenses::Auto, |_| Lenses::Undistort);
+    let lenses = arguments.lens.unwrap_or(chosen);
+    let options = PosedOptions { long_side, background, masks, lenses, held_out_only: true, ..PosedOptions::default() };
     let capture = posed::load(data, &options)?;
     capture.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     let held_out = capture.photos.iter().any(|photo| photo.held_out);
@@ -80,7 +89,7 @@ fn compare(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     let mut views = Vec::new();
     for photo in &photos {
         let mut image = renderer
-            .render(&activated, &[photo.camera], background, &settings)
+            .render_through(photo.model(), &activated, &[photo.camera], background, &settings)
             .map_err(|e| Failure::message(format!("{}: {e}", scene.display())))?
             .concat();
         if let Some(exposure) = fit.as_ref().and_then(|fit| fit.exposure_of(&photo.name)) {
