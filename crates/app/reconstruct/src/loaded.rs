@@ -56,6 +56,7 @@ pub(crate) fn load(
     rasterizer: Arc<dyn FitRasterizer>,
     folder: Option<&Path>,
 ) -> Result<Loaded, Error> {
+    settings.decide_lenses(&*rasterizer);
     let folder = if plan(settings)?.on_disk { folder } else { None };
     let scratch = folder.map(ScratchFile::new).transpose()?;
     let photos = posed::load_kept(&settings.capture, &settings.posed_options(), scratch.as_ref())?;
@@ -124,8 +125,10 @@ pub(crate) fn prepare(
     // The file of a fisheye's photo with another focal length would have no distortion that can be written.
     let refocusable = |origin: &Origin| origin.frame.distortion.is_none_or(|d| d.refocused(1.0).is_some());
     let refocus = settings.focal && origins.iter().all(refocusable);
-    let matching =
-        settings.fit.poses.refine.then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, refocus));
+    // Matching knows pinholes.
+    let wide = training.iter().chain(&held_out).any(|photo| photo.lens.is_some());
+    let matching = (settings.fit.poses.refine && !wide)
+        .then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, refocus));
     if let Some(Matching { focal, .. }) = matching.filter(|_| refocus) {
         for origin in &mut origins {
             let Frame { camera, distortion, .. } = &mut origin.frame;
@@ -140,6 +143,10 @@ pub(crate) fn prepare(
         settings.fit.rates.means = Rates::means_on_surfaces(long_side);
     }
     let mut remarks = capture.remarks;
+    if wide {
+        let lenses = "photos of 120 degrees or more are drawn through their own lens (--lens undistort undoes it)";
+        remarks.push(format!("{}: {lenses}", settings.capture.display()));
+    }
     if !masked.is_empty() {
         let have = if masked.len() == 1 { "is" } else { "are" };
         remarks.push(format!("{} {have} left out: masks cover all of it", some_of(&masked)));

@@ -137,7 +137,7 @@ pub fn plan(settings: &RunSettings) -> Result<Plan, Error> {
 
 /// Plans a run of a capture with these cameras.
 pub(crate) fn planned(settings: &RunSettings, cameras: &CaptureCameras) -> Result<Plan, Error> {
-    let cameras = cameras.at(settings.long_side)?;
+    let cameras = cameras.at(settings.long_side, settings.lenses)?;
     let plan = Plan::of(&cameras, settings.masks, &settings.fit);
     let free = weaver_io::available_memory().map_or(f64::INFINITY, |free| free as f64);
     let on_disk = plan.photos as f64 > PHOTOS_IN_MEMORY * free;

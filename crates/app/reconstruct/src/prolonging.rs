@@ -63,7 +63,7 @@ impl Fitting {
         let (fit, held_out) = (&mut self.capture.fit, &self.capture.held_out);
         let mut sum = 0.0;
         for photo in held_out {
-            let image = corrected(fit.render(&photo.camera)?, fit.exposure_at(&photo.camera));
+            let image = corrected(fit.render_through(photo.model(), &photo.camera)?, fit.exposure_at(&photo.camera));
             sum += Judge::psnr(&image, &photo.rgb, photo.mask.as_deref());
         }
         Ok(sum / held_out.len() as f64)

@@ -258,7 +258,9 @@ impl Fitting {
             }
             let batch = batch(first);
             let Self { capture: Loaded { fit, .. }, judge, .. } = self;
-            let draw = |&i: &usize| Ok(corrected(fit.render(&fit.camera(i))?, fit.exposure(i).copied()));
+            let draw = |&i: &usize| {
+                Ok(corrected(fit.render_through(fit.photo(i).model(), &fit.camera(i))?, fit.exposure(i).copied()))
+            };
             let images = batch.iter().map(draw).collect::<Result<Vec<_>, Error>>()?;
             let views = batch.iter().zip(images).map(|(&i, image)| View {
                 number: i,
@@ -282,7 +284,7 @@ impl Fitting {
         for batch in all.chunks(at_once(&fit.photo(0).camera)) {
             let view = |&i: &usize| {
                 let (photo, camera): (&Photo, Camera) = (&held_out[i], cameras[i]);
-                let image = corrected(fit.render(&camera)?, fit.exposure_at(&camera));
+                let image = corrected(fit.render_through(photo.model(), &camera)?, fit.exposure_at(&camera));
                 let mask = photo.mask.as_deref().map(Cow::Borrowed);
                 Ok(View { number: i, photo, camera, mask, image, shown: shown.contains(&i) })
             };
@@ -294,12 +296,12 @@ impl Fitting {
     /// Seconds that looks and that results will take, from judging one photo now; with a full budget of Gaussians,
     /// glances at the photos that are not judged, and pictures for the report it takes longer.
     pub(crate) fn seconds_of_results(&mut self) -> Result<[f64; 2], Error> {
-        let camera = self.fit().camera(0);
+        let (camera, model) = (self.fit().camera(0), self.fit().photo(0).model());
         let mut seconds = [0.0; 2];
         // The first photo meets cold memory.
         for _ in 0..2 {
             let start = Instant::now();
-            let image = self.capture.fit.render(&camera)?;
+            let image = self.capture.fit.render_through(model, &camera)?;
             let drawn = start.elapsed().as_secs_f64();
             quality(&self.judge, &image, self.fit().photo(0), None);
             seconds = [drawn, start.elapsed().as_secs_f64() - drawn];

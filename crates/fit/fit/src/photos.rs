@@ -57,7 +57,7 @@ fn halved_photo(photo: &Photo) -> Photo {
         let all = |y: usize, x: usize| at(y, x) && at(y, x + 1) && at(y + 1, x) && at(y + 1, x + 1);
         (0..h).flat_map(|y| (0..w).map(move |x| (2 * y, 2 * x))).map(|(y, x)| all(y, x)).collect()
     });
-    Photo { name: String::new(), camera: halved(&photo.camera), rgb: rgb.into(), mask }
+    Photo { name: String::new(), camera: halved(&photo.camera), rgb: rgb.into(), mask, lens: photo.lens }
 }
 
 /// The camera of a photo at half its size.

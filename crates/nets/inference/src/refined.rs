@@ -184,7 +184,13 @@ fn views(photos: Photos<'_>, cameras: &[Camera]) -> Vec<Photo> {
         (0..3 * pixels).map(|i| (planes[i % 3 * pixels + i / 3] * 255.0).round() as u8).collect()
     };
     (planes.chunks_exact(3 * pixels).zip(cameras).enumerate())
-        .map(|(i, (planes, camera))| Photo { name: i.to_string(), camera: *camera, rgb: rgb(planes), mask: mask(i) })
+        .map(|(i, (planes, camera))| Photo {
+            name: i.to_string(),
+            camera: *camera,
+            rgb: rgb(planes),
+            mask: mask(i),
+            lens: None,
+        })
         .collect()
 }
 

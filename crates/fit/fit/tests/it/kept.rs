@@ -44,7 +44,9 @@ fn fitted(photos: Vec<Photo>) -> Gaussians {
     let mut settings = plain(StrategyKind::Split, 40, 60);
     (settings.halvings, settings.coarse_until) = (1, 0.5);
     let mut fit = Fit::new(photos, &cloud(40, 3), settings).unwrap();
-    (0..40).for_each(|_| drop(fit.step().unwrap()));
+    for _ in 0..40 {
+        fit.step().unwrap();
+    }
     fit.gaussians()
 }
 

@@ -6,6 +6,7 @@ mod bits;
 mod cameras;
 mod cleaning;
 mod kept;
+mod lens;
 mod masks;
 mod population;
 mod recovery;
