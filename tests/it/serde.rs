@@ -15,7 +15,7 @@ fn scene_types_come_back_from_json() {
     back(&Similarity { scale: 2.5, rotation: camera.pose.rotation, translation: camera.pose.translation });
     let distortion = Some(Distortion::Radial { k: [0.1, -0.01, 0.0, 0.0, 0.0, 0.0], p: [0.0; 2] });
     back(&Frame { distortion, time: Some(0.5), ..Frame::new("a.jpg", camera) });
-    back(&Photo { name: "a.jpg".into(), camera, rgb: vec![1, 2, 3], mask: Some(vec![true]) });
+    back(&Photo { name: "a.jpg".into(), camera, rgb: vec![1, 2, 3].into(), mask: Some(vec![true]), lens: None });
     back(&PointCloud { positions: vec![[0.5, -1.0, 2.0]], colors: vec![[255, 0, 7]] });
     back(&Region::Sphere { center: [0.0, 1.0, 2.0], radius: 0.1 });
     back(&Gaussians {

@@ -5,6 +5,7 @@
 
 mod dial;
 mod embed;
+mod peers;
 mod scripts;
 mod stress;
 mod study;
@@ -30,6 +31,7 @@ const USAGE: &str = "usage: cargo xtask <command>
                   after an interruption
   study own-photos  DIR CAPTURE ... [--lpips WEIGHTS] [-- FLAGS]: what lens distortion, orientation and masks cost, trained in the same way
   dial            the picture of the README's dial, drawn anew from its table in docs/results/density.md
+  bench-peers     [--threads T]: `bench engine` beside PyTorch, as installed and with MKL's fast path, as far as they are here
   embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2
   wheel           [DIR]: the Python package built by maturin, installed where nothing else is, and tested there
@@ -48,6 +50,7 @@ fn main() -> ExitCode {
         "study" => study::run(rest),
         "dial" => dial::run(),
         "embed" => embed::run(),
+        "bench-peers" => peers::run(rest),
         "walk" => cargo_run(&["--release", "--package", "weaver-procedural", "--example", "walk"], rest),
         "valgrind" => valgrind::run(),
         "wheel" => wheel::run(rest),

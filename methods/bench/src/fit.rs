@@ -118,6 +118,7 @@ fn synthetic(scene: Synthetic, mut settings: FitSettings, rasterizer: Arc<dyn Fi
         camera: cameras.to_cameras()[0],
         rgb: image.iter().enumerate().map(byte).collect(),
         mask: None,
+        lens: None,
     };
     let initial = workload.gaussians.to_stored();
     Ok(Fit::with(rasterizer, settings.density.strategy(), vec![photo], &initial, settings)?)

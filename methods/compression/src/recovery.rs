@@ -181,7 +181,7 @@ pub(crate) fn targets(task: &Task<'_>) -> Result<Vec<Photo>, CompressionError> {
     let photo = |(number, camera)| {
         let picture = renderer.render(&activated, &[camera], pictures.background, &pictures.settings)?.concat();
         let rgb = picture.iter().map(|x| (255.0 * x.clamp(0.0, 1.0)).round() as u8).collect();
-        Ok(Photo { name: format!("picture {number}"), camera, rgb, mask: None })
+        Ok(Photo { name: format!("picture {number}"), camera, rgb, mask: None, lens: None })
     };
     pictures.cameras.iter().copied().enumerate().map(photo).collect()
 }

@@ -38,12 +38,25 @@ pub fn read(path: &Path, size: Size) -> Result<Vec<Frame>, Failure> {
     Ok(read_with_lenses(path, size)?.into_iter().map(|(frame, _)| frame).collect())
 }
 
+/// As [`read`], for pictures of another lens and size: only the poses and names are of use.
+pub fn read_poses(path: &Path) -> Result<Vec<Frame>, Failure> {
+    let frames = weaver_io::read_cameras(path)?;
+    match frames.is_empty() {
+        false => Ok(frames),
+        true => Err(none_found(path)),
+    }
+}
+
+fn none_found(path: &Path) -> Failure {
+    Failure::message(format!("{}: expected at least one camera, found none", path.display()))
+}
+
 /// As [`read`], each camera with the distortion of its photo, if any; the cameras themselves are for undistorted
 /// photos, as in captures.
 pub fn read_with_lenses(path: &Path, size: Size) -> Result<Vec<(Frame, Option<Undistortion>)>, Failure> {
     let frames = weaver_io::read_cameras(path)?;
     if frames.is_empty() {
-        return Err(Failure::message(format!("{}: expected at least one camera, found none", path.display())));
+        return Err(none_found(path));
     }
     // Only these give intrinsics without a size: a transforms.json of 1 x 1 pixel says that its images have one.
     let is_realestate = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt"));

@@ -145,6 +145,7 @@ impl Speed {
         let plan = planned(&settings, cameras)?;
         let mut few = RunSettings { views: Some(settings.views.map_or(FEW, |views| views.min(FEW))), ..settings };
         few.by_photos.remove(&ByPhotos::Start);
+        few.decide_lenses(&*rasterizer);
         // No others are decoded.
         let sample = PosedOptions { sample: few.views, ..few.posed_options() };
         let photos = posed::load(&few.capture, &sample)?;

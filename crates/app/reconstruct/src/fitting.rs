@@ -83,7 +83,7 @@ impl Fitting {
         let RunFile { mut settings, sources, coverage } = file;
         let given = folder.join(INIT);
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
-        let mut capture = load(&mut settings, given.as_ref(), rasterizer)?;
+        let mut capture = load(&mut settings, given.as_ref(), rasterizer, Some(folder))?;
         capture.coverage = coverage;
         capture.sources.check(&sources, &settings.capture, &folder.join(RunFile::NAME))?;
         Ok(Self::new(settings, capture, judge, started))

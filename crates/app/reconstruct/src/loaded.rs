@@ -4,12 +4,14 @@ use crate::compressed;
 use crate::matching::Matching;
 use crate::sources::Sources;
 use crate::start::{Seen, Start};
-use crate::{ByPhotos, Coverage, Error, Initial, RunSettings};
+use crate::{ByPhotos, Coverage, Error, Initial, RunSettings, plan};
+use std::path::Path;
 use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto, PosedPhotos};
 use weaver_data::some_of;
 use weaver_fit::{ColorAgreement, Density, Fit, FitRasterizer, FitSettings, Rates, mean_color};
 use weaver_geometry::{Camera, geodesy};
+use weaver_io::ScratchFile;
 use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
 
 /// A photo on disk.
@@ -46,13 +48,18 @@ pub(crate) struct Loaded {
 }
 
 /// Loads the inputs of a run, and decides [settings that depend on the photos](crate::ByPhotos). `given` are the
-/// Gaussians of [`Initial::Given`].
+/// Gaussians of [`Initial::Given`]. Photos that memory has no room for are kept in a file without a name in `folder`,
+/// where there is one.
 pub(crate) fn load(
     settings: &mut RunSettings,
     given: Option<&Gaussians>,
     rasterizer: Arc<dyn FitRasterizer>,
+    folder: Option<&Path>,
 ) -> Result<Loaded, Error> {
-    let photos = posed::load(&settings.capture, &settings.posed_options())?;
+    settings.decide_lenses(&*rasterizer);
+    let folder = if plan(settings)?.on_disk { folder } else { None };
+    let scratch = folder.map(ScratchFile::new).transpose()?;
+    let photos = posed::load_kept(&settings.capture, &settings.posed_options(), scratch.as_ref())?;
     prepare(settings, photos, given, rasterizer)
 }
 
@@ -118,8 +125,10 @@ pub(crate) fn prepare(
     // The file of a fisheye's photo with another focal length would have no distortion that can be written.
     let refocusable = |origin: &Origin| origin.frame.distortion.is_none_or(|d| d.refocused(1.0).is_some());
     let refocus = settings.focal && origins.iter().all(refocusable);
-    let matching =
-        settings.fit.poses.refine.then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, refocus));
+    // Matching knows pinholes.
+    let wide = training.iter().chain(&held_out).any(|photo| photo.lens.is_some());
+    let matching = (settings.fit.poses.refine && !wide)
+        .then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, refocus));
     if let Some(Matching { focal, .. }) = matching.filter(|_| refocus) {
         for origin in &mut origins {
             let Frame { camera, distortion, .. } = &mut origin.frame;
@@ -134,6 +143,10 @@ pub(crate) fn prepare(
         settings.fit.rates.means = Rates::means_on_surfaces(long_side);
     }
     let mut remarks = capture.remarks;
+    if wide {
+        let lenses = "photos of 120 degrees or more are drawn through their own lens (--lens undistort undoes it)";
+        remarks.push(format!("{}: {lenses}", settings.capture.display()));
+    }
     if !masked.is_empty() {
         let have = if masked.len() == 1 { "is" } else { "are" };
         remarks.push(format!("{} {have} left out: masks cover all of it", some_of(&masked)));

@@ -38,7 +38,7 @@ impl Fitting {
         let Loaded { fit, held_out, .. } = &mut self.capture;
         let mut sum = 0.0;
         for photo in photos.iter().map(|photo| &held_out[*photo]) {
-            let image = corrected(fit.render(&photo.camera)?, fit.exposure_at(&photo.camera));
+            let image = corrected(fit.render_through(photo.model(), &photo.camera)?, fit.exposure_at(&photo.camera));
             sum += Judge::psnr(&image, &photo.rgb, photo.mask.as_deref());
         }
         Ok(Some(sum / photos.len() as f64))

@@ -4,8 +4,9 @@ use crate::Error;
 use std::sync::atomic::{AtomicU32, Ordering};
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
+use weaver_geometry::lens::LensCamera;
 use weaver_io::{Image, false_color};
-use weaver_scene::{ActivatedGaussians, CameraRows};
+use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Model};
 use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
 
 /// An image `[H, W, 3]`, clamped.
@@ -26,7 +27,7 @@ pub fn error(image: &[f32], photo: &[u8], camera: &Camera) -> Image {
 /// Number of Gaussians that each pixel blends, and the largest of those numbers.
 pub fn count(
     gaussians: &ActivatedGaussians,
-    camera: &Camera,
+    (camera, model): (&Camera, Model),
     settings: &RasterSettings,
     workspace: &mut Workspace<f32>,
 ) -> Result<(Image, u32), Error> {
@@ -34,7 +35,8 @@ pub fn count(
     let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
     let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
     let rows = CameraRows::new(&[*camera]);
-    rasterize(&gaussians.as_slices(), &rows.as_slices(&[0.0; 3]), settings, workspace, images)?;
+    let cameras = CameraSlices { model, ..rows.as_slices(&[0.0; 3]) };
+    rasterize(&gaussians.as_slices(), &cameras, settings, workspace, images)?;
     let counts: Vec<AtomicU32> = (0..pixels).map(|_| AtomicU32::new(0)).collect();
     workspace.for_each_hit(|pixel, _, _, _| {
         counts[pixel].fetch_add(1, Ordering::Relaxed);
@@ -48,13 +50,15 @@ pub fn count(
 const CELL: usize = 8;
 
 /// Number of Gaussians that have their middle in each cell of 8 x 8 pixels, and the largest of those numbers.
-pub fn density(gaussians: &ActivatedGaussians, camera: &Camera, near: f64) -> (Image, u32) {
+pub fn density(gaussians: &ActivatedGaussians, seen: &LensCamera, near: f64) -> (Image, u32) {
+    let camera = &seen.camera;
     let (columns, rows) = (camera.width.div_ceil(CELL), camera.height.div_ceil(CELL));
     let mut counts = vec![0.0_f32; columns * rows];
     for mean in gaussians.means.chunks_exact(3) {
         let p = camera.pose.apply(DVec3::new(f64::from(mean[0]), f64::from(mean[1]), f64::from(mean[2])));
-        let at = camera.intrinsics.project(p) / CELL as f64;
-        if p.z > near && at.x >= 0.0 && at.y >= 0.0 && at.x < columns as f64 && at.y < rows as f64 {
+        let Some((pixel, depth)) = seen.see(p) else { continue };
+        let at = pixel / CELL as f64;
+        if depth > near && at.x >= 0.0 && at.y >= 0.0 && at.x < columns as f64 && at.y < rows as f64 {
             counts[at.y as usize * columns + at.x as usize] += 1.0;
         }
     }

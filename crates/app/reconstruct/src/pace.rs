@@ -34,7 +34,7 @@ impl Pace {
         rasterizer: Arc<dyn FitRasterizer>,
     ) -> Result<Self, Error> {
         let (started, mut settings) = (Instant::now(), settings.clone());
-        let capture = load(&mut settings, given, rasterizer)?;
+        let capture = load(&mut settings, given, rasterizer, None)?;
         let loading = started.elapsed().as_secs_f64();
         let mut job = Fitting::new(settings, capture, Judge::default(), started);
         let results = job.seconds_of_results()?.iter().sum();

@@ -20,6 +20,11 @@ pub struct Plan {
     pub size: [usize; 2],
     /// Bytes of the photos, with their smaller versions.
     pub photos: u64,
+    /// True if they are more than a part of the free memory: their colors are then kept in a file without a name in the
+    /// run's folder, and read as they are needed.
+    pub on_disk: bool,
+    /// Bytes of the photos' masks, which are in memory in any case.
+    pub masks: u64,
     /// Bytes of the Gaussians, their gradients, the optimizer's memory and a copy for checkpoints.
     pub gaussians: u64,
     /// Bytes of the rasterizer, of images and of the program itself.
@@ -32,6 +37,11 @@ pub struct Plan {
 /// measured, see docs/results/benchmarks.md.
 const RASTERIZER: (u64, u64, u64) = (360, 360, PROGRAM);
 const PROGRAM: u64 = 22_000_000;
+
+/// Bytes of a pixel's color.
+const COLORS: u64 = 3;
+/// Part of the free memory that photos may take.
+const PHOTOS_IN_MEMORY: f64 = 0.3;
 
 /// Default number of Gaussians for each pixel of a photo, and the limits of their number.
 const GAUSSIANS: (f64, usize, usize) = (0.4, 5_000, 1_000_000);
@@ -51,7 +61,6 @@ impl Plan {
     pub(crate) fn of(cameras: &[(Camera, bool)], masks: bool, fit: &FitSettings) -> Self {
         let pixels = |camera: &Camera| (camera.width * camera.height) as u64;
         let held_out = cameras.iter().filter(|(_, held_out)| *held_out).count();
-        let bytes_of_pixel = 3 + u64::from(masks);
         let all: u64 = cameras.iter().map(|(camera, _)| pixels(camera)).sum();
         let largest = cameras.iter().map(|(camera, _)| camera).max_by_key(|camera| pixels(camera));
         let size = largest.map_or([0, 0], |camera| [camera.width, camera.height]);
@@ -62,7 +71,9 @@ impl Plan {
             training: cameras.len() - held_out,
             held_out,
             size,
-            photos: all * bytes_of_pixel * 4 / 3,
+            photos: all * COLORS * 4 / 3,
+            on_disk: false,
+            masks: if masks { all * 4 / 3 } else { 0 },
             gaussians: n * bytes_of_optimizer(fit.sh_degree) + rows * bytes_per_step(fit.gaussians, fit.sh_degree),
             rasterizer: n * RASTERIZER.0 + (size[0] * size[1]) as u64 * RASTERIZER.1 + RASTERIZER.2,
             start: 0,
@@ -97,7 +108,8 @@ impl Plan {
 
     /// Bytes of all of it, at the time when it takes most.
     pub fn total(&self) -> u64 {
-        self.photos + (self.gaussians + self.rasterizer).max(self.start + PROGRAM)
+        let photos = if self.on_disk { 0 } else { self.photos };
+        photos + self.masks + (self.gaussians + self.rasterizer).max(self.start + PROGRAM)
     }
 }
 
@@ -105,7 +117,11 @@ impl Plan {
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mb = |bytes: u64| format!("{:>9.1} MB", bytes as f64 / 1e6);
-        writeln!(f, "photos      {}\nGaussians   {}", mb(self.photos), mb(self.gaussians))?;
+        match self.on_disk {
+            true => writeln!(f, "photos      {}, and {} on disk", mb(self.masks), mb(self.photos).trim_start())?,
+            false => writeln!(f, "photos      {}", mb(self.photos + self.masks))?,
+        }
+        writeln!(f, "Gaussians   {}", mb(self.gaussians))?;
         writeln!(f, "rasterizer  {}\nstart       {}", mb(self.rasterizer), mb(self.start))?;
         write!(f, "at most     {}", mb(self.total()))
     }
@@ -121,9 +137,11 @@ pub fn plan(settings: &RunSettings) -> Result<Plan, Error> {
 
 /// Plans a run of a capture with these cameras.
 pub(crate) fn planned(settings: &RunSettings, cameras: &CaptureCameras) -> Result<Plan, Error> {
-    let cameras = cameras.at(settings.long_side)?;
+    let cameras = cameras.at(settings.long_side, settings.lenses)?;
     let plan = Plan::of(&cameras, settings.masks, &settings.fit);
-    let plan = Plan { training: plan.training.min(settings.views.unwrap_or(usize::MAX)), ..plan };
+    let free = weaver_io::available_memory().map_or(f64::INFINITY, |free| free as f64);
+    let on_disk = plan.photos as f64 > PHOTOS_IN_MEMORY * free;
+    let plan = Plan { training: plan.training.min(settings.views.unwrap_or(usize::MAX)), on_disk, ..plan };
     let asked =
         settings.init == Initial::Auto && settings.by_photos.contains(&ByPhotos::Start) && plan.asks_for_depth();
     Ok(if asked || settings.init == Initial::Dense { plan.with_dense_start(&cameras) } else { plan })

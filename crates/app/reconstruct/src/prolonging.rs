@@ -4,10 +4,9 @@ use crate::fitting::Fitting;
 use crate::gaining::{BEFORE, End, Gaining};
 use crate::results::corrected;
 use crate::{Error, Run};
-use std::time::Instant;
 use weaver_fit::Judge;
+use weaver_io::Observe;
 use weaver_io::safetensors::Tensors;
-use weaver_io::{Observe, duration};
 use weaver_run::{Folder, Job};
 
 /// Steps of a longer run over the steps so far.
@@ -31,21 +30,18 @@ impl Run {
         if job.settings.gaining.as_ref().is_none_or(judged) || job.capture.held_out.is_empty() {
             return Ok(false);
         }
-        let start = Instant::now();
         let end = End { steps, gaussians: job.settings.fit.gaussians, psnr: job.held_out_psnr()? };
-        let seconds = duration(start.elapsed().as_secs_f64());
         let count = job.fit().population().len();
         let next = LONGER * steps;
         let Some(gaining) = &mut job.settings.gaining else { return Ok(false) };
         gaining.ends.push(end);
         let (gain, worth) = (gaining.gain(), gaining.worth);
-        let met = format!("{:.2} dB held out after {} steps with {count} Gaussians ({seconds})", end.psnr, steps);
+        let met = format!("{:.2} dB held out after {} steps with {count} Gaussians", end.psnr, steps);
         if gain >= worth {
             let gained = if gain.is_finite() { format!(", {gain:+.2}") } else { String::new() };
             folder.keep_checkpoint(BEFORE)?;
             let gaussians = job.more_gaussians();
-            job.capture.fit.prolong(next, gaussians);
-            job.settings.fit = job.fit().settings().clone();
+            job.prolong(next, gaussians);
             job.store(folder)?;
             observe.note(&format!("{met}{gained}: goes on to {next} steps with up to {gaussians} Gaussians"));
             return Ok(true);
@@ -67,7 +63,7 @@ impl Fitting {
         let (fit, held_out) = (&mut self.capture.fit, &self.capture.held_out);
         let mut sum = 0.0;
         for photo in held_out {
-            let image = corrected(fit.render(&photo.camera)?, fit.exposure_at(&photo.camera));
+            let image = corrected(fit.render_through(photo.model(), &photo.camera)?, fit.exposure_at(&photo.camera));
             sum += Judge::psnr(&image, &photo.rgb, photo.mask.as_deref());
         }
         Ok(sum / held_out.len() as f64)
@@ -82,14 +78,19 @@ impl Fitting {
         (MORE * now).min(now + (free / of_one) as usize).min(asked.max(now))
     }
 
+    /// Lets the run end after so many steps, with at most so many Gaussians.
+    fn prolong(&mut self, steps: usize, gaussians: usize) {
+        self.capture.fit.prolong(steps, gaussians);
+        self.settings.fit = self.capture.fit.settings().clone();
+    }
+
     /// Takes the scene back to the end before the last.
     fn go_back(&mut self, folder: &Folder) -> Result<(), Error> {
         let Some([.., before, _]) = self.settings.gaining.as_ref().map(|gaining| gaining.ends.as_slice()) else {
             return Ok(());
         };
-        let fit = self.settings.fit.prolonged(before.steps, before.gaussians);
-        self.capture.fit.prolong(before.steps, before.gaussians);
-        self.settings.fit = fit;
+        let End { steps, gaussians, .. } = *before;
+        self.prolong(steps, gaussians);
         let state = Tensors::read(folder.path().join(BEFORE))?;
         self.restore(&state)?;
         Ok(folder.save(&state)?)

@@ -39,7 +39,7 @@ pub enum Quality {
     Normal,
     /// Twenty minutes, 800 to 1600 pixels, as time allows.
     Fine,
-    /// As long as held-out photos gain, hours if need be; up to 1600 pixels.
+    /// As long as held-out photos gain, hours if need be; photos of up to 4096 pixels, 12 megapixels.
     Best,
 }
 
@@ -58,7 +58,8 @@ impl Quality {
     pub fn sides(self) -> RangeInclusive<usize> {
         match self {
             Self::Draft => 384..=384,
-            Self::Normal | Self::Fine | Self::Best => 800..=1600,
+            Self::Normal | Self::Fine => 800..=1600,
+            Self::Best => 800..=4096,
         }
     }
 }
@@ -154,7 +155,6 @@ impl Request {
         let gaussians_in_time = self.gaussians.is_none();
         let settings = RunSettings { most_rounds, minutes, gaussians_in_time, ..settings };
         let (settings, photos) = self.sized(settings, cameras, budget.long_side, Some(budget.gaussians))?;
-        observe.note(&format!("fit: {}", settings.capture.display()));
         let steps = most_rounds.map_or(budget.steps, |rounds| budget.steps.min(rounds * photos));
         let gaussians = settings.fit.gaussians;
         time.note_plan(&Budget { steps, gaussians, ..budget }, photos, self.longer(), observe);
@@ -176,7 +176,6 @@ impl Request {
         let FitSettings { steps, gaussians, .. } = settings.fit;
         let plan = planned(&settings, cameras)?;
         let [held_out, side] = [plan.held_out, plan.size[0].max(plan.size[1])];
-        observe.note(&format!("fit: {}", settings.capture.display()));
         let end = match held_out {
             0 => "no photo is held out, by which more steps could be judged".to_string(),
             _ => format!("then twice as many, for as long as {held_out} held-out photos gain"),
@@ -258,6 +257,7 @@ pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe
         html: request.html,
         ..RunSettings::new(capture, FitSettings { seed: request.seed, ..FitSettings::default() })
     };
+    observe.note(&format!("fit: {}", settings.capture.display()));
     let time = request.time().map(|minutes| TimeBudget::new(start, minutes));
     let settings = match &time {
         Some(time) => request.in_time(settings, &cameras, time, observe)?,
@@ -320,4 +320,25 @@ fn already_there(folder: &Path) -> Error {
         format!("a fit was begun there and did not come to its end; to go on: {resume}")
     };
     Error::AlreadyThere { folder: folder.into(), message, source: Advice::Complete }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A run without a bound of time needs photos to be judged by, unless there are so few that each counts.
+    #[test]
+    fn photos_are_held_out_where_they_decide() {
+        let held_out = |photos: usize, change: fn(&mut Request)| {
+            let mut request = Request { quality: Quality::Best, ..Request::new("scene") };
+            change(&mut request);
+            request.held_out_of(photos)
+        };
+        assert_eq!(held_out(10, |_| {}), HoldOut::Nothing);
+        assert_eq!(held_out(20, |_| {}), HoldOut::Every(8));
+        assert_eq!(held_out(100, |_| {}), HoldOut::Every(16));
+        assert_eq!(held_out(100, |request| request.hold_out = HoldOut::Every(5)), HoldOut::Every(5));
+        assert_eq!(held_out(100, |request| request.minutes = Some(3.0)), HoldOut::Nothing);
+        assert_eq!(held_out(100, |request| request.quality = Quality::Normal), HoldOut::Nothing);
+    }
 }

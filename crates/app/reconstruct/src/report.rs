@@ -8,6 +8,7 @@ use crate::outcome::{Outcome, Views};
 use crate::{Error, maps};
 use weaver_data::CamerasSummary;
 use weaver_fit::{Photo, Quality};
+use weaver_geometry::lens::LensCamera;
 use weaver_io::Image;
 use weaver_run::Page;
 use weaver_splat::Workspace;
@@ -177,8 +178,9 @@ fn pictures(run: &Fitting, shown: &[Judged], training: bool, page: &mut Page) ->
     for i in pictured(shown.len()) {
         let Judged { name, number, camera, image: Some(image), quality } = &shown[i] else { continue };
         let photo = if training { run.fit().photo(*number) } else { &run.capture.held_out[*number] };
-        let (count, most) = maps::count(&gaussians, camera, &settings, &mut workspace)?;
-        let (density, densest) = maps::density(&gaussians, camera, settings.near);
+        let (count, most) = maps::count(&gaussians, (camera, photo.model()), &settings, &mut workspace)?;
+        let seen = LensCamera::new(*camera, photo.lens);
+        let (density, densest) = maps::density(&gaussians, &seen, settings.near);
         let given = Image::from_bytes(camera.width, camera.height, &photo.rgb);
         let render = maps::picture(image, camera);
         page.comparison(&format!("{name}: {:.2} dB", quality.psnr), [("photo", &given), ("render", &render)])

@@ -26,8 +26,8 @@ const OUTLIER: f64 = 8.0;
 const LOCATE: usize = 30;
 /// Fitted photos that are judged, at most: more would say no more, and take time from the steps.
 pub(crate) const JUDGED: usize = 64;
-/// Views that are judged side by side.
-const BATCH: usize = 16;
+/// Views that are judged side by side, and their pixels, at most.
+const BATCH: (usize, usize) = (16, 32 << 20);
 
 impl Run {
     /// Writes scene, cameras, summary and report, then the page to look at the scene and further formats, whose failure
@@ -244,7 +244,7 @@ impl Fitting {
     fn judge_training(&mut self) -> Result<Vec<Judged>, Error> {
         let photos = self.fit().photos();
         let chosen = weaver_data::uniform(photos, photos.min(JUDGED));
-        let batches = chosen.len().div_ceil(BATCH);
+        let batches = chosen.len().div_ceil(at_once(&self.fit().photo(0).camera));
         // Each batch is spread over all photos.
         let batch = |first: usize| chosen.iter().copied().skip(first).step_by(batches).collect::<Vec<usize>>();
         let shown: Vec<usize> = match self.capture.held_out.is_empty() {
@@ -258,7 +258,9 @@ impl Fitting {
             }
             let batch = batch(first);
             let Self { capture: Loaded { fit, .. }, judge, .. } = self;
-            let draw = |&i: &usize| Ok(corrected(fit.render(&fit.camera(i))?, fit.exposure(i).copied()));
+            let draw = |&i: &usize| {
+                Ok(corrected(fit.render_through(fit.photo(i).model(), &fit.camera(i))?, fit.exposure(i).copied()))
+            };
             let images = batch.iter().map(draw).collect::<Result<Vec<_>, Error>>()?;
             let views = batch.iter().zip(images).map(|(&i, image)| View {
                 number: i,
@@ -279,10 +281,10 @@ impl Fitting {
         let Self { capture: Loaded { fit, held_out, .. }, judge, .. } = self;
         let mut judged = Vec::with_capacity(cameras.len());
         let all: Vec<usize> = (0..cameras.len()).collect();
-        for batch in all.chunks(BATCH) {
+        for batch in all.chunks(at_once(&fit.photo(0).camera)) {
             let view = |&i: &usize| {
                 let (photo, camera): (&Photo, Camera) = (&held_out[i], cameras[i]);
-                let image = corrected(fit.render(&camera)?, fit.exposure_at(&camera));
+                let image = corrected(fit.render_through(photo.model(), &camera)?, fit.exposure_at(&camera));
                 let mask = photo.mask.as_deref().map(Cow::Borrowed);
                 Ok(View { number: i, photo, camera, mask, image, shown: shown.contains(&i) })
             };
@@ -294,12 +296,12 @@ impl Fitting {
     /// Seconds that looks and that results will take, from judging one photo now; with a full budget of Gaussians,
     /// glances at the photos that are not judged, and pictures for the report it takes longer.
     pub(crate) fn seconds_of_results(&mut self) -> Result<[f64; 2], Error> {
-        let camera = self.fit().camera(0);
+        let (camera, model) = (self.fit().camera(0), self.fit().photo(0).model());
         let mut seconds = [0.0; 2];
         // The first photo meets cold memory.
         for _ in 0..2 {
             let start = Instant::now();
-            let image = self.capture.fit.render(&camera)?;
+            let image = self.capture.fit.render_through(model, &camera)?;
             let drawn = start.elapsed().as_secs_f64();
             quality(&self.judge, &image, self.fit().photo(0), None);
             seconds = [drawn, start.elapsed().as_secs_f64() - drawn];
@@ -309,6 +311,12 @@ impl Fitting {
         let of_view = draw + compare / rayon::current_num_threads() as f64;
         Ok([1.3 * draw * self.looks() as f64, 0.3 + 1.8 * of_view * views as f64])
     }
+}
+
+/// The number of views that are judged side by side, by one of their cameras.
+fn at_once(camera: &Camera) -> usize {
+    let (views, pixels) = BATCH;
+    (pixels / (camera.width * camera.height)).clamp(1, views)
 }
 
 /// A view to judge: a photo, and the drawing from its camera.

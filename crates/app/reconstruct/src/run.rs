@@ -113,7 +113,7 @@ impl Run {
         settings.check()?;
         settings.fit.check_processes(ranks.size())?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
-        let capture = load(&mut settings, given, rasterizer)?;
+        let capture = load(&mut settings, given, rasterizer, Some(folder.path()))?;
         let mut job = Fitting::new(settings, capture, judge, started);
         let found = job.capture.found.take();
         let store = |job: &Fitting| {
@@ -211,7 +211,7 @@ impl Run {
     /// # Errors
     /// When the capture cannot be read or gives nothing to fit, or a setting is out of range.
     pub fn optimization(settings: &RunSettings, rasterizer: Arc<dyn FitRasterizer>) -> Result<Fit, Error> {
-        Ok(load(&mut settings.clone(), None, rasterizer)?.fit)
+        Ok(load(&mut settings.clone(), None, rasterizer, None)?.fit)
     }
 
     /// The settings, with the number of steps.

@@ -64,7 +64,8 @@ impl SceneComparison {
         observe.begin(&Stage { label: "compare", done: 0, total: photos.len(), stops_after: None });
         let mut views = Vec::with_capacity(photos.len());
         for photo in &photos {
-            let drawn = renderer.render(&activated, &[photo.camera], options.background, settings);
+            let drawn =
+                renderer.render_through(photo.model(), &activated, &[photo.camera], options.background, settings);
             let mut image = drawn.map_err(|source| Error::Drawing { scene: file.into(), source })?.concat();
             if let Some(exposure) = fit.as_ref().and_then(|fit| fit.exposure_of(&photo.name)) {
                 let drawn = image.clone();

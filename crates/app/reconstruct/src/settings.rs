@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use weaver_data::capture::HoldOut;
-use weaver_data::posed::{Masked, PosedOptions};
-use weaver_fit::{FitError, FitSettings};
+use weaver_data::posed::{Lenses, Masked, PosedOptions};
+use weaver_fit::{FitError, FitRasterizer, FitSettings};
 use weaver_io::SceneFormat;
 
 /// The largest count.
@@ -36,6 +36,9 @@ pub struct RunSettings {
     /// Meaning of masked pixels for the scene.
     #[serde(default, skip_serializing_if = "is_unknown")]
     pub masked: Masked,
+    /// Treatment of photos whose lens bends straight lines. Runs of earlier versions undid all distortion.
+    #[serde(default)]
+    pub lenses: Lenses,
     /// True if the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor
     /// for all photos; it stays as given where a lens is a fisheye.
     pub focal: bool,
@@ -149,6 +152,7 @@ impl RunSettings {
             masks: false,
             invert_masks: false,
             masked: Masked::Unknown,
+            lenses: Lenses::Auto,
             focal: false,
             by_photos: BTreeSet::new(),
             init: Initial::Auto,
@@ -202,6 +206,13 @@ impl RunSettings {
         }
     }
 
+    /// Undoes distortion on devices, which draw pinholes alone, unless lenses are to be kept.
+    pub(crate) fn decide_lenses(&mut self, rasterizer: &dyn FitRasterizer) {
+        if self.lenses == Lenses::Auto && rasterizer.device_fit().is_some() {
+            self.lenses = Lenses::Undistort;
+        }
+    }
+
     /// Options of loading the photos.
     pub(crate) fn posed_options(&self) -> PosedOptions {
         PosedOptions {
@@ -211,6 +222,7 @@ impl RunSettings {
             invert_masks: self.invert_masks,
             masked: self.masked,
             background: self.fit.background,
+            lenses: self.lenses,
             ..PosedOptions::default()
         }
     }

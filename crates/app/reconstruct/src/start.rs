@@ -2,7 +2,7 @@
 
 use crate::{ByPhotos, Coverage, Error, Initial, RunSettings};
 use std::time::Instant;
-use weaver_fit::{FitSettings, init};
+use weaver_fit::{FitError, FitSettings, init};
 use weaver_scene::{Gaussians, Photo, PointCloud};
 use weaver_stereo::{Stereo, StereoSettings};
 
@@ -44,7 +44,8 @@ impl Start {
     pub fn of(settings: &mut RunSettings, seen: Seen<'_>, given: Option<&Gaussians>) -> Result<Self, Error> {
         let fit = settings.fit.clone();
         if settings.init == Initial::Auto && settings.by_photos.contains(&ByPhotos::Start) && !seen.points.is_empty() {
-            let asked = seen.photos.len() >= FEWEST;
+            // Depth is found between pinholes.
+            let asked = seen.photos.len() >= FEWEST && seen.photos.iter().all(|photo| photo.lens.is_none());
             let dense = if asked { Self::dense(settings, seen)? } else { Self::default() };
             settings.init = if dense.coverage.mean() >= COVERAGE { Initial::Dense } else { Initial::Points };
             let gaussians = match settings.init {
@@ -54,6 +55,10 @@ impl Start {
             return Ok(Self { gaussians, ..dense });
         }
         let gaussians = match (settings.init, given) {
+            (Initial::Dense, None) if seen.photos.iter().any(|photo| photo.lens.is_some()) => {
+                let expected = "points or random for photos that keep their lens".into();
+                return Err(FitError::Setting { key: "init", expected, found: "dense".into() }.into());
+            }
             (Initial::Dense, None) => return Self::dense(settings, seen),
             (Initial::Dense | Initial::Given, given) => {
                 init::from_gaussians(given.unwrap_or(&Gaussians::default()), &fit)?

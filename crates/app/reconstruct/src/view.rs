@@ -38,7 +38,7 @@ pub fn shots(run: &Fitting, test_cameras: &[Camera]) -> Result<Vec<Shot>, Error>
     let chosen = pictured(&all.iter().map(|(.., held_out)| *held_out).collect::<Vec<_>>());
     let shot = |(i, (photo, camera, held_out)): (usize, (&Photo, Camera, bool))| {
         let Camera { width, height, .. } = photo.camera;
-        let file = || photo_file(&Bitmap { width, height, pixels: photo.rgb.clone() });
+        let file = || photo_file(&Bitmap { width, height, pixels: photo.rgb.to_vec() });
         let photo_file = chosen.contains(&i).then(file).transpose().map_err(weaver_view::ViewError::from)?;
         let coverage = run.capture.coverage.0.get(&photo.name).copied();
         Ok(Shot { held_out, photo: photo_file, coverage, ..Shot::new(photo.name.clone(), camera) })

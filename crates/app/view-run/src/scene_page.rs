@@ -206,7 +206,7 @@ impl Gallery {
         let frame = self.frame(i)?.clone();
         let options = PosedOptions { long_side: Some(LARGE), hold_out: HoldOut::Nothing, ..PosedOptions::default() };
         let photo = posed::load_frames(vec![frame], &self.file, &options).ok()?.pop()?.photo;
-        Some(Bitmap { width: photo.camera.width, height: photo.camera.height, pixels: photo.rgb })
+        Some(Bitmap { width: photo.camera.width, height: photo.camera.height, pixels: photo.rgb.into_vec() })
     }
 }
 

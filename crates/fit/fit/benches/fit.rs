@@ -42,7 +42,7 @@ fn fit(criterion: &mut Criterion) {
     let intrinsics = Intrinsics { fx: 300.0, fy: 300.0, cx: 192.0, cy: 128.0 };
     let camera = Camera { pose: Pose::IDENTITY, intrinsics, width, height };
     let rgb = (0..3 * width * height).map(|i| if i / 60 % 2 == 0 { 200 } else { 60 }).collect();
-    let photo = Photo { name: "stripes".into(), camera, rgb, mask: None };
+    let photo = Photo { name: "stripes".into(), camera, rgb, mask: None, lens: None };
     let mut settings = FitSettings {
         steps: 1 << 20,
         gaussians: GAUSSIANS,

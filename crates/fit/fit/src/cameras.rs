@@ -2,7 +2,8 @@
 
 use crate::settings::Poses;
 use weaver_geometry::glam::{DVec2, DVec3};
-use weaver_geometry::{Camera, Pose, se3};
+use weaver_geometry::lens::LensCamera;
+use weaver_geometry::{Pose, se3};
 use weaver_kernels::dense;
 use weaver_kernels::parallel;
 
@@ -54,8 +55,8 @@ pub struct Alignment {
 
 impl Alignment {
     /// The equations of a camera and its view.
-    pub fn new(camera: &Camera, views: &Views<'_>) -> Self {
-        let (width, height) = (camera.width, camera.height);
+    pub fn new(camera: &LensCamera, views: &Views<'_>) -> Self {
+        let (width, height) = (camera.camera.width, camera.camera.height);
         let mut rows = vec![Self::default(); height.saturating_sub(2)];
         parallel::for_chunks(&mut rows, GRAIN, |chunk, rows| {
             for (i, row) in rows.iter_mut().enumerate() {
@@ -70,8 +71,9 @@ impl Alignment {
         })
     }
 
-    fn add_pixel(&mut self, camera: &Camera, views: &Views<'_>, x: usize, y: usize) {
-        let at = y * camera.width + x;
+    fn add_pixel(&mut self, camera: &LensCamera, views: &Views<'_>, x: usize, y: usize) {
+        let width = camera.camera.width;
+        let at = y * width + x;
         let alpha = f64::from(views.alpha[at]);
         // A pixel that is mostly background has no depth to move by.
         if alpha < 0.5 || views.mask.is_some_and(|mask| !mask[at]) {
@@ -81,8 +83,7 @@ impl Alignment {
         let mut right = DVec2::ZERO;
         for c in 0..3 {
             let color = |at: usize| f64::from(views.image[3 * at + c] + views.photo[3 * at + c]);
-            let slope =
-                0.25 * DVec2::new(color(at + 1) - color(at - 1), color(at + camera.width) - color(at - camera.width));
+            let slope = 0.25 * DVec2::new(color(at + 1) - color(at - 1), color(at + width) - color(at - width));
             let difference = f64::from(views.image[3 * at + c] - views.photo[3 * at + c]);
             let weight = 1.0 / difference.abs().max(SMALL);
             right += weight * difference * slope;
@@ -90,7 +91,8 @@ impl Alignment {
             (0..3).for_each(|i| slopes[i] += weight * parts[i]);
         }
         let pixel = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-        let [u, v] = motion(camera, pixel, f64::from(views.depth[at]) / alpha);
+        // Nothing is drawn where a lens sees nothing.
+        let Some([u, v]) = motion(camera, pixel, f64::from(views.depth[at]) / alpha) else { return };
         for a in 0..TWIST {
             let (du, dv) = (slopes[0] * u[a] + slopes[1] * v[a], slopes[1] * u[a] + slopes[2] * v[a]);
             self.right[a] += u[a] * right.x + v[a] * right.y;
@@ -127,16 +129,16 @@ impl Alignment {
     }
 }
 
-/// Movement of a pixel's point at a depth in the picture with the camera's twist: derivatives of its x, and of its y.
-pub fn motion(camera: &Camera, pixel: DVec2, depth: f64) -> [[f64; TWIST]; 2] {
-    let k = &camera.intrinsics;
-    let p = k.unproject(pixel, depth);
-    // d pixel = [f/z, 0, -f x/z^2] (v + w x p)
+/// Movement of a pixel's point at a depth in the picture with the camera's twist: derivatives of its x, and of its y;
+/// `None` where a lens sees nothing.
+pub fn motion(camera: &LensCamera, pixel: DVec2, depth: f64) -> Option<[[f64; TWIST]; 2]> {
+    let p = camera.point(pixel, depth)?;
+    // d pixel = J (v + w x p), J = [f/z, 0, -f x/z^2] for the x of a pinhole
     let row = |to_pixel: DVec3| {
         let turn = p.cross(to_pixel);
         [to_pixel.x, to_pixel.y, to_pixel.z, turn.x, turn.y, turn.z]
     };
-    [row(DVec3::new(k.fx, 0.0, -k.fx * p.x / p.z) / p.z), row(DVec3::new(0.0, k.fy, -k.fy * p.y / p.z) / p.z)]
+    camera.gradients(p).map(|gradients| gradients.map(row))
 }
 
 /// The pose `exp(part x twist) pose`.

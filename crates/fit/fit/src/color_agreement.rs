@@ -1,6 +1,7 @@
 //! Agreement of photos on the colors of points that they share.
 
 use weaver_geometry::glam::DVec3;
+use weaver_geometry::lens::LensCamera;
 use weaver_kernels::order::median_mean;
 use weaver_scene::Photo;
 use weaver_scene::PointCloud;
@@ -50,9 +51,10 @@ impl ColorAgreement {
         assert_eq!(photos.len(), visible.len(), "a list of points for each photo");
         let mut samples: Vec<Sample> = Vec::new();
         for (photo, (image, visible)) in photos.iter().zip(visible).enumerate() {
+            let camera = image.lens_camera();
             let sample = |point: &u32| {
                 let at = DVec3::from(points.positions[*point as usize].map(f64::from));
-                Some(Sample { photo, point: *point as usize, color: color(image, at)? })
+                Some(Sample { photo, point: *point as usize, color: color(image, &camera, at)? })
             };
             samples.extend(visible.iter().filter_map(sample));
         }
@@ -85,12 +87,12 @@ impl ColorAgreement {
 }
 
 /// The mean of 3 x 3 pixels where a photo shows a point; `None` if that is outside, masked, or too dark or bright.
-fn color(photo: &Photo, point: DVec3) -> Option<[f64; 3]> {
+fn color(photo: &Photo, camera: &LensCamera, point: DVec3) -> Option<[f64; 3]> {
     let (width, height) = (photo.camera.width, photo.camera.height);
     let local = photo.camera.pose.apply(point);
-    let at = photo.camera.intrinsics.project(local).floor();
+    let at = camera.see(local)?.0.floor();
     let inside = at.x >= 1.0 && at.y >= 1.0 && at.x < width as f64 - 1.0 && at.y < height as f64 - 1.0;
-    if !(local.z > 0.0 && inside) {
+    if !inside {
         return None;
     }
     let (x, y) = (at.x as usize, at.y as usize);
@@ -152,7 +154,7 @@ mod tests {
         let photo = |(number, gain): (usize, &[f64; 3])| {
             let noise = |i: usize| ((i * 31 + number * 17) % 5) as f64 - 2.0;
             let rgb = (0..SIDE * SIDE).flat_map(|i| gain.map(|g| (g * gray(i) + noise(i)).round() as u8)).collect();
-            Photo { name: number.to_string(), camera, rgb, mask: None }
+            Photo { name: number.to_string(), camera, rgb, mask: None, lens: None }
         };
         let photos: Vec<Photo> = gains.iter().enumerate().map(photo).collect();
         let middle = |k: usize| (4 * k + 2) as f32 + 0.5;

@@ -9,7 +9,7 @@ use crate::resident::Newer;
 use crate::strategy::Moment;
 use crate::transients::counted;
 use std::time::{Duration, Instant};
-use weaver_scene::{CameraSlices, Model, intrinsics_row, viewmat};
+use weaver_scene::{CameraSlices, intrinsics_row, viewmat};
 
 impl Fit {
     /// Copies the Gaussians and their statistics from the device that keeps them.
@@ -85,7 +85,7 @@ impl Fit {
                 background,
                 width,
                 height,
-                model: Model::Pinhole,
+                model: photo.model(),
             },
             settings: &self.raster,
             rgb: &photo.rgb,

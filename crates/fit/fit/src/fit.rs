@@ -151,7 +151,7 @@ impl Fit {
             poses: photos.iter().map(|photo| photo.camera.pose).collect(),
             exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },
             transients: vec![None; photos.len()],
-            photos: photos.into_iter().map(|photo| Pyramid::new(photo, settings.halvings)).collect(),
+            photos: photos.into_iter().map(|photo| Pyramid::kept(photo, settings.halvings)).collect(),
             order: Vec::new(),
             statistics: vec![GaussianStatistics::default(); population.len()],
             population,

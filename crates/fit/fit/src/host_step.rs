@@ -12,8 +12,9 @@ use crate::strategy::Moment;
 use crate::transients::counted;
 use std::mem::take;
 use std::time::Instant;
+use weaver_geometry::lens::LensCamera;
 use weaver_kernels::random::Stream;
-use weaver_scene::{CameraSlices, Model, intrinsics_row, viewmat};
+use weaver_scene::{CameraSlices, intrinsics_row, viewmat};
 use weaver_splat::{Cotangents, GaussianStatistics, Gradients as RasterGradients, Images, Target};
 
 /// Outcome of a look at a photo, beside gradients with respect to the Gaussians.
@@ -102,7 +103,7 @@ impl Fit {
             background,
             width,
             height,
-            model: Model::Pinhole,
+            model: photo.model(),
         };
         let raster = self.raster;
         let buffers = &mut self.buffers;
@@ -140,6 +141,7 @@ impl Fit {
             let Buffers { target, image, corrected, alpha, depth, .. } = &self.buffers;
             let image = if self.exposures.is_empty() { image } else { corrected };
             let mask = mask.as_deref();
+            let camera = LensCamera::new(camera, photo.lens);
             Alignment::new(&camera, &Views { image, alpha, depth, photo: target, mask }).twist()
         });
         self.timings.backward += start.elapsed();

@@ -6,6 +6,7 @@ use crate::settings::FitSettings;
 use crate::strategy::split;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
+use weaver_geometry::lens::LensCamera;
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_kernels::order::{median_high, nth};
 use weaver_kernels::random::Stream;
@@ -58,26 +59,30 @@ pub fn random(photos: &[Photo], settings: &FitSettings) -> Result<Gaussians, Fit
         return Err(FitError::setting("photos", "at least one with pixels that count", "none"));
     }
     let middle = looked_at(&photos);
+    let cameras: Vec<LensCamera> = photos.iter().map(|photo| photo.lens_camera()).collect();
     let stream = Stream::new(settings.seed, 0, "fit.random");
     let (mut means, mut colors) = (Vec::new(), Vec::new());
     for i in 0..room(settings) as u64 {
         let draw = |attempt: u64| {
             let stream = stream.fork(attempt);
-            let photo = photos[stream.below(3 * i, photos.len())];
+            let number = stream.below(3 * i, photos.len());
+            let (photo, camera) = (photos[number], &cameras[number]);
             let pixel = drawn_pixel(photo, stream, 3 * i + 1);
             let inverse = FARTHEST.recip() + (NEAREST.recip() - FARTHEST.recip()) * stream.uniform::<f64>(3 * i + 2);
-            let Camera { pose, intrinsics, width, .. } = photo.camera;
+            let Camera { pose, width, .. } = photo.camera;
             let at = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
             let depth = pose.apply(middle).length() / inverse;
             let color = std::array::from_fn(|c| f32::from(photo.rgb[3 * pixel + c]) / 255.0);
-            (pose.inverse().apply(intrinsics.unproject(at, depth)), color)
+            // Pixels beyond a lens's circle are masked.
+            let local = camera.point(at, depth).unwrap_or(DVec3::Z * depth);
+            (pose.inverse().apply(local), color)
         };
         let free = |point: DVec3| {
-            let near = |p: &&Photo| {
-                let depth = depth_in(&p.camera, point);
+            let near = |p: &LensCamera| {
+                let depth = depth_in(p, point);
                 depth.is_some_and(|z| z < NEAREST * p.camera.pose.apply(middle).length())
             };
-            !photos.iter().any(near)
+            !cameras.iter().any(near)
         };
         let (point, color) = (0..TRIES).map(draw).find(|(point, _)| free(*point)).unwrap_or_else(|| draw(0));
         means.push(point.as_vec3().to_array());
@@ -198,19 +203,20 @@ fn isotropic(means: Vec<[f32; 3]>, colors: &[[f32; 3]], settings: &FitSettings) 
 }
 
 /// The depth of a point that a camera sees.
-fn depth_in(camera: &Camera, point: DVec3) -> Option<f64> {
-    let p = camera.pose.apply(point);
-    let at = camera.intrinsics.project(p);
-    let inside = p.z > 0.0 && at.x >= 0.0 && at.y >= 0.0;
-    (inside && at.x < camera.width as f64 && at.y < camera.height as f64).then_some(p.z)
+fn depth_in(lens: &LensCamera, point: DVec3) -> Option<f64> {
+    let camera = &lens.camera;
+    let (at, depth) = lens.see(camera.pose.apply(point))?;
+    let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < camera.width as f64 && at.y < camera.height as f64;
+    inside.then_some(depth)
 }
 
 /// The 1 % quantile of the depths at which photos see these points; where they see nothing, the distance to the
 /// cameras' focus.
 pub(crate) fn first_depth(photos: &[Photo], points: &[[f32; 3]]) -> f64 {
     let mut depths: Vec<f64> = Vec::new();
-    for Photo { camera, .. } in photos {
-        depths.extend(points.iter().filter_map(|point| depth_in(camera, DVec3::from(point.map(f64::from)))));
+    for photo in photos {
+        let camera = photo.lens_camera();
+        depths.extend(points.iter().filter_map(|point| depth_in(&camera, DVec3::from(point.map(f64::from)))));
     }
     let hundredth = depths.len() / 100;
     nth(&mut depths, hundredth).unwrap_or_else(|| {

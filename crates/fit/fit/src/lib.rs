@@ -17,6 +17,7 @@
 
 pub mod align;
 mod cameras;
+mod cleaning;
 mod color_agreement;
 mod comparison;
 mod contributions;
@@ -24,6 +25,7 @@ mod device_fit;
 mod device_step;
 mod error;
 mod evaluate;
+mod evidence;
 mod exposure;
 mod fit;
 mod gradients;
@@ -47,6 +49,7 @@ mod transients;
 mod view;
 
 pub use cameras::{Alignment, Views, motion};
+pub use cleaning::{Cleaned, CleaningRules};
 pub use color_agreement::ColorAgreement;
 pub use contributions::contributions;
 pub use device_fit::{DeviceFit, FitRasterizer, Fitted, FittedRates, PhotoLoss, PhotoStep};

@@ -57,7 +57,7 @@ fn halved_photo(photo: &Photo) -> Photo {
         let all = |y: usize, x: usize| at(y, x) && at(y, x + 1) && at(y + 1, x) && at(y + 1, x + 1);
         (0..h).flat_map(|y| (0..w).map(move |x| (2 * y, 2 * x))).map(|(y, x)| all(y, x)).collect()
     });
-    Photo { name: String::new(), camera: halved(&photo.camera), rgb, mask }
+    Photo { name: String::new(), camera: halved(&photo.camera), rgb: rgb.into(), mask, lens: photo.lens }
 }
 
 /// The camera of a photo at half its size.
@@ -91,6 +91,17 @@ impl Pyramid {
             levels.push(halved_photo(last));
         }
         Self { levels }
+    }
+
+    /// The pyramid of a photo, with all sizes kept where the photo is.
+    pub fn kept(photo: Photo, halvings: usize) -> Self {
+        let mut pyramid = Self::new(photo, halvings);
+        if let [photo, smaller @ ..] = pyramid.levels.as_mut_slice() {
+            smaller
+                .iter_mut()
+                .for_each(|level| level.rgb = photo.rgb.beside(std::mem::take(&mut level.rgb).into_vec()));
+        }
+        pyramid
     }
 
     /// The photo halved `level` times, or as often as its size allows, and how often that is.

@@ -4,7 +4,7 @@ use crate::FitError;
 use crate::fit::Fit;
 use crate::strategy::Moment;
 use weaver_geometry::Camera;
-use weaver_scene::{ActivatedGaussians, CameraRows};
+use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Model};
 use weaver_splat::{BlendWeights, Images, RasterError, Workspace, rasterize};
 
 /// Longest side of the pictures, pixels.
@@ -23,17 +23,18 @@ struct Drawing<'a> {
 }
 
 impl Drawing<'_> {
-    fn cameras(&self) -> impl Iterator<Item = Camera> + use<'_> {
+    fn cameras(&self) -> impl Iterator<Item = (Camera, Model)> + use<'_> {
         let photos = self.fit.photos();
-        (0..photos).step_by(photos.div_ceil(PICTURES)).map(|photo| self.fit.camera(photo).shrunk(LONG_SIDE))
+        let of = |photo| (self.fit.camera(photo).shrunk(LONG_SIDE), self.fit.photo(photo).model());
+        (0..photos).step_by(photos.div_ceil(PICTURES)).map(of)
     }
 
-    fn draw(&mut self, scene: &ActivatedGaussians, camera: Camera) -> Result<Vec<f32>, RasterError> {
+    fn draw(&mut self, scene: &ActivatedGaussians, (camera, model): (Camera, Model)) -> Result<Vec<f32>, RasterError> {
         let pixels = camera.width * camera.height;
         let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
         let rows = CameraRows::new(&[camera]);
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
-        let cameras = rows.as_slices(&self.fit.settings.background);
+        let cameras = CameraSlices { model, ..rows.as_slices(&self.fit.settings.background) };
         rasterize(&scene.as_slices(), &cameras, &self.fit.raster, &mut self.workspace, images)?;
         Ok(image)
     }
@@ -57,7 +58,7 @@ impl Fit {
         for camera in cameras {
             drawing.draw(&scene, camera)?;
             let weights = BlendWeights::of(&drawing.workspace)?;
-            let colors = scene.colors_from(camera.pose.center());
+            let colors = scene.colors_from(camera.0.pose.center());
             for pixel in 0..weights.pixels() {
                 hits.clear();
                 let mut transmittance = 1.0_f32;

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 /// Steps that are left out of the rest of a run: of those from number `at` on, `kept` are taken, evenly spread.
 ///
-/// Steps keep their numbers. Schedules that follow the elapsed part of the run, rates and density control among them,
-/// go on as if all steps were taken.
+/// Steps keep their numbers, and what is planned by numbers goes on as planned, density control among it. Rates fall by
+/// the steps that are taken.
 #[derive(Clone, Copy, Debug, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thinning {

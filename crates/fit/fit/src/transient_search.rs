@@ -7,6 +7,7 @@ use crate::transients::{
 };
 use std::borrow::Cow;
 use weaver_geometry::Camera;
+use weaver_geometry::lens::LensCamera;
 use weaver_kernels::parallel;
 use weaver_scene::Photo;
 
@@ -45,7 +46,7 @@ impl Fit {
 
     /// A small photo, taken by this camera, beside the scene.
     fn seen(&mut self, index: usize, photo: &Photo, camera: Camera) -> Result<Seen, FitError> {
-        let [mut image, alpha, mut depths] = self.draw(&camera)?;
+        let [mut image, alpha, mut depths] = self.draw(&camera, photo.model())?;
         let residuals_of = |image: &[f32]| residuals(image, photo);
         let hidden = self.transients(index).map_or(Vec::new(), |t| t.at_size(camera.width, camera.height));
         if let Some(exposure) = self.exposure(index).copied() {
@@ -56,6 +57,6 @@ impl Fit {
             .iter_mut()
             .zip(&alpha)
             .for_each(|(depth, alpha)| *depth = if *alpha < 0.5 { 0.0 } else { *depth / alpha });
-        Ok(Seen { camera, residuals: residuals_of(&image), depths, hidden })
+        Ok(Seen { camera: LensCamera::new(camera, photo.lens), residuals: residuals_of(&image), depths, hidden })
     }
 }

@@ -14,6 +14,7 @@
 use std::borrow::Cow;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec2;
+use weaver_geometry::lens::LensCamera;
 use weaver_kernels::order::median_high;
 use weaver_scene::Photo;
 
@@ -83,7 +84,7 @@ pub(crate) fn counted<'p>(photo: &'p Photo, transients: Option<&Transients>) -> 
 
 /// A photo beside the scene as it is, both small.
 pub(crate) struct Seen {
-    pub camera: Camera,
+    pub camera: LensCamera,
     /// Mean absolute difference of colors around each pixel; NaN where the photo's own mask is.
     pub residuals: Vec<f32>,
     /// Depth, world units; 0 where nothing is.
@@ -129,12 +130,13 @@ pub(crate) fn thing_residual(photos: &[Photo]) -> f32 {
 /// The cells of a photo that are hidden in it alone, where a thing's residual is this in the mean.
 pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64, thing: f32) -> Option<Transients> {
     let own = &seen[photo];
-    let (width, height) = (own.camera.width, own.camera.height);
+    let Camera { pose, width, height, .. } = own.camera.camera;
+    let to_world = pose.inverse();
     let others = nearest(photo, seen, extent);
     // The mean residual of the photos that see a place; a place that no other photo sees has none.
     let expected = |(at, residual, depth): (usize, f32, f64)| {
         let pixel = DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
-        let point = own.camera.pose.inverse().apply(own.camera.intrinsics.unproject(pixel, depth));
+        let point = to_world.apply(own.camera.point(pixel, depth)?);
         let elsewhere = others.iter().filter_map(|other| seen[*other].residual_of(point));
         let (sum, count) = elsewhere.fold((0.0, 0.0), |(sum, count), residual| (sum + residual, count + 1.0));
         (count > 0.0).then(|| (at, residual, (sum / count).max(NOISE)))
@@ -156,9 +158,9 @@ pub(crate) fn hidden(photo: usize, seen: &[Seen], extent: f64, thing: f32) -> Op
 
 /// The photos that a photo is compared with.
 fn nearest(photo: usize, seen: &[Seen], extent: f64) -> Vec<usize> {
-    let pose = seen[photo].camera.pose;
+    let pose = seen[photo].camera.camera.pose;
     let distance = |other: usize| {
-        let other = seen[other].camera.pose;
+        let other = seen[other].camera.camera.pose;
         pose.center().distance(other.center()) / extent.max(f64::MIN_POSITIVE) + pose.angle_to(&other)
     };
     let mut others: Vec<usize> = (0..seen.len()).filter(|other| *other != photo).collect();
@@ -226,18 +228,15 @@ impl Seen {
 
     /// The residual where a point is seen, if it is.
     fn residual_of(&self, point: weaver_geometry::glam::DVec3) -> Option<f32> {
-        let seen = self.camera.pose.apply(point);
-        if seen.z <= 0.0 {
-            return None;
-        }
-        let pixel = self.camera.intrinsics.project(seen);
+        let Camera { pose, width, height, .. } = self.camera.camera;
+        let (pixel, distance) = self.camera.see(pose.apply(point))?;
         let inside = |x: f64, n: usize| (x >= 0.0 && x < n as f64).then_some(x as usize);
-        let at = inside(pixel.y, self.camera.height)? * self.camera.width + inside(pixel.x, self.camera.width)?;
+        let at = inside(pixel.y, height)? * width + inside(pixel.x, width)?;
         if self.hidden.get(at) == Some(&true) {
             return None;
         }
         let depth = f64::from(self.depths[at]);
         let residual = self.residuals[at];
-        ((depth - seen.z).abs() <= SAME_DEPTH * seen.z && !residual.is_nan()).then_some(residual)
+        ((depth - distance).abs() <= SAME_DEPTH * distance && !residual.is_nan()).then_some(residual)
     }
 }

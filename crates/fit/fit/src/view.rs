@@ -6,8 +6,8 @@ use crate::photos::{Pyramid, at_level};
 use crate::transients::counted;
 use crate::{Exposure, FitError, Judge};
 use weaver_geometry::Camera;
-use weaver_scene::CameraRows;
-use weaver_scene::Photo;
+use weaver_geometry::lens::LensCamera;
+use weaver_scene::{CameraRows, CameraSlices, Model, Photo};
 use weaver_splat::Images;
 
 /// Halvings of the photo at the beginning: coarse pictures reach cameras that are farther off.
@@ -31,10 +31,11 @@ impl Fit {
         for step in 0..steps {
             let (photo, level) = pyramid.level(HALVINGS - step * (HALVINGS + 1) / steps);
             let seen = at_level(&camera, level);
-            let [image, alpha, depth] = self.draw(&seen)?;
+            let [image, alpha, depth] = self.draw(&seen, photo.model())?;
             let target: Vec<f32> = photo.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
             let views =
                 Views { image: &image, alpha: &alpha, depth: &depth, photo: &target, mask: photo.mask.as_deref() };
+            let seen = LensCamera::new(seen, photo.lens);
             let Some(twist) = Alignment::new(&seen, &views).twist() else { break };
             camera.pose = moved(&camera.pose, twist, 1.0);
         }
@@ -67,7 +68,15 @@ impl Fit {
     /// # Errors
     /// When the rasterizer refuses.
     pub fn render(&mut self, camera: &Camera) -> Result<Vec<f32>, FitError> {
-        self.draw(camera).map(|[image, ..]| image)
+        self.render_through(Model::Pinhole, camera)
+    }
+
+    /// Draws as [`render`](Self::render) does, by a camera of any model.
+    ///
+    /// # Errors
+    /// When the rasterizer refuses.
+    pub fn render_through(&mut self, model: Model, camera: &Camera) -> Result<Vec<f32>, FitError> {
+        self.draw(camera, model).map(|[image, ..]| image)
     }
 
     /// The PSNR of a photo at a glance, dB: of the pixels that count, halved until it has 160 pixels at most.
@@ -76,7 +85,7 @@ impl Fit {
     /// When the rasterizer refuses.
     pub fn glance(&mut self, index: usize) -> Result<f64, FitError> {
         let (photo, camera) = self.small(index);
-        let mut image = self.render(&camera)?;
+        let mut image = self.render_through(photo.model(), &camera)?;
         if let Some(exposure) = self.exposure(index) {
             let drawn = image.clone();
             exposure.apply(&drawn, &mut image);
@@ -98,7 +107,7 @@ impl Fit {
     }
 
     /// Image, alpha and depth from a camera.
-    pub(crate) fn draw(&mut self, camera: &Camera) -> Result<[Vec<f32>; 3], FitError> {
+    pub(crate) fn draw(&mut self, camera: &Camera, model: Model) -> Result<[Vec<f32>; 3], FitError> {
         let pixels = camera.width * camera.height;
         let (mut image, mut alpha, mut depth) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; pixels]);
         let rows = CameraRows::new(&[*camera]);
@@ -106,7 +115,7 @@ impl Fit {
         self.fetch()?;
         self.activated.update(&self.population);
         let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
-        let cameras = rows.as_slices(&self.settings.background);
+        let cameras = CameraSlices { model, ..rows.as_slices(&self.settings.background) };
         let gaussians = self.activated.slices(&self.population);
         self.session.forward(&gaussians, &cameras, &raster, images)?;
         Ok([image, alpha, depth])

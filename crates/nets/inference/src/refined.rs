@@ -7,7 +7,7 @@ use weaver_fit::{Fit, FitRasterizer, FitSettings, StrategyKind, steps_in};
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
-use weaver_scene::{Gaussians, Photo};
+use weaver_scene::{Gaussians, Photo, Pixels};
 use weaver_splat::{CpuRasterizer, RasterSettings, Renderer};
 
 /// For how long a prediction is refined.
@@ -180,11 +180,17 @@ fn views(photos: Photos<'_>, cameras: &[Camera]) -> Vec<Photo> {
     let Photos { planes, inside, height, width } = photos;
     let pixels = height * width;
     let mask = |i: usize| Some(inside?[i * pixels..][..pixels].to_vec());
-    let rgb = |planes: &[f32]| -> Vec<u8> {
+    let rgb = |planes: &[f32]| -> Pixels {
         (0..3 * pixels).map(|i| (planes[i % 3 * pixels + i / 3] * 255.0).round() as u8).collect()
     };
     (planes.chunks_exact(3 * pixels).zip(cameras).enumerate())
-        .map(|(i, (planes, camera))| Photo { name: i.to_string(), camera: *camera, rgb: rgb(planes), mask: mask(i) })
+        .map(|(i, (planes, camera))| Photo {
+            name: i.to_string(),
+            camera: *camera,
+            rgb: rgb(planes),
+            mask: mask(i),
+            lens: None,
+        })
         .collect()
 }
 

@@ -51,6 +51,7 @@ use std::str::FromStr;
 pub use survey::{Survey, SurveyedPhoto, survey};
 use visible::visible_points;
 use weaver_geometry::Camera;
+use weaver_geometry::lens::LensCamera;
 use weaver_io::{Image, PhotoFile, Project, ProjectKind, is_taken};
 
 /// Choice of the views that are kept from training.
@@ -325,7 +326,7 @@ fn load_photo(
     options: &CaptureOptions,
 ) -> Result<(View, Vec<u32>), Fault> {
     let ((image, inside), camera) = read_cropped(photo, mask, options.width, options.height)?;
-    let (visible, mut depth) = visible_points(&camera, capture, photo);
+    let (visible, mut depth) = visible_points(&LensCamera::new(camera, None), capture, photo);
     for (depth, inside) in depth.iter_mut().zip(inside.iter().flatten()) {
         *depth *= f32::from(*inside);
     }

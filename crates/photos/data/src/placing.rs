@@ -105,20 +105,19 @@ impl EstimatedPhotos {
         let target = Target::of(self, originals, placing)?;
         let up = Up::of(self, target.ups());
         let bar = placing.scale_bar.as_deref().map(|file| Bar::read(self, file)).transpose()?;
-        let (bar, unseen) =
-            bar.map_or((None, None), |bar| bar.map_or_else(|fit| (None, Some(fit)), |bar| (Some(bar), None)));
+        let by_bar = bar.as_ref().and_then(Bar::scale);
         let followed = target.fit(up.as_ref(), &mut placement);
         let up = if followed.is_some() { up } else { up.map(|up| up.by_ground(self)) };
-        let by_bar = bar.as_ref().map_or(1.0, Bar::scale);
+        let scale = by_bar.unwrap_or(1.0);
         let mut onto = match (&followed, &up) {
             (Some(Robust { similarity, .. }), _) => *similarity,
-            (None, Some(up)) => upright(up.direction, by_bar),
-            (None, None) => Similarity { scale: by_bar, rotation: DMat3::IDENTITY, translation: DVec3::ZERO },
+            (None, Some(up)) => upright(up.direction, scale),
+            (None, None) => Similarity { scale, rotation: DMat3::IDENTITY, translation: DVec3::ZERO },
         };
         placement.east_north_up = followed.is_some();
-        placement.meters = followed.is_some() || bar.is_some();
+        placement.meters = followed.is_some() || by_bar.is_some();
         placement.vertical = placement.vertical.or(up.as_ref().map(|up| up.source.name().to_string()));
-        placement.scale_bar = bar.as_ref().map(|bar| bar.fit(onto.scale)).or(unseen);
+        placement.scale_bar = bar.map(|bar| bar.fit(onto.scale));
         // The ground at height 0.
         let vertical = if placement.east_north_up { DVec3::Z } else { DVec3::NEG_Y };
         let mut heights: Vec<f64> = self.firm_points().iter().map(|p| onto.apply(*p).dot(vertical)).collect();

@@ -170,7 +170,7 @@ mod tests {
         let rgb = (0..(width * height) as u64).flat_map(|n| [(stream.uniform::<f64>(n) * 255.0) as u8; 3]).collect();
         let intrinsics = Intrinsics { fx: 20.0, fy: 20.0, cx: 12.0, cy: 8.0 };
         let camera = Camera { pose: Pose::IDENTITY, intrinsics, width, height };
-        Picture::of(&Photo { name: String::new(), camera, rgb, mask: None }, 200)
+        Picture::of(&Photo { name: String::new(), camera, rgb, mask: None, lens: None }, 200)
     }
 
     struct One<'a>(&'a Patch, [[f32; 3]; 3], &'a Picture);

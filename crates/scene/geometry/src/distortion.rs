@@ -1,5 +1,6 @@
 //! Lens distortion.
 
+use crate::lens::angles::Angles;
 use glam::{DMat2, DVec2};
 use std::f64::consts::FRAC_PI_2;
 
@@ -33,6 +34,34 @@ pub enum Distortion {
         /// k1 to k4.
         k: [f64; 4],
     },
+    /// COLMAP's THIN_PRISM_FISHEYE. With (x, y) the direction times its angle to the axis a, and `a^2 = x^2 + y^2`, a
+    /// point goes to `(x s + 2 p1 x y + p2 (a^2 + 2 x^2) + s1 a^2, y s + p1 (a^2 + 2 y^2) + 2 p2 x y + s2 a^2)`, `s = 1
+    /// + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8`.
+    ThinPrismFisheye {
+        /// k1 to k4.
+        k: [f64; 4],
+        /// p1 and p2, tangential.
+        p: [f64; 2],
+        /// s1 and s2, of the thin prism.
+        s: [f64; 2],
+    },
+    /// The field-of-view model of Devernay and Faugeras (2001): a point goes to its direction times `atan2(2 tan(w / 2)
+    /// sin a, cos a) / w`, a the angle to the optical axis.
+    Fov {
+        /// w, radians, above 0 and below pi.
+        omega: f64,
+    },
+    /// COLMAP's RAD_TAN_THIN_PRISM_FISHEYE, the lens of Project Aria. With (x, y) the direction times `b = a (1 + k0 a^2
+    /// + .. + k5 a^12)`, a the angle to the axis, a point goes to `(x + p0 (b^2 + 2 x^2) + 2 p1 x y + s0 b^2 + s1 b^4,
+    /// y + p1 (b^2 + 2 y^2) + 2 p0 x y + s2 b^2 + s3 b^4)`.
+    RadTanThinPrism {
+        /// k0 to k5.
+        k: [f64; 6],
+        /// p0 and p1, tangential.
+        p: [f64; 2],
+        /// s0 to s3, of the thin prism.
+        s: [f64; 4],
+    },
 }
 
 /// Angles to the optical axis that are looked at for where a lens folds back.
@@ -52,7 +81,13 @@ impl Distortion {
 
     /// Itself, or `None` where it bends nothing.
     pub fn or_none(self) -> Option<Self> {
-        (self != Self::Radial { k: [0.0; 6], p: [0.0; 2] }).then_some(self)
+        // The field-of-view model tends to a pinhole for small angles, where its formula is 0 / 0.
+        let straight = match self {
+            Self::Radial { k, p } => k == [0.0; 6] && p == [0.0; 2],
+            Self::Fov { omega } => omega.abs() < 1e-6,
+            _ => false,
+        };
+        (!straight).then_some(self)
     }
 
     /// True if every coefficient is finite.
@@ -60,12 +95,18 @@ impl Distortion {
         match self {
             Self::Radial { k, p } => k.iter().chain(p).all(|x| x.is_finite()),
             Self::Fisheye { k } => k.iter().all(|x| x.is_finite()),
+            Self::ThinPrismFisheye { k, p, s } => k.iter().chain(p).chain(s).all(|x| x.is_finite()),
+            Self::Fov { omega } => omega.is_finite(),
+            Self::RadTanThinPrism { k, p, s } => k.iter().chain(p).chain(s).all(|x| x.is_finite()),
         }
     }
 
     /// The image of a point through the lens.
     #[inline]
     pub fn distort(&self, point: DVec2) -> DVec2 {
+        if let Some(angles) = self.angles_alone() {
+            return angles.project(point.extend(1.0));
+        }
         let DVec2 { x, y } = point;
         let (scale, _) = self.scale(point.length_squared());
         let [p1, p2] = self.tangential();
@@ -77,8 +118,16 @@ impl Distortion {
     /// The point that the lens sees at a place, by Newton's method; `None` where it sees none, as beyond the circle of
     /// a fisheye.
     pub fn undistort(&self, seen: DVec2) -> Option<DVec2> {
+        self.undistort_within(seen, self.last_angle())
+    }
+
+    /// As [`undistort`](Self::undistort), with the [last angle](Self::last_angle) at hand.
+    pub(crate) fn undistort_within(&self, seen: DVec2, last: f64) -> Option<DVec2> {
+        if let Some(angles) = self.angles_alone() {
+            let ray = angles.ray(seen, last)?;
+            return (ray.z > 0.0).then(|| ray.truncate() / ray.z);
+        }
         let far = seen.length();
-        let last = self.last_angle();
         let (mut low, mut high) = (0.0, last);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
@@ -105,6 +154,11 @@ impl Distortion {
         let Self::Radial { k, p } = self else { return None };
         let k = std::array::from_fn(|i| k[i] * factor.powi(2 * (i as i32 % 3 + 1)));
         Some(Self::Radial { k, p: p.map(|p| p * factor) })
+    }
+
+    /// The formula by angles of models that have no other here.
+    fn angles_alone(&self) -> Option<Angles> {
+        if matches!(self, Self::Radial { .. } | Self::Fisheye { .. }) { None } else { Angles::of(self) }
     }
 
     fn tangential(&self) -> [f64; 2] {
@@ -135,6 +189,7 @@ impl Distortion {
                 let slope = 1.0 + a2 * (3.0 * k1 + a2 * (5.0 * k2 + a2 * (7.0 * k3 + a2 * 9.0 * k4)));
                 (bent / r, (slope / (1.0 + r2) - bent / r) / (2.0 * r2))
             }
+            _ => (1.0, 0.0),
         }
     }
 
@@ -145,7 +200,10 @@ impl Distortion {
     }
 
     /// The largest angle below a right one up to which [`bent`](Self::bent) grows.
-    fn last_angle(&self) -> f64 {
+    pub(crate) fn last_angle(&self) -> f64 {
+        if let Some(angles) = self.angles_alone() {
+            return angles.last_angle().min(FRAC_PI_2 * (ANGLES - 1) as f64 / ANGLES as f64);
+        }
         let angle = |i: usize| FRAC_PI_2 * i as f64 / ANGLES as f64;
         let grows = |i: &usize| {
             let r2 = angle(*i).tan().powi(2);
@@ -157,7 +215,7 @@ impl Distortion {
     }
 
     /// The derivative of [`distort`](Self::distort).
-    fn jacobian(&self, point: DVec2) -> DMat2 {
+    pub(crate) fn jacobian(&self, point: DVec2) -> DMat2 {
         let DVec2 { x, y } = point;
         let (scale, slope) = self.scale(point.length_squared());
         let [p1, p2] = self.tangential();

@@ -1,4 +1,4 @@
-//! Poses, cameras, intrinsics, lens distortion, pose encodings, spherical harmonics and alignment; no tensors.
+//! Poses, cameras, intrinsics, lenses, pose encodings, spherical harmonics and alignment; no tensors.
 //!
 //! Conventions: world-to-camera poses, OpenCV axes (x right, y down, z forward), pixel centers at +0.5,
 //! quaternions in wxyz order.
@@ -9,6 +9,7 @@ mod camera;
 mod distortion;
 pub mod fov;
 pub mod geodesy;
+pub mod lens;
 mod pose;
 pub mod pose_code;
 pub mod se3;

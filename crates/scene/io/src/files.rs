@@ -14,6 +14,7 @@ pub(crate) mod mapped_file;
 pub(crate) mod memory;
 pub(crate) mod natural_order;
 pub(crate) mod output_folder;
+pub(crate) mod scratch_file;
 pub(crate) mod shell;
 pub(crate) mod staged;
 pub(crate) mod unfinished;

@@ -230,6 +230,9 @@ fn camera([width, height]: [usize; 2], k: &Intrinsics, distortion: Option<Distor
         None => String::new(),
         Some(Distortion::Radial { k, p }) => format!(", distorted by k {k:?} p {p:?}"),
         Some(Distortion::Fisheye { k }) => format!(", a fisheye of k {k:?}"),
+        Some(Distortion::ThinPrismFisheye { k, p, s }) => format!(", a fisheye of k {k:?} p {p:?} s {s:?}"),
+        Some(Distortion::Fov { omega }) => format!(", a lens of field of view {omega}"),
+        Some(Distortion::RadTanThinPrism { k, p, s }) => format!(", a fisheye of k {k:?} p {p:?} s {s:?}"),
     };
     format!("{width}x{height} pixels, fx {fx:.3} fy {fy:.3} cx {cx:.3} cy {cy:.3}{lens}")
 }

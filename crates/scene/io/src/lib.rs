@@ -37,6 +37,7 @@ pub use files::inputs::input_checksum;
 pub use files::memory::{TooLittleMemory, available_memory, check_memory, peak_mb};
 pub use files::natural_order::natural_order;
 pub use files::output_folder::{OutputFolder, check_output_file, check_output_folder};
+pub use files::scratch_file::ScratchFile;
 pub use files::shell::ShellCommand;
 pub use files::staged::Staged;
 pub use files::unfinished::{UnfinishedFile, remove_unfinished};

@@ -1,18 +1,18 @@
 //! Cameras as rows of numbers, the form that rasterizers and networks take.
 
 use weaver_geometry::glam::{DMat3, DVec3};
+use weaver_geometry::lens::Lens;
 use weaver_geometry::{Camera, Intrinsics, Pose};
 
 /// Model of a camera: the direction that each pixel looks in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Model {
     /// A plane image: pixel (u, v) looks along ((u - cx) / fx, (v - cy) / fy, 1).
     #[default]
     Pinhole,
-    /// An equirectangular image of all directions: with the longitude 2 pi ((u / width) - 1/2) and the latitude pi ((v
-    /// / height) - 1/2), downward, pixel (u, v) looks along (cos lat sin lon, sin lat, cos lat cos lon). Intrinsics are
-    /// not read.
-    Spherical,
+    /// Pixel (u, v) looks along the direction that the lens sees at ((u - cx) / fx, (v - cy) / fy); nowhere where it
+    /// sees none. All views of a call have the same intrinsics.
+    Lens(Lens),
 }
 
 /// `V` cameras with images of one size, borrowed as rows of numbers.

@@ -7,6 +7,7 @@
 //! | [`GaussianSlices`] | activated, borrowed | rasterizers |
 //! | [`Frame`] | a camera with the name of its photo | camera files |
 //! | [`Photo`] | a camera with the pixels of its photo | the input of fits and of their evaluation |
+//! | [`Pixels`] | bytes in memory, or kept elsewhere | photos that memory has no room for |
 //! | [`CameraSlices`] | matrices and intrinsics, borrowed | rasterizers |
 //! | [`PointCloud`] | positions with colors | point files |
 //!
@@ -22,6 +23,7 @@ mod frame;
 mod gaussians;
 mod orbit;
 mod photo;
+mod pixels;
 mod points;
 mod prune;
 mod select;
@@ -36,6 +38,7 @@ pub use frame::{Frame, stems};
 pub use gaussians::Gaussians;
 pub use orbit::{middle, orbit};
 pub use photo::Photo;
+pub use pixels::{KeptBytes, Pixels};
 pub use points::PointCloud;
 pub use prune::Region;
 pub use slices::{Color, Features, GaussianSlices, Groups};

@@ -7,6 +7,8 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Duration;
 use weaver_autograd::Tape;
+use weaver_geometry::Intrinsics;
+use weaver_geometry::lens::{self, Lens};
 use weaver_kernels::random::Stream;
 use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
 use weaver_splat::{
@@ -25,6 +27,7 @@ struct Load {
     viewmats: Vec<f32>,
     intrinsics: Vec<f32>,
     size: (usize, usize),
+    model: Model,
     planes: [Vec<f32>; 3],
     cotangents: [Vec<f32>; 3],
     gradients: [Vec<f32>; 8],
@@ -62,6 +65,7 @@ impl Load {
             degree,
             intrinsics: [focal, focal, size.0 as f32 / 2.0, size.1 as f32 / 2.0].repeat(views),
             size,
+            model: Model::Pinhole,
             planes: [3, 1, 1].map(|channels| vec![0.0; channels * pixels]),
             cotangents: [(7, 3), (8, 1), (9, 1)].map(|(purpose, channels)| draw(purpose, channels * pixels)),
             gradients: [3 * n, 4 * n, 3 * n, n, terms * n, viewmats.len(), 4 * views, 3].map(|len| vec![0.0; len]),
@@ -88,7 +92,7 @@ impl Load {
             background: &[0.0; 3],
             width: self.size.0,
             height: self.size.1,
-            model: Model::Pinhole,
+            model: self.model,
         };
         let settings = self.settings;
         let pixels = settings.region.map_or(self.planes[1].len(), |region| self.intrinsics.len() / 4 * region.pixels());
@@ -111,7 +115,7 @@ impl Load {
                 opacities,
                 colors,
                 viewmats,
-                intrinsics,
+                intrinsics: intrinsics.filter(|_| self.model == Model::Pinhole),
                 background,
                 statistics: self.statistics.as_deref_mut(),
                 ..Gradients::default()
@@ -147,6 +151,19 @@ fn benches(c: &mut Criterion) {
         load.statistics = Some(vec![GaussianStatistics::default(); load.opacities.len()]);
         group.bench_function("forward and backward with statistics", |b| b.iter(|| load.run(true)));
         load.statistics = None;
+        let straight = load.intrinsics.clone();
+        for (name, lens) in [("a fisheye", Lens::EQUIDISTANT), ("a sphere", Lens::Equirectangular)] {
+            load.model = Model::Lens(lens);
+            // About as many pixels for each Gaussian as the pinhole has.
+            let Intrinsics { fx, fy, cx, cy } = match lens {
+                Lens::Equirectangular => lens::equirectangular(load.size.0, load.size.1),
+                _ => lens::fisheye(1.6, load.size.0, load.size.1),
+            };
+            load.intrinsics = [fx, fy, cx, cy].map(|x| x as f32).repeat(straight.len() / 4);
+            group.bench_function(format!("forward through {name}"), |b| b.iter(|| load.run(false)));
+            group.bench_function(format!("forward and backward through {name}"), |b| b.iter(|| load.run(true)));
+        }
+        (load.model, load.intrinsics) = (Model::Pinhole, straight);
         let (width, height) = (load.size.0 / 2, load.size.1 / 2);
         load.settings.region = Some(Region { x: width / 2, y: height / 2, width, height });
         group.bench_function("forward and backward of a quarter", |b| b.iter(|| load.run(true)));

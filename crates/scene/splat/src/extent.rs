@@ -73,7 +73,7 @@ fn checked(groups: Groups<'_>, n: usize) -> Result<usize, RasterError> {
 }
 
 impl Extent {
-    /// The sizes of a call, if everything in it fits together; `depth` says whether depth is requested.
+    /// The sizes of a call of pinholes, if everything in it fits together; `depth` says whether depth is requested.
     ///
     /// # Errors
     ///
@@ -85,12 +85,21 @@ impl Extent {
         settings: &RasterSettings,
         depth: bool,
     ) -> Result<Self, RasterError> {
-        let (n, v) = (gaussians.opacities.len(), cameras.views());
         if cameras.model != Model::Pinhole {
-            return Err(RasterError::Unsupported(
-                "Gaussians are drawn by pinhole cameras only, found spherical ones".into(),
-            ));
+            let message = "this rasterizer draws pinhole cameras only, found a lens; the CPU draws through lenses";
+            return Err(RasterError::Unsupported(message.into()));
         }
+        Self::through_any_lens(gaussians, cameras, settings, depth)
+    }
+
+    /// As [`of`](Self::of), for cameras of any model.
+    pub(crate) fn through_any_lens<T: Real>(
+        gaussians: &GaussianSlices<'_, T>,
+        cameras: &CameraSlices<'_, T>,
+        settings: &RasterSettings,
+        depth: bool,
+    ) -> Result<Self, RasterError> {
+        let (n, v) = (gaussians.opacities.len(), cameras.views());
         if let Color::Sh { degree, .. } = gaussians.color
             && degree > sh::MAX_DEGREE
         {
@@ -167,6 +176,9 @@ impl Extent {
     ) -> Result<(), RasterError> {
         let (n, v) = (self.gaussians, self.views);
         let pixels = self.pixels();
+        if cameras.model != Model::Pinhole && gradients.intrinsics.is_some() {
+            return Err(RasterError::Unsupported("a lens has no gradient of the intrinsics".into()));
+        }
         let inputs = [
             ("cotangent of the image", cotangents.image, if self.color_len > 0 { 3 * pixels } else { 0 }),
             ("cotangent of alpha", cotangents.alpha, pixels),

@@ -2,13 +2,13 @@
 
 use crate::columns::{prefetch_rows, put_columns, put_wide_columns, wide_columns};
 use crate::each::each;
-use crate::ewa::SUMS;
 use crate::extent::Extent;
 use crate::gradients::{Gradients, Target};
-use crate::project::{Coefficients, Group, projection};
-use crate::project_backward::{GroupGradient, Upstream, splat_backward};
+use crate::project::{Coefficients, Projection, projection};
+use crate::project_backward::{Upstream, splat_backward};
 use crate::settings::RasterSettings;
 use crate::sh;
+use crate::shape::{Group, GroupGradient};
 use crate::tiles::{CHUNK, Chunk, Tiles, moment};
 use crate::view::{CAMERA_SUMS, View};
 use std::ops::Range;
@@ -18,14 +18,79 @@ use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes, Row};
 use weaver_kernels::simd::prefetch;
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
+/// How a kind of camera projects shapes, and the derivative of it.
+pub(crate) trait Projector<T: Real>: Sync {
+    /// Sums over pixels for each shape.
+    const SUMS: usize;
+    /// Everything between Gaussians and what the pixels see of them.
+    type Projected<V: Lanes<Scalar = T>>: Copy;
+
+    /// Projects sixteen shapes.
+    fn project<V: Lanes<Scalar = T>>(
+        &self,
+        view: &View<V>,
+        settings: &RasterSettings,
+        group: &Group<V>,
+    ) -> Self::Projected<V>;
+
+    /// Adds the gradients of sixteen shapes to those of their Gaussians and of the camera.
+    fn backward<V: Lanes<Scalar = T>>(
+        &self,
+        at: (&View<V>, &RasterSettings),
+        group: &Group<V>,
+        projected: &Self::Projected<V>,
+        upstream: &Upstream<'_, V>,
+        out: &mut GroupGradient<V>,
+        camera: &mut [V; CAMERA_SUMS],
+    );
+}
+
+/// The pinhole, by the EWA approximation.
+pub(crate) struct Pinhole;
+
+impl<T: Real> Projector<T> for Pinhole {
+    const SUMS: usize = crate::ewa::SUMS;
+    type Projected<V: Lanes<Scalar = T>> = Projection<V>;
+
+    #[inline(always)]
+    fn project<V: Lanes<Scalar = T>>(
+        &self,
+        view: &View<V>,
+        settings: &RasterSettings,
+        group: &Group<V>,
+    ) -> Projection<V> {
+        projection(view, settings, group)
+    }
+
+    #[inline(always)]
+    fn backward<V: Lanes<Scalar = T>>(
+        &self,
+        at: (&View<V>, &RasterSettings),
+        group: &Group<V>,
+        projected: &Projection<V>,
+        upstream: &Upstream<'_, V>,
+        out: &mut GroupGradient<V>,
+        camera: &mut [V; CAMERA_SUMS],
+    ) {
+        splat_backward(at, group, projected, upstream, out, camera);
+    }
+}
+
 /// Inputs of the pass.
-#[derive(Clone, Copy)]
-pub(crate) struct GaussianPass<'a, T> {
+pub(crate) struct GaussianPass<'a, T, P> {
+    pub projector: &'a P,
     pub gaussians: &'a GaussianSlices<'a, T>,
     pub cameras: &'a CameraSlices<'a, T>,
     pub settings: &'a RasterSettings,
     pub extent: &'a Extent,
     pub tiles: &'a Tiles<T>,
+}
+
+impl<T, P> Copy for GaussianPass<'_, T, P> {}
+impl<T, P> Clone for GaussianPass<'_, T, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
 }
 
 /// Destination of the gradients of consecutive Gaussians.
@@ -70,7 +135,7 @@ impl<'a, T: Real> Share<'a, T> {
     }
 }
 
-impl<T: Real> GaussianPass<'_, T> {
+impl<T: Real, P: Projector<T>> GaussianPass<'_, T, P> {
     /// Writes the gradients of Gaussians, and the cameras' gradients in parts: `camera_sums` is `[chunks, V,
     /// CAMERA_SUMS]`.
     pub fn run(&self, gradients: &mut Gradients<'_, T>, camera_sums: &mut [Row<T>]) {
@@ -103,8 +168,8 @@ impl<T: Real> GaussianPass<'_, T> {
 }
 
 /// One chunk of Gaussians.
-struct ChunkPass<'a, T> {
-    pass: GaussianPass<'a, T>,
+struct ChunkPass<'a, T, P> {
+    pass: GaussianPass<'a, T, P>,
     index: usize,
     share: Share<'a, T>,
 }
@@ -138,13 +203,13 @@ fn put<V: Lanes, const K: usize>(
     }
 }
 
-impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
+impl<T: Real, P: Projector<T>> LaneKernel<T> for ChunkPass<'_, T, P> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) {
         let Self { pass, index, mut share } = self;
-        let GaussianPass { gaussians, cameras, settings, extent, tiles } = pass;
+        let GaussianPass { projector, gaussians, cameras, settings, extent, tiles } = pass;
         let first = index * CHUNK;
         let len = CHUNK.min(extent.gaussians - first);
         let color_len = extent.color_len;
@@ -171,9 +236,9 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
                     continue;
                 }
                 let view = View::of(cameras, v).in_lanes::<V>();
-                let shape = projection(&view, settings, &group);
+                let projected = projector.project(&view, settings, &group);
                 let mut dsight = [V::zero(); 3];
-                let dcolor = each!(3, |i| moments[SUMS + moment::COLOR + i]);
+                let dcolor = each!(3, |i| moments[P::SUMS + moment::COLOR + i]);
                 match gaussians.color {
                     Color::None => {}
                     Color::Plain(_) => {
@@ -196,7 +261,7 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
                 let camera = &mut share.camera_sums[v * CAMERA_SUMS..][..CAMERA_SUMS];
                 let mut sums = each!(CAMERA_SUMS, |i| V::load(&camera[i].0));
                 let upstream = Upstream { moments: &moments, drawn, dsight };
-                splat_backward((&view, settings), &group, &shape, &upstream, &mut out, &mut sums);
+                projector.backward((&view, settings), &group, &projected, &upstream, &mut out, &mut sums);
                 for (row, sum) in camera.iter_mut().zip(sums) {
                     sum.store(&mut row.0);
                 }

@@ -1,16 +1,12 @@
-//! From Gaussians in the world to splats on the image plane, sixteen at a time.
-//!
-//! The image covariance is S = M M^T + eps I with M = J A R diag(s), a 2x3 matrix. Working from M instead of S,
-//! nothing cancels: det S = |m1 x m2|^2 + eps (|m1|^2 + |m2|^2) + eps^2 is a sum of positive terms, so that long thin
-//! splats are exact in `f32` too.
+//! From Gaussians in the world to splats on the image plane of a pinhole, sixteen at a time.
 
 use crate::columns::{columns, finite, prefetch_rows, wide_columns};
 use crate::each::each;
 use crate::ewa::{BITS, slot};
-use crate::matrix::{Mat23, Mat33, Vec3, apply, cross, dot, product};
-use crate::rotation::rotation;
-use crate::settings::{RATIO_FLOOR, RasterSettings};
+use crate::matrix::{Vec3, apply};
+use crate::settings::RasterSettings;
 use crate::sh;
+use crate::shape::{Group, Shape};
 use crate::tiles::{self, ALPHA_MIN, Projected, record};
 use crate::view::View;
 use std::ops::Range;
@@ -21,44 +17,7 @@ use weaver_scene::{CameraSlices, Color, GaussianSlices};
 /// Room for the coefficients of the largest degree in columns.
 pub(crate) type Coefficients<V> = [V; (3 * weaver_geometry::sh::MAX_COEFFICIENTS).next_multiple_of(LANES)];
 
-/// The shapes of sixteen Gaussians.
-#[derive(Clone, Copy)]
-pub(crate) struct Group<V> {
-    pub mean: Vec3<V>,
-    pub quat: [V; 4],
-    pub scale: Vec3<V>,
-    pub opacity: V,
-}
-
-impl<V: Lanes> Group<V> {
-    /// Gaussians `first..first + count`; lanes beyond repeat the last.
-    #[inline(always)]
-    pub fn load(gaussians: &GaussianSlices<'_, V::Scalar>, first: usize, count: usize) -> Self {
-        let [opacity] = columns(gaussians.opacities, first, count);
-        Self {
-            mean: columns(gaussians.means, first, count),
-            quat: columns(gaussians.quats, first, count),
-            scale: columns(gaussians.scales, first, count),
-            opacity,
-        }
-    }
-
-    /// 0 where all numbers are finite, else not a number.
-    #[inline(always)]
-    fn unsound(&self) -> V {
-        let zero = V::zero();
-        let [x, y, z] = self.mean;
-        let [a, b, c, d] = self.quat;
-        let [p, q, r] = self.scale;
-        let mut sum = self.opacity * zero;
-        for part in [x, y, z, a, b, c, d, p, q, r] {
-            sum = part.mul_add(zero, sum);
-        }
-        sum
-    }
-}
-
-/// Everything between a Gaussian's parameters and its splat's shape; backward computes it anew.
+/// Everything between a Gaussian's parameters and its splat; backward computes it anew.
 #[derive(Clone, Copy)]
 pub(crate) struct Projection<V: Lanes> {
     /// Mean in camera coordinates.
@@ -73,30 +32,8 @@ pub(crate) struct Projection<V: Lanes> {
     pub zoom: [V; 2],
     /// 1/z
     pub inverse_z: V,
-    /// J A.
-    pub map: Mat23<V>,
-    /// Unit quaternion.
-    pub unit: [V; 4],
-    /// 1 over the length of the quaternion given.
-    pub inverse_length: V,
-    /// R.
-    pub rotation: Mat33<V>,
-    /// M = J A R diag(s).
-    pub m: Mat23<V>,
-    /// m1 x m2.
-    pub normal: Vec3<V>,
-    /// S xx, S yy.
-    pub variance: [V; 2],
-    /// det S before the blur.
-    pub sharp: V,
-    /// det S.
-    pub det: V,
-    /// Factor of the opacity.
-    pub compensation: V,
-    /// Mask of factors that depend on the shape: antialiased and above the floor.
-    pub compensated: V::Mask,
-    /// p, q, r of the splat, of sigma = (u^2 + v^2) / 2.
-    pub factor: Vec3<V>,
+    /// On the image, by J A.
+    pub shape: Shape<V>,
 }
 
 /// Projects the shapes of Gaussians.
@@ -111,55 +48,8 @@ pub(crate) fn projection<V: Lanes>(view: &View<V>, settings: &RasterSettings, gr
     let slope = each!(2, |i| free[i].max(view.low[i]).min(view.high[i]));
     let zoom = each!(2, |i| view.focal[i] * inverse_z);
     let map = each!(2, |i| each!(3, |j| zoom[i] * slope[i].neg_mul_add(view.axes[2][j], view.axes[i][j])));
-
-    // Scaled first, so that no length overflows.
-    let largest = {
-        let [a, b, c, d] = each!(4, |i| group.quat[i].abs());
-        a.max(b).max(c.max(d))
-    };
-    let scaled = each!(4, |i| group.quat[i] / largest);
-    let [w, x, y, z] = scaled;
-    let length = x.mul_add(x, y.mul_add(y, z.mul_add(z, w * w))).sqrt();
-    let inverse = one / length;
-    let unit = each!(4, |i| scaled[i] * inverse);
-    let rotation = rotation(one, unit);
-
-    let turned = product(&map, &rotation);
-    let m = each!(2, |i| each!(3, |j| turned[i][j] * group.scale[j]));
-    let eps = V::constant(settings.eps2d);
-    let normal = cross(m[0], m[1]);
-    let squares = [dot(m[0], m[0]), dot(m[1], m[1])];
-    let variance = each!(2, |i| squares[i] + eps);
-    let sharp = dot(normal, normal);
-    let det = sharp + eps * (squares[0] + squares[1]) + eps * eps;
-    let deviation = variance[1].sqrt();
-    let (inverse_root, inverse_deviation) = (one / det.sqrt(), one / deviation);
-    let factor = [deviation * inverse_root, -dot(m[0], m[1]) * inverse_deviation * inverse_root, inverse_deviation];
-    let floor = V::constant(RATIO_FLOOR);
-    let ratio = sharp / det;
-    let none = V::Mask::from_bits(0);
-    let (compensation, compensated) =
-        if settings.antialiased { (ratio.max(floor).sqrt(), ratio.gt(floor)) } else { (one, none) };
-    Projection {
-        point,
-        free,
-        slope,
-        within,
-        zoom,
-        inverse_z,
-        map,
-        unit,
-        inverse_length: inverse / largest,
-        rotation,
-        m,
-        normal,
-        variance,
-        sharp,
-        det,
-        compensation,
-        compensated,
-        factor,
-    }
+    let shape = Shape::of(map, V::constant(settings.eps2d), settings, group);
+    Projection { point, free, slope, within, zoom, inverse_z, shape }
 }
 
 /// The Gaussians of a call in the interface of the tile layer.
@@ -197,16 +87,17 @@ pub(crate) fn splats<V: Lanes>(
 ) -> Projected<V> {
     let (first, count) = (numbers.start, numbers.len());
     let group = Group::load(gaussians, first, count);
-    let shape = projection(view, settings, &group);
+    let projected = projection(view, settings, &group);
+    let shape = &projected.shape;
     let present = V::Mask::from_bits((u32::MAX >> (32 - count)) as u16);
     // A quaternion of zeros has no unit; one too short for 1 / |q| has no gradient.
-    let sound = finite(group.unsound() + shape.point[2] + shape.unit[0] + shape.inverse_length).and(present);
-    let z = shape.point[2];
+    let sound = finite(group.unsound() + projected.point[2] + shape.unit[0] + shape.inverse_length).and(present);
+    let z = projected.point[2];
     let in_range = z.ge(V::constant(settings.near)).and(V::constant(settings.far).ge(z));
     let opacity = group.opacity * shape.compensation;
     let mut seen = sound.and(in_range).and(shape.det.gt(V::zero())).and(opacity.ge(V::constant(ALPHA_MIN)));
     if let Some(least) = settings.radius_clip {
-        seen = seen.and(three_deviations(&shape).ge(V::constant(least)));
+        seen = seen.and(shape.three_deviations().ge(V::constant(least)));
     }
 
     let eps = <V::Scalar as Real>::EPSILON.to_f64();
@@ -218,8 +109,8 @@ pub(crate) fn splats<V: Lanes>(
     let radius = limit.sqrt() * rounding;
     let (width, tall) = (V::constant(1.0) / p, radius / r);
     let tilt = q * width;
-    let x = view.focal[0].mul_add(shape.free[0], view.principal[0]);
-    let y = view.focal[1].mul_add(shape.free[1], view.principal[1]);
+    let x = view.focal[0].mul_add(projected.free[0], view.principal[0]);
+    let y = view.focal[1].mul_add(projected.free[1], view.principal[1]);
     let extent = x.abs() + y.abs() + tilt.abs().mul_add(tall, radius * width);
     let slack = extent.mul_add(V::constant(8.0 * eps), V::constant(1e-3));
     let half_height = tall + slack;
@@ -228,36 +119,7 @@ pub(crate) fn splats<V: Lanes>(
     let mut rejected = present.and_not(sound).or(seen.and_not(good));
     seen = seen.and(good);
 
-    let mut color = [V::zero(); 3];
-    match gaussians.color {
-        Color::None => {}
-        Color::Plain(values) => {
-            color = columns(values, first, count);
-            let good = finite(color[0] * V::zero() + color[1] * V::zero() + color[2] * V::zero());
-            rejected = rejected.or(seen.and_not(good));
-            seen = seen.and(good);
-        }
-        Color::Sh { coefficients: values, degree } if seen.bits() != 0 => {
-            let len = 3 * (degree + 1) * (degree + 1);
-            prefetch_rows(values, (first + LANES) * len, LANES * len);
-            wide_columns(&values[first * len..(first + count) * len], len, coefficients);
-            let sight = each!(3, |i| group.mean[i] - view.center[i]);
-            let (sum, unsound) = sh::color(degree, sight, coefficients);
-            let good = finite(unsound + sum[0] + sum[1] + sum[2]);
-            rejected = rejected.or(seen.and_not(good));
-            seen = seen.and(good);
-            color = each!(3, |i| sum[i].max(V::zero()));
-        }
-        Color::Sh { .. } => {}
-    }
-
-    if let Some(features) = gaussians.features {
-        let sound = |lane: usize| features.of(first + lane).iter().all(|x| x.is_finite());
-        let lanes = (0..count).filter(|&lane| sound(lane)).fold(0, |bits, lane| bits | 1 << lane);
-        let good = V::Mask::from_bits(lanes);
-        rejected = rejected.or(seen.and_not(good));
-        seen = seen.and(good);
-    }
+    let color = colors(view, gaussians, &group, numbers, coefficients, [&mut seen, &mut rejected]);
 
     let mut columns = [V::zero(); LANES];
     columns[slot::X] = x;
@@ -277,10 +139,47 @@ pub(crate) fn splats<V: Lanes>(
     Projected { columns, seen, rejected }
 }
 
-/// Three standard deviations along the longest image axis, pixels.
+/// The colors of the Gaussians of these numbers toward the camera. Gaussians whose colors or features are not finite
+/// are rejected, if they were seen.
 #[inline(always)]
-fn three_deviations<V: Lanes>(shape: &Projection<V>) -> V {
-    let mean = V::constant(0.5) * (shape.variance[0] + shape.variance[1]);
-    let spread = mean.mul_add(mean, -shape.det).max(V::zero()).sqrt();
-    V::constant(3.0) * (mean + spread).sqrt()
+pub(crate) fn colors<V: Lanes>(
+    view: &View<V>,
+    gaussians: &GaussianSlices<'_, V::Scalar>,
+    group: &Group<V>,
+    numbers: Range<usize>,
+    coefficients: &mut Coefficients<V>,
+    [seen, rejected]: [&mut V::Mask; 2],
+) -> Vec3<V> {
+    let (first, count) = (numbers.start, numbers.len());
+    let mut color = [V::zero(); 3];
+    match gaussians.color {
+        Color::None => {}
+        Color::Plain(values) => {
+            color = columns(values, first, count);
+            let good = finite(color[0] * V::zero() + color[1] * V::zero() + color[2] * V::zero());
+            *rejected = rejected.or(seen.and_not(good));
+            *seen = seen.and(good);
+        }
+        Color::Sh { coefficients: values, degree } if seen.bits() != 0 => {
+            let len = 3 * (degree + 1) * (degree + 1);
+            prefetch_rows(values, (first + LANES) * len, LANES * len);
+            wide_columns(&values[first * len..(first + count) * len], len, coefficients);
+            let sight = each!(3, |i| group.mean[i] - view.center[i]);
+            let (sum, unsound) = sh::color(degree, sight, coefficients);
+            let good = finite(unsound + sum[0] + sum[1] + sum[2]);
+            *rejected = rejected.or(seen.and_not(good));
+            *seen = seen.and(good);
+            color = each!(3, |i| sum[i].max(V::zero()));
+        }
+        Color::Sh { .. } => {}
+    }
+
+    if let Some(features) = gaussians.features {
+        let sound = |lane: usize| features.of(first + lane).iter().all(|x| x.is_finite());
+        let lanes = (0..count).filter(|&lane| sound(lane)).fold(0, |bits, lane| bits | 1 << lane);
+        let good = V::Mask::from_bits(lanes);
+        *rejected = rejected.or(seen.and_not(good));
+        *seen = seen.and(good);
+    }
+    color
 }

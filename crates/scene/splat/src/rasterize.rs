@@ -3,6 +3,7 @@
 use crate::error::RasterError;
 use crate::ewa::EwaGaussian;
 use crate::extent::Extent;
+use crate::lens::{RayGaussian, RayProjection};
 use crate::project::EwaProjection;
 use crate::rasterizer::{Images, RasterStats};
 use crate::settings::RasterSettings;
@@ -20,6 +21,12 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 /// frustum widened by 30 % of half its size. Alphas below 1/255 are skipped. `w_i = alpha_i T_i`, `T_i` the product
 /// of `1 - alpha_j` over the splats in front; a pixel ends before the splat that would bring T to 1e-4 or less.
 ///
+/// Through a [lens](weaver_scene::Model::Lens) each Gaussian is drawn on the plane that touches the unit sphere at its
+/// own direction d: at a pixel whose ray is w, sigma is as above with `(e1 . w, e2 . w) / (d . w)` in place of the way
+/// from mean to pixel, e1 and e2 across d, and J = (e1 e2)^T / |p|. The blur has the size of a pixel at the mean, a
+/// function of the angle from the axis. Order, depth and limits are by distance |p|, and no ray sees what is behind
+/// it. Alpha is 0 where the lens sees nothing.
+///
 /// Gaussians in [groups](weaver_scene::Groups) do not see each other: each group has a transmittance of its own, and
 /// images, of the same bits as if it were drawn alone. One projection and one sort serve all of them.
 ///
@@ -34,12 +41,13 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 /// # Errors
 ///
 /// Arguments whose lengths do not fit together, an image without pixels, a background that is not finite, a degree
-/// above 4, a region beyond the image, more than 2^32 list entries.
+/// above 4, a region beyond the image, views of a lens whose intrinsics differ, more than 2^32 list entries.
 ///
 /// # Source
 ///
 /// Kerbl et al., 3D Gaussian Splatting, 2023, equations 2 to 6; Zwicker et al., EWA splatting, 2002; the rules of
-/// gsplat 1.4.0 but for its bounding boxes: a splat is seen wherever its alpha reaches 1/255.
+/// gsplat 1.4.0 but for its bounding boxes: a splat is seen wherever its alpha reaches 1/255. Lenses: the plane of
+/// Huang et al., On the Error Analysis of 3D Gaussian Splatting and an Optimal Projection Strategy, 2024, equation 17.
 ///
 /// ```
 /// use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
@@ -76,19 +84,29 @@ pub fn rasterize<T: Real>(
     workspace: &mut Workspace<T>,
     images: Images<'_, T>,
 ) -> Result<RasterStats, RasterError> {
-    let extent = Extent::of(gaussians, cameras, settings, images.depth.is_some())?;
+    let extent = Extent::through_any_lens(gaussians, cameras, settings, images.depth.is_some())?;
     extent.check_images(&images)?;
     (workspace.drawn, workspace.differentiated) = (None, None);
+    workspace.rays = workspace.rays_cache.of(cameras)?;
     let start = Instant::now();
-    let tiles = &mut workspace.tiles;
+    let Workspace { tiles, rays, .. } = workspace;
     let grid = Grid::new(extent.region, settings.tile);
-    let projection = EwaProjection { gaussians, cameras, settings };
-    let stats = tiles.project(grid, extent.views, extent.gaussians, &projection, &EwaGaussian)?;
+    let (views, n) = (extent.views, extent.gaussians);
+    let stats = match rays.as_deref() {
+        None => tiles.project(grid, views, n, &EwaProjection { gaussians, cameras, settings }, &EwaGaussian)?,
+        Some(rays) => {
+            let projection = RayProjection { rays, gaussians, cameras, settings };
+            tiles.project(grid, views, n, &projection, &RayGaussian(rays))?
+        }
+    };
     let projected = Instant::now();
     tiles.bin(gaussians.groups);
     let binned = Instant::now();
     let blending = blending(gaussians, settings, &extent);
-    let [pairs, evaluated] = tiles.blend(&EwaGaussian, &blending);
+    let [pairs, evaluated] = match rays.as_deref() {
+        None => tiles.blend(&EwaGaussian, &blending),
+        Some(rays) => tiles.blend(&RayGaussian(rays), &blending),
+    };
     tiles.images(&blending, |v| cameras.background_of(v), images);
     workspace.timings =
         Timings { project: projected - start, bin: binned - projected, blend: binned.elapsed(), ..workspace.timings };

@@ -3,8 +3,9 @@
 use crate::error::RasterError;
 use crate::ewa::EwaGaussian;
 use crate::extent::Extent;
-use crate::gaussian_pass::GaussianPass;
+use crate::gaussian_pass::{GaussianPass, Pinhole};
 use crate::gradients::{Cotangents, Gradients, Target};
+use crate::lens::RayGaussian;
 use crate::memory::grown;
 use crate::rasterize::blending;
 use crate::settings::RasterSettings;
@@ -15,7 +16,7 @@ use crate::workspace::Workspace;
 use std::time::Instant;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::Row;
-use weaver_scene::{CameraSlices, GaussianSlices};
+use weaver_scene::{CameraSlices, GaussianSlices, Model};
 
 /// Gradients with respect to everything that [`rasterize`](crate::rasterize()) was given, from those with respect to
 /// image, alpha, depth and features.
@@ -25,12 +26,15 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 /// where it is clamped at zero, the compensation where its floor holds. The limits of x/z and y/z are functions of the
 /// intrinsics; the camera center, for the line of sight, is -A^-1 t. Same bits at any number of threads.
 ///
+/// Through a lens there are no gradients of the intrinsics, which the rays of the pixels depend on.
+///
 /// Gradients are finite where cotangents are: a number that overflows on its way to a gradient adds nothing to it.
 /// Gaussians that were left out have zero gradients.
 ///
 /// # Errors
 ///
-/// Lengths that do not fit, or a workspace whose last forward had other sizes or settings.
+/// Lengths that do not fit, a gradient of the intrinsics of a lens, or a workspace whose last forward had other sizes
+/// or settings.
 #[inline(never)]
 pub fn rasterize_backward<T: Real>(
     gaussians: &GaussianSlices<'_, T>,
@@ -41,8 +45,12 @@ pub fn rasterize_backward<T: Real>(
     mut gradients: Gradients<'_, T>,
 ) -> Result<(), RasterError> {
     let depth = workspace.drawn.is_some_and(|(extent, _)| extent.depth);
-    let extent = Extent::of(gaussians, cameras, settings, depth)?;
-    if workspace.drawn != Some((extent, *settings)) {
+    let extent = Extent::through_any_lens(gaussians, cameras, settings, depth)?;
+    let same_rays = match &workspace.rays {
+        None => cameras.model == Model::Pinhole,
+        Some(rays) => rays.is_of(cameras),
+    };
+    if workspace.drawn != Some((extent, *settings)) || !same_rays {
         return Err(RasterError::Arguments(
             "backward needs the workspace of a forward with the same sizes and settings".into(),
         ));
@@ -50,23 +58,41 @@ pub fn rasterize_backward<T: Real>(
     extent.check_backward(cameras, cotangents, &gradients)?;
     workspace.differentiated = None;
     let start = Instant::now();
-    let Workspace { tiles, camera_sums, .. } = workspace;
+    let Workspace { tiles, camera_sums, rays, .. } = workspace;
+    let rays = rays.as_deref();
     let pass = BackwardPass {
         blending: blending(gaussians, settings, &extent),
         cotangents: *cotangents,
         statistics: gradients.statistics.is_some(),
     };
-    tiles.backward(&EwaGaussian, &pass, |v| cameras.background_of(v));
+    match rays {
+        None => tiles.backward(&EwaGaussian, &pass, |v| cameras.background_of(v)),
+        Some(rays) => tiles.backward(&RayGaussian(rays), &pass, |v| cameras.background_of(v)),
+    }
     if let Some(target) = &mut gradients.background {
         background_gradient(tiles, cameras.background.len() == 3, target);
     }
     if let Some(statistics) = gradients.statistics.take() {
-        statistics_pass::accumulate(tiles, extent.views, statistics);
+        match rays {
+            None => statistics_pass::accumulate(tiles, extent.views, &EwaGaussian, statistics),
+            Some(rays) => statistics_pass::accumulate(tiles, extent.views, &RayGaussian(rays), statistics),
+        }
     }
     let chunks = extent.gaussians.div_ceil(CHUNK);
     let sums = grown(camera_sums, chunks * extent.views * CAMERA_SUMS);
     sums.fill(Row::default());
-    GaussianPass { gaussians, cameras, settings, extent: &extent, tiles }.run(&mut gradients, sums);
+    let extent_of = &extent;
+    match rays {
+        None => {
+            let projector = &Pinhole;
+            let pass = GaussianPass { projector, gaussians, cameras, settings, extent: extent_of, tiles };
+            pass.run(&mut gradients, sums);
+        }
+        Some(projector) => {
+            let pass = GaussianPass { projector, gaussians, cameras, settings, extent: extent_of, tiles };
+            pass.run(&mut gradients, sums);
+        }
+    }
     camera_gradients(cameras, &extent, sums, &mut gradients);
     workspace.differentiated = Some(pass.statistics);
     workspace.timings.backward = start.elapsed();

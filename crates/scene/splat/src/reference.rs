@@ -3,6 +3,7 @@
 //! threads.
 
 mod projection;
+mod rays;
 
 use crate::error::RasterError;
 use crate::extent::Extent;
@@ -11,7 +12,7 @@ use crate::settings::RasterSettings;
 use crate::statistics::GaussianStatistics;
 use crate::tiles::{ALPHA_MIN, Region, TRANSMITTANCE_END};
 use projection::{Seen, VARIABLES, features_of, see_all};
-use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
 
 /// Images by the reference, shaped as by [`crate::rasterize`].
 #[derive(Clone, Debug, Default)]
@@ -133,6 +134,9 @@ impl Tally {
 
 /// Draws as [`crate::rasterize`] does.
 ///
+/// Through a [lens](weaver_scene::Model::Lens), [`crate::rasterize`]'s formula for rays is evaluated as the quadratic
+/// form of a 3x3 matrix, without a basis of the plane.
+///
 /// # Errors
 ///
 /// Arguments whose lengths do not fit together.
@@ -141,7 +145,10 @@ pub fn rasterize(
     cameras: &CameraSlices<'_, f64>,
     settings: &RasterSettings,
 ) -> Result<Rendered, RasterError> {
-    let extent = Extent::of(gaussians, cameras, settings, true)?;
+    let extent = Extent::through_any_lens(gaussians, cameras, settings, true)?;
+    if let Model::Lens(lens) = cameras.model {
+        return rays::rasterize(gaussians, cameras, lens, settings, &extent);
+    }
     let mut out = Rendered::default();
     let mut features = vec![0.0; extent.channels];
     for (v, group) in pictures(&extent) {
@@ -170,11 +177,11 @@ pub fn rasterize(
     Ok(out)
 }
 
-/// Differentiates as [`crate::rasterize_backward`] does.
+/// Differentiates as [`crate::rasterize_backward`] does, for pinholes.
 ///
 /// # Errors
 ///
-/// Arguments whose lengths do not fit together.
+/// Cameras that are not pinholes, arguments whose lengths do not fit together.
 pub fn rasterize_backward(
     gaussians: &GaussianSlices<'_, f64>,
     cameras: &CameraSlices<'_, f64>,

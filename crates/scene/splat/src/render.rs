@@ -7,7 +7,7 @@ use crate::settings::RasterSettings;
 use crate::workspace::Workspace;
 use std::sync::Arc;
 use weaver_geometry::Camera;
-use weaver_scene::{ActivatedGaussians, CameraRows};
+use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Model};
 
 /// Draws Gaussians from cameras: for each camera an image `[H, W, 3]` over `background`, values not clamped.
 ///
@@ -44,7 +44,7 @@ pub fn render(
     settings: &RasterSettings,
     workspace: &mut Workspace<f32>,
 ) -> Result<Vec<Vec<f32>>, RasterError> {
-    render_by(workspace, (gaussians, cameras, background), settings)
+    render_by(workspace, Model::Pinhole, (gaussians, cameras, background), settings)
 }
 
 /// Draws one scene after the other by any rasterizer, whose memory it keeps.
@@ -82,17 +82,59 @@ impl Renderer {
         background: [f32; 3],
         settings: &RasterSettings,
     ) -> Result<Vec<Vec<f32>>, RasterError> {
-        render_by(self.session.as_mut(), (gaussians, cameras, background), settings)
+        self.render_through(Model::Pinhole, gaussians, cameras, background, settings)
+    }
+
+    /// Draws as [`render`] does, by cameras of any model; the intrinsics are those of the model.
+    ///
+    /// # Errors
+    /// As [`render`], and any failure of the rasterizer, such as one that draws pinholes only.
+    ///
+    /// ```
+    /// use weaver_geometry::lens::{self, Lens};
+    /// use weaver_geometry::{Camera, Pose};
+    /// use weaver_scene::{ActivatedGaussians, Model};
+    /// use weaver_splat::{RasterSettings, Renderer};
+    /// let behind = ActivatedGaussians {
+    ///     means: vec![0.0, 0.0, -2.0],
+    ///     scales: vec![0.5; 3],
+    ///     quats: vec![1.0, 0.0, 0.0, 0.0],
+    ///     opacities: vec![0.8],
+    ///     sh: vec![1.0, 0.0, -1.0],
+    ///     degree: 0,
+    /// };
+    /// let camera = Camera { pose: Pose::IDENTITY, intrinsics: lens::equirectangular(16, 8), width: 16, height: 8 };
+    /// let sphere = Model::Lens(Lens::Equirectangular);
+    /// let settings = RasterSettings::default();
+    /// let images = Renderer::default().render_through(sphere, &behind, &[camera], [0.0; 3], &settings)?;
+    /// let red = |x: usize, y: usize| images[0][3 * (16 * y + x)];
+    /// assert!(red(0, 4) > 0.3 && red(15, 4) > 0.3 && red(8, 4) == 0.0);
+    /// # Ok::<(), weaver_splat::RasterError>(())
+    /// ```
+    pub fn render_through(
+        &mut self,
+        model: Model,
+        gaussians: &ActivatedGaussians,
+        cameras: &[Camera],
+        background: [f32; 3],
+        settings: &RasterSettings,
+    ) -> Result<Vec<Vec<f32>>, RasterError> {
+        render_by(self.session.as_mut(), model, (gaussians, cameras, background), settings)
     }
 }
 
 fn render_by(
     session: &mut dyn Session<f32>,
+    model: Model,
     (gaussians, cameras, background): (&ActivatedGaussians, &[Camera], [f32; 3]),
     settings: &RasterSettings,
 ) -> Result<Vec<Vec<f32>>, RasterError> {
     let mut rendered = Vec::with_capacity(cameras.len());
-    for group in cameras.chunk_by(|a, b| (a.width, a.height) == (b.width, b.height)) {
+    let together = |a: &Camera, b: &Camera| {
+        // A call through a lens has one table of rays.
+        (a.width, a.height) == (b.width, b.height) && (model == Model::Pinhole || a.intrinsics == b.intrinsics)
+    };
+    for group in cameras.chunk_by(together) {
         let (width, height) = (group[0].width, group[0].height);
         let region = settings.region.filter(|region| region.is_within(width, height));
         let pixels = region.map_or(width * height, |region| region.pixels());
@@ -100,7 +142,8 @@ fn render_by(
         let mut alpha = vec![0.0; pixels * group.len()];
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
         let rows = CameraRows::new(group);
-        session.forward(&gaussians.as_slices(), &rows.as_slices(&background), settings, images)?;
+        let cameras = CameraSlices { model, ..rows.as_slices(&background) };
+        session.forward(&gaussians.as_slices(), &cameras, settings, images)?;
         if group.len() == 1 {
             rendered.push(image);
         } else {

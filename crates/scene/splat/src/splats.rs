@@ -32,7 +32,7 @@ impl<T: Real> Workspace<T> {
     ///
     /// # Errors
     ///
-    /// A workspace that nothing was drawn with.
+    /// A workspace that nothing was drawn with, or that drew through a lens.
     pub fn splats(&self) -> Result<Vec<Option<Splat<T>>>, RasterError> {
         self.of_each(|v, n| (!self.tiles.is_unseen(v, n)).then(|| Splat::of(self.tiles.record(v, n))))
     }
@@ -42,7 +42,7 @@ impl<T: Real> Workspace<T> {
     ///
     /// # Errors
     ///
-    /// A workspace without a backward pass since the last drawing.
+    /// A workspace without a backward pass since the last drawing, or that drew through a lens.
     pub fn screen_gradients(&self) -> Result<Vec<ScreenGradient<T>>, RasterError> {
         let statistics = self
             .differentiated
@@ -69,6 +69,11 @@ impl<T: Real> Workspace<T> {
 
     fn of_each<R>(&self, of: impl Fn(usize, usize) -> R) -> Result<Vec<R>, RasterError> {
         let (extent, _) = self.last()?;
+        if self.rays.is_some() {
+            return Err(RasterError::Unsupported(
+                "places of Gaussians on images are those of pinholes, found a lens".into(),
+            ));
+        }
         Ok((0..extent.views).flat_map(|v| (0..extent.gaussians).map(move |n| (v, n))).map(|(v, n)| of(v, n)).collect())
     }
 }

@@ -32,6 +32,7 @@ pub use primitive::{Footprint, MAX_SUMS, MAX_SUMS_WITH_STATISTICS, Projected, Pr
 
 pub(crate) use blend_backward::moment;
 pub(crate) use coverage::{CHUNK, Chunk};
+pub(crate) use window::BLOCK;
 
 use lists::Lists;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};

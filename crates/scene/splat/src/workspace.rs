@@ -4,8 +4,10 @@ use crate::error::RasterError;
 use crate::ewa::EwaGaussian;
 use crate::extent::{Extent, expect_len};
 use crate::gradients::Target;
+use crate::lens::{RayGaussian, Rays, RaysCache};
 use crate::settings::RasterSettings;
 use crate::tiles::Tiles;
+use std::sync::Arc;
 use std::time::Duration;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::Row;
@@ -17,6 +19,9 @@ pub struct Workspace<T> {
     /// The sizes and settings of the last forward.
     pub(crate) drawn: Option<(Extent, RasterSettings)>,
     pub(crate) tiles: Tiles<T>,
+    /// The rays of the last forward through a lens; `None` after one of pinholes.
+    pub(crate) rays: Option<Arc<Rays<T>>>,
+    pub(crate) rays_cache: RaysCache<T>,
     /// Camera gradients of chunks of Gaussians.
     pub(crate) camera_sums: Vec<Row<T>>,
     pub(crate) timings: Timings,
@@ -43,6 +48,8 @@ impl<T: Real> Workspace<T> {
         Self {
             drawn: None,
             tiles: Tiles::new(),
+            rays: None,
+            rays_cache: RaysCache::default(),
             camera_sums: Vec::new(),
             timings: Timings::default(),
             differentiated: None,
@@ -102,7 +109,10 @@ impl<T: Real> Workspace<T> {
     /// ```
     pub fn for_each_hit(&self, visit: impl Fn(usize, usize, T, T) + Sync) -> Result<(), RasterError> {
         let (_, settings) = self.last()?;
-        self.tiles.for_each_hit(&EwaGaussian, settings.alpha_max, visit);
+        match self.rays.as_deref() {
+            None => self.tiles.for_each_hit(&EwaGaussian, settings.alpha_max, visit),
+            Some(rays) => self.tiles.for_each_hit(&RayGaussian(rays), settings.alpha_max, visit),
+        }
         Ok(())
     }
 
@@ -116,7 +126,10 @@ impl<T: Real> Workspace<T> {
         let (extent, settings) = self.last()?;
         expect_len("sums of the contributions", sums.len(), extent.views * extent.gaussians)?;
         expect_len("largest contributions", largest.len(), extent.views * extent.gaussians)?;
-        self.tiles.contributions(&EwaGaussian, settings.alpha_max, sums, largest);
+        match self.rays.as_deref() {
+            None => self.tiles.contributions(&EwaGaussian, settings.alpha_max, sums, largest),
+            Some(rays) => self.tiles.contributions(&RayGaussian(rays), settings.alpha_max, sums, largest),
+        }
         Ok(())
     }
 
@@ -138,12 +151,11 @@ impl<T: Real> Workspace<T> {
         let (extent, settings) = self.last()?;
         expect_len("cotangent of the features", cotangent.len(), extent.pixels() * channels)?;
         expect_len("gradient of the features", target.values.len(), extent.gaussians * channels)?;
-        self.tiles.feature_gradients(
-            &EwaGaussian,
-            settings.alpha_max,
-            Features { values: cotangent, channels },
-            target,
-        );
+        let values = Features { values: cotangent, channels };
+        match self.rays.as_deref() {
+            None => self.tiles.feature_gradients(&EwaGaussian, settings.alpha_max, values, target),
+            Some(rays) => self.tiles.feature_gradients(&RayGaussian(rays), settings.alpha_max, values, target),
+        }
         Ok(())
     }
 
@@ -165,7 +177,11 @@ impl<T: Real> Workspace<T> {
         let (extent, settings) = self.last()?;
         expect_len("values to gather", values.len(), extent.pixels() * channels)?;
         expect_len("sums of the squared contributions", sums.values.len(), extent.gaussians * channels)?;
-        self.tiles.squared_contributions(&EwaGaussian, settings.alpha_max, Features { values, channels }, sums);
+        let values = Features { values, channels };
+        match self.rays.as_deref() {
+            None => self.tiles.squared_contributions(&EwaGaussian, settings.alpha_max, values, sums),
+            Some(rays) => self.tiles.squared_contributions(&RayGaussian(rays), settings.alpha_max, values, sums),
+        }
         Ok(())
     }
 }

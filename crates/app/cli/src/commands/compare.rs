@@ -1,9 +1,12 @@
 //! `splatweaver compare`: one file of Gaussians against the photos of a capture.
 
+use crate::flags::LENSES;
 use clap::Args;
 use std::path::PathBuf;
-use weaver_command::{Console, ConsoleObserver, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Threads, device};
-use weaver_data::capture::posed::PosedOptions;
+use weaver_command::{
+    Console, ConsoleObserver, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Threads, choice, device,
+};
+use weaver_data::capture::posed::{Lenses, PosedOptions};
 use weaver_fit::Judge;
 use weaver_reconstruct::{ComparedScene, SceneComparison};
 use weaver_splat::Renderer;
@@ -31,6 +34,9 @@ pub struct Compare {
     /// photo, or its alpha
     #[arg(long)]
     pub masks: bool,
+    /// Lenses that bend straight lines: keep draws through them, undistort undoes them [default: keep from 120 degrees on]
+    #[arg(long, value_parser = choice(&LENSES))]
+    pub lens: Option<Lenses>,
     /// Also LPIPS, with the weights in this safetensors file
     #[arg(long, value_name = "WEIGHTS")]
     pub lpips: Option<PathBuf>,
@@ -53,7 +59,10 @@ pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     let (gaussians, background, settings) = DrawingOptions::from(arguments.drawing).read(scene)?;
     let long_side = arguments.long_side.map(|side| side as usize);
     let masks = arguments.masks;
-    let options = PosedOptions { long_side, background, masks, held_out_only: true, ..PosedOptions::default() };
+    // Devices draw pinholes.
+    let chosen = device::name(&arguments.device).map_or(Lenses::Auto, |_| Lenses::Undistort);
+    let lenses = arguments.lens.unwrap_or(chosen);
+    let options = PosedOptions { long_side, background, masks, lenses, held_out_only: true, ..PosedOptions::default() };
     let compared = ComparedScene { file: scene, gaussians: &gaussians, settings };
     let by = (&judge, &mut renderer);
     let found = SceneComparison::of(&compared, data, &options, by, &mut ConsoleObserver::new(console))?;

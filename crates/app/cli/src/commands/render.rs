@@ -1,5 +1,6 @@
 //! `splatweaver render`.
 
+use crate::flags::{Projection, projection};
 use clap::{ArgGroup, Args};
 use std::path::{Path, PathBuf};
 use weaver_clip::{Film, Gif, PictureSink, VIDEOS, Video, WebP};
@@ -24,6 +25,7 @@ use weaver_splat::Renderer;
   splatweaver render scene.ply --cameras clip.txt --width 640 --height 360 -o renders
   splatweaver render scene.ply --cameras transforms.json --path ellipse --width 480 --gif around.gif
   splatweaver render scene.ply --orbit 90 --background 0,0,0 -o turn
+  splatweaver render scene.ply --cameras transforms.json --projection equirectangular -o spheres
   splatweaver render scene.ply --orbit 120 --width 1280 --height 720 --video turn.mp4")]
 pub struct Render {
     /// The Gaussians: PLY as 3DGS stores them, or another format of `splatweaver convert`
@@ -41,6 +43,9 @@ pub struct Render {
     /// Cameras of the path
     #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(2..=100_000), requires = "path")]
     pub pictures: u32,
+    /// Lens of the pictures: pinhole, equirectangular (the whole sphere), or fisheye:DEGREES, a full angle
+    #[arg(long, value_name = "LENS", default_value = "pinhole", value_parser = projection)]
+    pub projection: Projection,
     /// Folder for the pictures
     #[arg(short, long, value_name = "DIR", required_unless_present = "film", value_parser = Output::folder())]
     pub out: Option<Output>,
@@ -56,10 +61,11 @@ pub struct Render {
     /// Pictures of the video, GIF or WebP per second
     #[arg(long, value_name = "F", default_value = "30", value_parser = rate(), requires = "film")]
     pub fps: f64,
-    /// Width in pixels; intrinsics follow [default: the cameras', or 640 for an orbit]
+    /// Width in pixels; intrinsics follow [default: the cameras', 640 for an orbit, 2048 for a sphere, 1024 for a fisheye]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub width: Option<u32>,
-    /// Height in pixels; intrinsics follow [default: the cameras' aspect ratio, or 3/4 of the width]
+    /// Height in pixels; intrinsics follow [default: the cameras' aspect ratio, 3/4 of the width for an orbit, half of
+    /// it for a sphere, the width for a fisheye]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub height: Option<u32>,
     #[command(flatten)]
@@ -85,10 +91,15 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let read: Vec<&Path> = std::iter::once(&arguments.scene).chain(&arguments.cameras).map(PathBuf::as_path).collect();
     let out = arguments.out.as_ref().map(|folder| OutputFolder::claim(folder, "render", &read)).transpose()?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
+    let plane = arguments.projection == Projection::Pinhole;
+    if let (false, Some(device)) = (plane, device::name(&arguments.device)) {
+        let expected = "expected --device cpu, which alone draws through a lens";
+        return Err(Failure::Usage(format!("--projection: {expected}, found --device {device}")));
+    }
     let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
-    let cameras = match (&arguments.cameras, arguments.orbit) {
+    let mut cameras = match (&arguments.cameras, arguments.orbit) {
         (Some(file), _) => {
-            let cameras = camera_files::read(file, size)?;
+            let cameras = if plane { camera_files::read(file, size)? } else { camera_files::read_poses(file)? };
             match arguments.path {
                 Some(path) => path.along(&cameras, arguments.pictures as usize, middle(&gaussians).unwrap_or_default()),
                 None => cameras,
@@ -98,6 +109,9 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
             Failure::message(format!("{}: expected Gaussians to turn around, found none", arguments.scene.display()))
         })?,
     };
+    for frame in &mut cameras {
+        frame.camera = arguments.projection.camera(frame.camera.pose, size)?.unwrap_or(frame.camera);
+    }
     let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene, drawing)?;
     let mut renderer = Renderer::new(device::rasterizer(&arguments.device)?);
     let stems = camera_files::stems(&cameras);
@@ -110,9 +124,10 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let mut output = PictureSink { folder: out.as_ref(), films: films(arguments, &cameras)? };
     let activated = gaussians.to_activated();
     let mut progress = Progress::new("render", 0, cameras.len(), console);
+    let model = arguments.projection.model();
     output.fill(&stems, at_once, |i| -> Result<Image, Failure> {
         let camera = cameras[i].camera;
-        let pixels = renderer.render(&activated, &[camera], background, &settings)?.concat();
+        let pixels = renderer.render_through(model, &activated, &[camera], background, &settings)?.concat();
         progress.at(i + 1, cameras.len(), String::new, console);
         Ok(Image { width: camera.width, height: camera.height, pixels })
     })?;

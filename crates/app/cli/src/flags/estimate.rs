@@ -4,7 +4,7 @@ use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use weaver_command::{Failure, choice, number};
 use weaver_data::capture::MaskOptions;
-use weaver_data::posed::Masked;
+use weaver_data::posed::{Lenses, Masked};
 use weaver_data::{EstimatePhotosOptions, Find, Placing};
 
 /// Heading of these flags.
@@ -89,6 +89,12 @@ impl MatchingFlags {
 pub const MASKED: [(&str, Masked, &str); 2] = [
     ("unknown", Masked::Unknown, "Anything may stand there: these pixels do not count"),
     ("empty", Masked::Empty, "Nothing stands there: these pixels show the background"),
+];
+
+/// Treatments of lenses.
+pub const LENSES: [(&str, Lenses, &str); 2] = [
+    ("keep", Lenses::Keep, "The scene is drawn through the photo's own lens: no pixel of it is lost"),
+    ("undistort", Lenses::Undistort, "Photos become a pinhole's, at most about 145 degrees wide"),
 ];
 
 /// Masks of photos.

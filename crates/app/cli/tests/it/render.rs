@@ -182,3 +182,52 @@ fn a_result_says_how_it_is_drawn() {
     splatweaver(&[&"infer", &"--run", &run.path(), &photos, &"-o", &copy.path()]).refused(2, &["summary.json"]);
     assert_eq!(std::fs::read(copy.path().join("summary.json")).unwrap(), kept);
 }
+
+/// Promise (scenes): `render --projection` draws whole spheres and fisheyes, as pictures and films.
+#[test]
+fn whole_spheres_and_fisheyes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, transforms) = (scene(folder.path()), capture::transforms(folder.path(), 2));
+    let out = folder.path().join("spheres");
+    let sphere: [&str; 4] = ["--projection", "equirectangular", "--width", "64"];
+    let [a, b, c, d] = sphere;
+    splatweaver(&[&"render", &scene, &"--cameras", &transforms, &a, &b, &c, &d, &"-o", &out]).fine();
+    assert_eq!(Image::dimensions(out.join("00.png")).unwrap(), (64, 32));
+    let film = folder.path().join("path.gif");
+    let path: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"--path", &"spline", &"--pictures", &"3"];
+    let [e, f, g, h] = path;
+    splatweaver(&[&"render", &scene, &"--cameras", &transforms, &a, &b, &c, &d, e, f, g, h, &"--gif", &film]).fine();
+    assert!(film.is_file());
+    let out = folder.path().join("fisheyes");
+    splatweaver(&[
+        &"render",
+        &scene,
+        &"--orbit",
+        &"2",
+        &"--projection",
+        &"fisheye:180",
+        &"--width",
+        &"40",
+        &"--background",
+        &"0,1,0",
+        &"-o",
+        &out,
+    ])
+    .fine();
+    let image = Image::read(out.join("0000.png"), Background::Black).unwrap();
+    assert_eq!((image.width, image.height), (40, 40));
+    let middle = &image.pixels[(20 * 40 + 20) * 3..][..3];
+    assert!(middle[0] + middle[2] > 0.8, "the scene in the middle: {middle:?}");
+    for (given, found) in [
+        (["--projection", "fisheye"], "fisheye:DEGREES"),
+        (["--projection", "fisheye:0"], "from 1 to 360"),
+        (["--projection", "mercator"], "pinhole, equirectangular"),
+    ] {
+        splatweaver(&[&"render", &scene, &"--orbit", &"1", &given[0], &given[1], &"-o", &folder.path().join("x")])
+            .refused(2, &[found]);
+    }
+    let square: [&str; 4] = ["--width", "64", "--height", "64"];
+    let [w, x, y, z] = square;
+    splatweaver(&[&"render", &scene, &"--orbit", &"1", &a, &b, &w, &x, &y, &z, &"-o", &folder.path().join("x")])
+        .refused(2, &["twice as wide as high", "--height 64"]);
+}

@@ -83,6 +83,8 @@ class FitOptions(_Matching, total=False):
     invert_masks: bool
     #: "unknown" or "empty".
     masked: str
+    #: "keep" or "undistort".
+    lens: str
     background: Color
     exposure: bool
     cameras: str

@@ -105,8 +105,27 @@ fn photos_masked_altogether_are_named() {
     assert!(!said.contains("03.png"), "{said}");
 }
 
-/// A run whose steps turn out slower than rehearsed leaves out steps, says how many, and writes down which:
-/// these settings lead to the same bits.
+/// A run that used its time up judges some of its photos, evenly spread, in place of all.
+///
+/// Promise of `slower_machines_leave_out_steps`.
+#[test]
+fn late_runs_judge_fewer_photos() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    capture(&data, 20);
+    let judged = |out: &str, late: Duration| {
+        let settings = RunSettings { minutes: Some(0.02), html: false, hold_out: HoldOut::Nothing, ..settings(&data) };
+        let mut run = create(&folder.path().join(out), settings).unwrap();
+        run.advance(&AtomicBool::new(true), |_| {}).unwrap();
+        std::thread::sleep(late);
+        run.finish().unwrap().train.views
+    };
+    assert_eq!(judged("in-time", Duration::ZERO), 20);
+    assert_eq!(judged("late", Duration::from_secs(2)), 10);
+}
+
+/// A run whose steps turn out slower than rehearsed leaves out steps, and Gaussians that the others could not place,
+/// says how many, and writes down which: these settings lead to the same bits.
 ///
 /// Promise of `slower_machines_leave_out_steps`.
 #[test]
@@ -114,17 +133,20 @@ fn slow_steps_are_left_out_to_end_in_time() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));
     capture(&data, 10);
-    let fit = FitSettings { gaussians: 200, ..FitSettings::default() };
-    let settings = RunSettings { minutes: Some(0.05), least_steps: 20, html: false, ..RunSettings::new(&data, fit) };
+    let fit = FitSettings { gaussians: 6000, ..FitSettings::default() };
+    let in_time = RunSettings { minutes: Some(0.05), least_steps: 5, gaussians_in_time: true, ..settings(&data) };
+    let settings = RunSettings { fit, html: false, ..in_time };
     let mut run = create(&out, settings).unwrap();
     let planned = run.settings().fit.steps;
-    assert!(planned > 100, "{planned} steps");
+    assert!(planned > 20, "{planned} steps");
     // All of them would take four seconds more than the three that there are.
     let more = Duration::from_secs(4) / planned as u32;
     run.advance(&AtomicBool::new(false), |_| std::thread::sleep(more)).unwrap();
     let outcome = run.finish().unwrap();
     assert_eq!((outcome.steps, outcome.planned), (planned, planned));
     assert!(outcome.left_out > planned / 10, "{} of {planned} left out", outcome.left_out);
+    let most = run.settings().fit.thinned.iter().map(|thinning| thinning.gaussians.unwrap()).max().unwrap();
+    assert!(most < 6000 && outcome.gaussians <= most, "{} Gaussians of at most {most}", outcome.gaussians);
     drop(run);
     let stored = Run::resume(&out, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     assert_eq!(stored.settings().fit.left_out(planned), outcome.left_out);

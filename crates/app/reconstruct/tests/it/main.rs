@@ -149,6 +149,23 @@ fn a_plan_grows_with_what_is_asked_for() {
     assert_eq!(many.total(), many.photos + many.gaussians + many.rasterizer);
 }
 
+/// Promise (fits): photos that memory has no room for are on disk, and do not count.
+#[test]
+fn photos_beyond_memory_are_on_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    capture(folder.path(), 10);
+    let small = plan(&settings(folder.path())).unwrap();
+    assert!(!small.on_disk);
+    let path = folder.path().join("transforms.json");
+    let mut transforms = Transforms::read(&path).unwrap();
+    let large = |camera: Camera| Camera { width: 1_000_000, height: 800_000, ..camera };
+    transforms.frames.iter_mut().for_each(|frame| frame.camera = large(frame.camera));
+    transforms.write(path).unwrap();
+    let large = plan(&settings(folder.path())).unwrap();
+    assert!(large.on_disk && large.photos > 10 * 3 * 800_000_000_000);
+    assert!(large.total() < large.photos + large.rasterizer);
+}
+
 #[test]
 fn a_run_of_another_capture_is_not_gone_on_with() {
     let folder = tempfile::tempdir().unwrap();

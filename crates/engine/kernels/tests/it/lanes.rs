@@ -235,10 +235,13 @@ fn scaled_powers_are_accurate_and_end_in_nothing() {
     let exponents: Vec<f32> = (0..steps).map(|i| -126.0 + 253.0 * i as f32 / steps as f32).collect();
     for level in levels() {
         for chunk in exponents.as_chunks::<LANES>().0 {
-            for (x, got) in chunk.iter().zip(run_at(level, Scaled(chunk, 1.7))) {
-                let want = f64::from(1.7_f32) * f64::from(*x).exp2();
-                let error = (f64::from(got) - want).abs() / want;
-                assert!(error < 3.0 * f64::from(f32::EPSILON), "{level:?}: {error} at {x}");
+            for scale in [0.7_f32, 1.7] {
+                for (x, got) in chunk.iter().zip(run_at(level, Scaled(chunk, scale))) {
+                    let want = f64::from(scale) * f64::from(*x).exp2();
+                    let error = (f64::from(got) - want).abs() / want;
+                    let normal = want >= f64::from(f32::MIN_POSITIVE);
+                    assert!(!normal || error < 3.0 * f64::from(f32::EPSILON), "{level:?}: {error} at {scale} 2^{x}");
+                }
             }
         }
         let beyond = std::array::from_fn(|i| [-126.1, -127.5, -1e3, -1e9, f32::MIN, f32::NEG_INFINITY][i % 6]);

@@ -36,7 +36,7 @@ fn photos() -> Vec<Photo> {
         let pose = Pose { translation: DVec3::new(0.1 * i as f64, 0.0, 0.0), ..Pose::IDENTITY };
         let camera = Camera { pose, intrinsics, width, height };
         let rgb = (0..3 * width * height).map(|k| if (k / 12 + i).is_multiple_of(2) { 220 } else { 40 }).collect();
-        Photo { name: i.to_string(), camera, rgb, mask: Some(vec![true; width * height]) }
+        Photo { name: i.to_string(), camera, rgb, mask: Some(vec![true; width * height]), lens: None }
     };
     (0..3).map(photo).collect()
 }

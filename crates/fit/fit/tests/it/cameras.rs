@@ -2,6 +2,7 @@
 
 use weaver_fit::{Fit, FitSettings, Photo, StrategyKind, init, motion};
 use weaver_geometry::glam::{DVec2, DVec3};
+use weaver_geometry::lens::{Lens, LensCamera};
 use weaver_geometry::{Camera, Intrinsics, Pose, se3, so3};
 use weaver_kernels::order::median_high;
 use weaver_kernels::random::Stream;
@@ -18,17 +19,21 @@ fn motion_of_pixels_is_a_derivative() {
     let intrinsics = Intrinsics { fx: 90.0, fy: 80.0, cx: 47.0, cy: 33.0 };
     let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: SIZE[0], height: SIZE[1] };
     let (pixel, depth, step) = (DVec2::new(12.5, 60.5), 3.7, 1e-5);
-    let point = intrinsics.unproject(pixel, depth);
-    let rows = motion(&camera, pixel, depth);
-    for i in 0..6 {
-        let seen = |by: f64| {
-            let twist: [f64; 6] = std::array::from_fn(|j| if i == j { by } else { 0.0 });
-            let [a, b, c, d, e, f] = twist;
-            intrinsics.project(se3::exp(DVec3::new(a, b, c), DVec3::new(d, e, f)).apply(point))
-        };
-        let difference = (seen(step) - seen(-step)) / (2.0 * step);
-        assert!((difference.x - rows[0][i]).abs() < 1e-5 * difference.x.abs().max(1.0), "{i}: {difference} {rows:?}");
-        assert!((difference.y - rows[1][i]).abs() < 1e-5 * difference.y.abs().max(1.0), "{i}: {difference} {rows:?}");
+    for lens in [None, Some(Lens::EQUIDISTANT), Some(Lens::Equirectangular)] {
+        let camera = LensCamera::new(camera, lens);
+        let point = camera.point(pixel, depth).unwrap();
+        let rows = motion(&camera, pixel, depth).unwrap();
+        for i in 0..6 {
+            let seen = |by: f64| {
+                let twist: [f64; 6] = std::array::from_fn(|j| if i == j { by } else { 0.0 });
+                let [a, b, c, d, e, f] = twist;
+                camera.see(se3::exp(DVec3::new(a, b, c), DVec3::new(d, e, f)).apply(point)).unwrap().0
+            };
+            let difference = (seen(step) - seen(-step)) / (2.0 * step);
+            let close = |a: f64, b: f64| (a - b).abs() < 1e-5 * a.abs().max(1.0);
+            assert!(close(difference.x, rows[0][i]), "{lens:?} {i}: {difference} {rows:?}");
+            assert!(close(difference.y, rows[1][i]), "{lens:?} {i}: {difference} {rows:?}");
+        }
     }
 }
 
@@ -44,7 +49,7 @@ fn world() -> (Vec<Photo>, PointCloud) {
                 points.positions.push(view.camera.unproject(pixel, f64::from(*depth)).as_vec3().to_array());
                 points.colors.push([rgb[3 * at], rgb[3 * at + 1], rgb[3 * at + 2]]);
             }
-            Photo { name: view.name.clone(), camera: view.camera, rgb, mask: None }
+            Photo { name: view.name.clone(), camera: view.camera, rgb: rgb.into(), mask: None, lens: None }
         })
         .collect();
     (photos, points)

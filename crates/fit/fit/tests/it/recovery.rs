@@ -9,7 +9,8 @@ fn a_picture() {
     let [width, height] = SIZE;
     let tile = |i: usize| (i / 3 % width / 8 + i / 3 / width / 8).is_multiple_of(2);
     let rgb: Vec<u8> = (0..3 * width * height).map(|i| if tile(i) { 200 - 60 * (i % 3) as u8 } else { 30 }).collect();
-    let photo = Photo { name: "tiles".into(), camera: camera(0.0, 0.0), rgb: rgb.clone(), mask: None };
+    let photo =
+        Photo { name: "tiles".into(), camera: camera(0.0, 0.0), rgb: rgb.clone().into(), mask: None, lens: None };
     let settings = plain(StrategyKind::Split, 300, 150);
     let initial = init::random(std::slice::from_ref(&photo), &settings).expect("Gaussians");
     let mut fit = Fit::new(vec![photo], &initial, settings).expect("a fit");

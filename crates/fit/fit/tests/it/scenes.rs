@@ -42,7 +42,13 @@ pub fn plain(strategy: StrategyKind, steps: usize, gaussians: usize) -> FitSetti
 /// Renders of Gaussians.
 pub fn render(gaussians: &Gaussians, cameras: &[Camera]) -> Vec<Vec<f32>> {
     let [width, height] = SIZE;
-    let black = Photo { name: "black".into(), camera: cameras[0], rgb: vec![0; 3 * width * height], mask: None };
+    let black = Photo {
+        name: "black".into(),
+        camera: cameras[0],
+        rgb: vec![0; 3 * width * height].into(),
+        mask: None,
+        lens: None,
+    };
     let settings = plain(StrategyKind::Keep, 1, gaussians.len());
     let mut fit = Fit::new(vec![black], gaussians, settings).expect("a scene");
     cameras.iter().map(|camera| fit.render(camera).expect("an image")).collect()
@@ -55,8 +61,14 @@ pub fn photos(count: usize, cloud: &Gaussians) -> Vec<Photo> {
     let bytes = |image: Vec<f32>| image.iter().map(|x| (255.0 * x).round().clamp(0.0, 255.0) as u8).collect();
     let images = render(cloud, &cameras);
     let all = cameras.into_iter().zip(images).enumerate();
-    all.map(|(i, (camera, image))| Photo { name: format!("photo {i}"), camera, rgb: bytes(image), mask: None })
-        .collect()
+    all.map(|(i, (camera, image))| Photo {
+        name: format!("photo {i}"),
+        camera,
+        rgb: bytes(image),
+        mask: None,
+        lens: None,
+    })
+    .collect()
 }
 
 /// Does all steps that are left.

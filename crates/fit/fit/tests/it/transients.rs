@@ -33,7 +33,7 @@ fn world(planted: bool) -> (Vec<Photo>, PointCloud) {
             let dark = (at % SIZE[0] / 8 + at / SIZE[0] / 8).is_multiple_of(2);
             rgb[3 * at..3 * at + 3].copy_from_slice(if dark { &[20, 0, 60] } else { &[250, 240, 0] });
         }
-        Photo { name: view.name.clone(), camera: view.camera, rgb, mask: None }
+        Photo { name: view.name.clone(), camera: view.camera, rgb: rgb.into(), mask: None, lens: None }
     });
     (photos.collect(), points)
 }

@@ -33,6 +33,7 @@ fn check(name: &str, antialiased: bool, degree: Option<usize>) {
         colorless: false,
         features: Vec::new(),
         channels: 0,
+        model: weaver_scene::Model::Pinhole,
         groups: None,
         viewmats: floats(&file, "in.viewmat"),
         intrinsics: intrinsics(&floats(&file, "in.K")),

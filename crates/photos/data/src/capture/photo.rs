@@ -7,8 +7,11 @@ use weaver_geometry::geodesy::Origin;
 use weaver_geometry::{Camera, Intrinsics, Undistortion};
 use weaver_io::{Bitmap, PhotoFile};
 
+use super::posed::Lenses;
+use std::f64::consts::PI;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
+use weaver_geometry::lens::Lens;
 use weaver_scene::Frame;
 
 /// One photo and its camera, at the photo's own size.
@@ -52,10 +55,22 @@ impl Photo {
     pub fn lens(&self, camera: Camera) -> Result<Option<Undistortion>, Error> {
         let Some(distortion) = self.frame.distortion else { return Ok(None) };
         let lens = Undistortion::new(camera, distortion).ok_or_else(|| {
-            let expected = "one that leaves a photo without blank borders";
+            let expected = "one that leaves a photo without blank borders; --lens keep draws photos through their lens";
             Error::unexpected(&self.frame.path, "lens distortion", expected, format!("{distortion:?}"))
         })?;
         Ok(Some(lens))
+    }
+
+    /// The lens that the photo keeps at a choice; `None` if its distortion is undone, or there is none.
+    pub fn kept_lens(&self, lenses: Lenses) -> Option<Lens> {
+        let lens = Lens::Distorted(self.frame.distortion?);
+        let wide = || lens.field_of_view(&self.frame.camera) >= WIDE;
+        let kept = match lenses {
+            Lenses::Keep => true,
+            Lenses::Undistort => false,
+            Lenses::Auto => wide(),
+        };
+        kept.then_some(lens)
     }
 
     fn check_camera(&self) -> Result<(), Error> {
@@ -72,6 +87,9 @@ impl Photo {
         Ok(())
     }
 }
+
+/// Field of view from which photos keep their lens, radians: 120 degrees.
+const WIDE: f64 = 2.0 / 3.0 * PI;
 
 /// Largest factor on a photo's final size while its distortion is undone: between pixels of the final size,
 /// interpolation would cost detail.

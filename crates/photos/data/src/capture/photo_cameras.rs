@@ -7,6 +7,7 @@ use crate::{Error, SparsePoints};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
+use weaver_geometry::lens::LensCamera;
 use weaver_io::colmap::{Model, model_folder};
 use weaver_io::{Image, ProjectKind};
 use weaver_scene::Frame;
@@ -49,7 +50,7 @@ pub fn load_cameras(
     let masks = masked.then(|| masks::of_known(&found, file)).transpose()?;
     let load = |(i, photo): (usize, &Photo)| {
         let (image, camera) = read_cropped(photo, masks.as_ref().map(|masks| &masks[i]), width, height)?;
-        Ok((image, (camera, visible_points(&camera, &capture, photo).0)))
+        Ok((image, (camera, visible_points(&LensCamera::new(camera, None), &capture, photo).0)))
     };
     let loaded: Vec<Result<_, Error>> = found.par_iter().enumerate().map(load).collect();
     let loaded: Vec<_> = loaded.into_iter().collect::<Result<_, Error>>()?;

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
 use weaver_geometry::geodesy::Origin;
-use weaver_io::PhotoFile;
+use weaver_geometry::glam::DVec2;
+use weaver_io::{PhotoFile, ScratchFile};
 use weaver_scene::{Frame, Photo, PointCloud};
 
 /// Meaning of masked pixels for the scene.
@@ -23,6 +24,19 @@ pub enum Masked {
     Unknown,
     /// That nothing stands there: they show the background, as transparent pixels do.
     Empty,
+}
+
+/// Treatment of photos whose lens bends straight lines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Lenses {
+    /// Photos of at least 120 degrees keep their lens; of others the distortion is undone.
+    Auto,
+    /// Photos keep their lens: nothing of them is lost, and scenes are drawn through it.
+    Keep,
+    /// Distortion is undone: a photo then shows what a pinhole sees, at most about 145 degrees.
+    #[default]
+    Undistort,
 }
 
 /// Options of loading photos with their cameras.
@@ -47,6 +61,8 @@ pub struct PosedOptions {
     pub masked: Masked,
     /// The color behind transparent pixels.
     pub background: [f32; 3],
+    /// Treatment of lenses. Pixels outside of the circle of a lens that is kept are masked.
+    pub lenses: Lenses,
 }
 
 impl PosedOptions {
@@ -67,6 +83,7 @@ impl Default for PosedOptions {
             invert_masks: false,
             masked: Masked::Unknown,
             background: [1.0; 3],
+            lenses: Lenses::Undistort,
         }
     }
 }
@@ -74,7 +91,7 @@ impl Default for PosedOptions {
 /// A photo of a capture, as it is fitted and as it is on disk.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosedPhoto {
-    /// Its pixels, without distortion, with their camera.
+    /// Its pixels with their camera: without distortion, or with its lens.
     pub photo: Photo,
     /// The image file: its path, its camera with the distortion that is undone in [`photo`](Self::photo), and the
     /// capture's entries for it. The mask is the file that was read, if masks were requested.
@@ -109,6 +126,19 @@ pub struct PosedPhotos {
 /// # Errors
 /// As [`capture::load`](super::load); also a mask that is missing or of another size than its photo.
 pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhotos, Error> {
+    load_kept(path, options, None)
+}
+
+/// Loads the photos of a capture as [`load`] does, and keeps their pixels in a file, if one is given, in place of
+/// memory.
+///
+/// # Errors
+/// As [`load`]; when that file has no room for them.
+pub fn load_kept(
+    path: impl AsRef<Path>,
+    options: &PosedOptions,
+    scratch: Option<&ScratchFile>,
+) -> Result<PosedPhotos, Error> {
     let path = path.as_ref();
     let mut capture = read_split_photos(path, options.hold_out)?;
     // Whether too many photos are unreadable is a question of the whole capture, not of the requested part.
@@ -123,7 +153,7 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
     }
     let folder = folder(path);
     let masks = options.masks.then(|| masks::of_capture(&capture.photos, folder)).transpose()?;
-    let loaded = load_photos(&capture, masks.as_deref(), options);
+    let loaded = load_photos(&capture, masks.as_deref(), options, scratch);
     let (loaded, unreadable) = without_unreadable(capture.paths(), loaded, needed)?;
     let loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
     let Photos { points, colors, synthetic, origin, mut remarks, .. } = capture;
@@ -167,7 +197,7 @@ pub fn load_frames(frames: Vec<Frame>, file: &Path, options: &PosedOptions) -> R
         take_size(photo)?;
     }
     let masks = options.masks.then(|| masks::of_known(&capture.photos, file)).transpose()?;
-    load_photos(&capture, masks.as_deref(), options).into_iter().map(|loaded| Ok(loaded?.photo)).collect()
+    load_photos(&capture, masks.as_deref(), options, None).into_iter().map(|loaded| Ok(loaded?.photo)).collect()
 }
 
 /// Largest difference of a camera's proportions from its photo's.
@@ -195,11 +225,20 @@ struct Loaded {
     transparent: bool,
 }
 
-fn load_photos(capture: &Photos, masks: Option<&[Mask]>, options: &PosedOptions) -> Vec<Result<Loaded, Fault>> {
+fn load_photos(
+    capture: &Photos,
+    masks: Option<&[Mask]>,
+    options: &PosedOptions,
+    scratch: Option<&ScratchFile>,
+) -> Vec<Result<Loaded, Fault>> {
     let load = |(i, photo): (usize, &photo::Photo)| {
         let mask = masks.map(|masks| masks[i].with_inverted(options.invert_masks));
         let mut loaded = load_photo(photo, mask.as_ref(), options)?;
-        loaded.photo.visible = visible_points(&loaded.photo.photo.camera, capture, photo).0;
+        if let Some(scratch) = scratch {
+            let kept = scratch.keep(&loaded.photo.photo.rgb).map_err(Error::from)?;
+            loaded.photo.photo.rgb = kept;
+        }
+        loaded.photo.visible = visible_points(&loaded.photo.photo.lens_camera(), capture, photo).0;
         Ok(loaded)
     };
     capture.photos.par_iter().enumerate().map(load).collect()
@@ -218,16 +257,17 @@ impl CaptureCameras {
         Ok(Self(read_split_photos(path.as_ref(), hold_out)?.photos))
     }
 
-    /// The cameras that [`load`] gives the photos at a [longest side](PosedOptions::long_side), and which of them are
-    /// held out: also the cameras of photos that cannot be read.
+    /// The cameras that [`load`] gives the photos at a [longest side](PosedOptions::long_side) and with a [choice of
+    /// lenses](PosedOptions::lenses), and which of them are held out: also the cameras of photos that cannot be read.
     ///
     /// # Errors
     /// When a distortion leaves no photo.
-    pub fn at(&self, long_side: Option<usize>) -> Result<Vec<(Camera, bool)>, Error> {
+    pub fn at(&self, long_side: Option<usize>, lenses: Lenses) -> Result<Vec<(Camera, bool)>, Error> {
         let options = PosedOptions { long_side, ..PosedOptions::default() };
         let camera = |photo: &photo::Photo| {
             let camera = options.shrunk(&photo.frame.camera);
-            Ok((straight_camera(camera, photo.lens(camera)?.as_ref()), photo.held_out))
+            let lens = if photo.kept_lens(lenses).is_some() { None } else { photo.lens(camera)? };
+            Ok((straight_camera(camera, lens.as_ref()), photo.held_out))
         };
         self.0.iter().map(camera).collect()
     }
@@ -237,7 +277,8 @@ fn load_photo(photo: &photo::Photo, mask: Option<&Mask>, options: &PosedOptions)
     let frame = &photo.frame;
     let file = photo.open()?.over(options.background);
     let camera = options.shrunk(&frame.camera);
-    let lens = photo.lens(camera)?;
+    let kept = photo.kept_lens(options.lenses);
+    let lens = if kept.is_some() { None } else { photo.lens(camera)? };
     let shrink = frame.camera.width as f64 / camera.width as f64;
     let read = |file: &PhotoFile| -> Result<Vec<u8>, weaver_io::Error> {
         let at = |times: usize| file.resize_whole(camera.width * times, camera.height * times);
@@ -252,16 +293,34 @@ fn load_photo(photo: &photo::Photo, mask: Option<&Mask>, options: &PosedOptions)
     let transparent = empty || (mask.is_none() && file.was_transparent());
     let inside = opened.filter(|_| !empty).map(|mask| read(&mask)).transpose().map_err(Error::from)?;
     let counts = |mask: Vec<u8>| mask.chunks_exact(3).map(|p| p[0] >= 128).collect();
+    let mut loaded = Photo {
+        name: frame.name.clone(),
+        camera: straight_camera(camera, lens.as_ref()),
+        rgb: rgb.into(),
+        mask: inside.map(counts),
+        lens: kept,
+    };
+    mask_beyond_lens(&mut loaded);
     let posed = PosedPhoto {
-        photo: Photo {
-            name: frame.name.clone(),
-            camera: straight_camera(camera, lens.as_ref()),
-            rgb,
-            mask: inside.map(counts),
-        },
+        photo: loaded,
         frame: Frame { mask: mask.and_then(|mask| mask.file.clone()), ..frame.clone() },
         held_out: photo.held_out,
         visible: Vec::new(),
     };
     Ok(Loaded { photo: posed, transparent })
+}
+
+/// Masks the pixels that a kept lens sees nothing at.
+fn mask_beyond_lens(photo: &mut Photo) {
+    if photo.lens.is_none() {
+        return;
+    }
+    let (camera, width) = (photo.lens_camera(), photo.camera.width);
+    let center = |at: usize| DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
+    let pixels = 0..width * photo.camera.height;
+    let seen: Vec<bool> = pixels.into_par_iter().map(|at| camera.point(center(at), 1.0).is_some()).collect();
+    if seen.contains(&false) {
+        let counts = photo.mask.take().unwrap_or_else(|| vec![true; seen.len()]);
+        photo.mask = Some(counts.iter().zip(seen).map(|(counts, seen)| *counts && seen).collect());
+    }
 }

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use std::path::Path;
 use weaver_geometry::Camera;
 use weaver_geometry::geodesy::Origin;
+use weaver_geometry::lens::LensCamera;
 use weaver_scene::{Frame, PointCloud};
 
 /// A photo of a capture before it is read.
@@ -56,7 +57,7 @@ pub fn survey(path: impl AsRef<Path>, hold_out: HoldOut, masks: bool) -> Result<
     let sees = |photo: &super::Photo| {
         let frame = photo.frame.clone();
         let camera = straight_camera(frame.camera, photo.lens(frame.camera)?.as_ref());
-        let (visible, _) = visible_points(&camera, &capture, photo);
+        let (visible, _) = visible_points(&LensCamera::new(camera, None), &capture, photo);
         Ok(SurveyedPhoto { frame, camera, held_out: photo.held_out, visible })
     };
     let photos = capture.photos.par_iter().map(sees).collect::<Result<_, Error>>()?;

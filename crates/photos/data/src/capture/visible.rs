@@ -1,8 +1,8 @@
 //! Visible points of photos.
 
 use super::photo::{Photo, Photos};
-use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
+use weaver_geometry::lens::LensCamera;
 
 /// Side of the squares in which nearer points hide others, pixels.
 const SQUARE: usize = 4;
@@ -13,7 +13,7 @@ const HIDDEN: f32 = 1.2;
 ///
 /// If the capture has tracks, they are the track's points inside this photo. Else they are the nearest point of each
 /// pixel, unless another one close by is much nearer.
-pub(super) fn visible_points(camera: &Camera, capture: &Photos, photo: &Photo) -> (Vec<u32>, Vec<f32>) {
+pub(super) fn visible_points(camera: &LensCamera, capture: &Photos, photo: &Photo) -> (Vec<u32>, Vec<f32>) {
     if capture.tracked() || capture.points.is_empty() {
         tracked(camera, &capture.points, &photo.track)
     } else {
@@ -22,18 +22,20 @@ pub(super) fn visible_points(camera: &Camera, capture: &Photos, photo: &Photo) -
 }
 
 /// The pixel that shows a point, and its depth; `None` outside the image and behind the camera.
-fn seen(camera: &Camera, point: DVec3) -> Option<(usize, usize, f32)> {
-    let local = camera.pose.apply(point);
-    let pixel = camera.intrinsics.project(local).floor();
+fn seen(lens: &LensCamera, point: DVec3) -> Option<(usize, usize, f32)> {
+    let camera = &lens.camera;
+    let (pixel, depth) = lens.see(camera.pose.apply(point))?;
+    let pixel = pixel.floor();
     let inside = pixel.x >= 0.0 && pixel.x < camera.width as f64 && pixel.y >= 0.0 && pixel.y < camera.height as f64;
-    (local.z > 0.0 && inside).then_some((pixel.x as usize, pixel.y as usize, local.z as f32))
+    inside.then_some((pixel.x as usize, pixel.y as usize, depth as f32))
 }
 
-fn tracked(camera: &Camera, points: &[DVec3], track: &[u32]) -> (Vec<u32>, Vec<f32>) {
+fn tracked(lens: &LensCamera, points: &[DVec3], track: &[u32]) -> (Vec<u32>, Vec<f32>) {
+    let camera = &lens.camera;
     let mut visible = Vec::with_capacity(track.len());
     let mut depth = vec![0.0_f32; camera.width * camera.height];
     for &index in track {
-        if let Some((x, y, z)) = seen(camera, points[index as usize]) {
+        if let Some((x, y, z)) = seen(lens, points[index as usize]) {
             visible.push(index);
             let cell = &mut depth[y * camera.width + x];
             if *cell == 0.0 || z < *cell {
@@ -44,12 +46,13 @@ fn tracked(camera: &Camera, points: &[DVec3], track: &[u32]) -> (Vec<u32>, Vec<f
     (visible, depth)
 }
 
-fn nearest(camera: &Camera, points: &[DVec3]) -> (Vec<u32>, Vec<f32>) {
+fn nearest(lens: &LensCamera, points: &[DVec3]) -> (Vec<u32>, Vec<f32>) {
+    let camera = &lens.camera;
     let (columns, rows) = (camera.width.div_ceil(SQUARE), camera.height.div_ceil(SQUARE));
     let mut squares = vec![f32::INFINITY; columns * rows];
     let mut pixels: Vec<Option<(u32, f32)>> = vec![None; camera.width * camera.height];
     for (index, point) in (0..).zip(points) {
-        let Some((x, y, z)) = seen(camera, *point) else { continue };
+        let Some((x, y, z)) = seen(lens, *point) else { continue };
         let square = &mut squares[y / SQUARE * columns + x / SQUARE];
         *square = square.min(z);
         let pixel = &mut pixels[y * camera.width + x];

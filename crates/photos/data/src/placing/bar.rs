@@ -13,16 +13,16 @@ const ROUNDS: usize = 10;
 #[derive(Debug)]
 pub(super) struct Bar {
     length: f64,
-    /// Its length in that world.
-    found: f64,
+    /// Its length in that world, where at least two of its photos have a camera.
+    found: Option<f64>,
     photos: usize,
     /// Root of the mean square error, pixels of the photos as they are.
     error: f64,
 }
 
 impl Bar {
-    /// Triangulates the ends of a bar; what is left to tell of it where fewer than two of its photos have a camera.
-    pub fn read(found: &EstimatedPhotos, file: &Path) -> Result<Result<Self, BarFit>, Error> {
+    /// Triangulates the ends of a bar.
+    pub fn read(found: &EstimatedPhotos, file: &Path) -> Result<Self, Error> {
         let rows = read_scale_bar(file)?;
         let mut seen: Vec<(Camera, f64, [DVec2; 2])> = Vec::new();
         for row in &rows {
@@ -43,7 +43,7 @@ impl Bar {
             }
         }
         if seen.len() < 2 {
-            return Ok(Err(BarFit { length: rows[0].length, photos: seen.len(), ..BarFit::default() }));
+            return Ok(Self { length: rows[0].length, found: None, photos: seen.len(), error: 0.0 });
         }
         let end = |which: usize| triangulated(seen.iter().map(|(camera, _, rays)| (camera, rays[which])));
         let ends = [end(0), end(1)];
@@ -60,17 +60,22 @@ impl Bar {
             let expected = "two ends that photos show from different places";
             return Err(Error::unexpected(file, "ends", expected, "rays that do not meet"));
         }
-        Ok(Ok(Self { length, found: between, photos: seen.len(), error }))
+        Ok(Self { length, found: Some(between), photos: seen.len(), error })
     }
 
-    /// Meters for a unit of the world.
-    pub fn scale(&self) -> f64 {
-        self.length / self.found
+    /// Meters for a unit of the world, where photos show the bar.
+    pub fn scale(&self) -> Option<f64> {
+        self.found.map(|found| self.length / found)
     }
 
     /// The bar in a world that was scaled.
     pub fn fit(&self, scale: f64) -> BarFit {
-        BarFit { length: self.length, found: self.found * scale, photos: self.photos, error_pixels: self.error }
+        BarFit {
+            length: self.length,
+            found: self.found.unwrap_or(0.0) * scale,
+            photos: self.photos,
+            error_pixels: self.error,
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use image::metadata::Orientation;
 use std::fs;
 use std::path::Path;
 use weaver_data::capture::{CaptureOptions, HoldOut, load, load_cameras, load_images};
-use weaver_data::posed::{self, CaptureCameras, PosedOptions};
+use weaver_data::posed::{self, CaptureCameras, Lenses, PosedOptions};
 use weaver_data::{EstimatePhotosOptions, estimate_photos};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
@@ -103,7 +103,8 @@ fn distorted_photos_are_undistorted() {
                     (camera(0).intrinsics, Some(lens))
                 );
             }
-            let planned = CaptureCameras::read(folder, options.hold_out).unwrap().at(options.long_side).unwrap();
+            let planned =
+                CaptureCameras::read(folder, options.hold_out).unwrap().at(options.long_side, options.lenses).unwrap();
             let cameras: Vec<_> = capture.photos.iter().map(|photo| (photo.photo.camera, photo.held_out)).collect();
             assert_eq!(planned, cameras, "what is said beforehand is what is loaded");
         }
@@ -162,7 +163,7 @@ fn a_distortion_that_leaves_nothing_is_refused() {
     for message in [
         posed::load(folder.path(), &PosedOptions::default()).unwrap_err().to_string(),
         CaptureCameras::read(folder.path(), HoldOut::Listed)
-            .and_then(|cameras| cameras.at(None))
+            .and_then(|cameras| cameras.at(None, Lenses::Undistort))
             .unwrap_err()
             .to_string(),
         load(folder.path(), &CaptureOptions::default()).unwrap_err().to_string(),
@@ -279,7 +280,7 @@ fn turned_photos_have_the_same_cameras() {
             .frame
             .path
             .with_file_name(photo.frame.path.file_name().unwrap().to_str().unwrap().replace("true", "false"));
-        assert_eq!(photo.photo.rgb, image::open(clean).unwrap().into_rgb8().into_raw());
+        assert_eq!(photo.photo.rgb[..], image::open(clean).unwrap().into_rgb8().into_raw()[..]);
     }
 }
 

@@ -3,8 +3,9 @@
 use std::fs;
 use std::path::Path;
 use weaver_data::capture::HoldOut;
-use weaver_data::posed::{CaptureCameras, PosedOptions, load};
-use weaver_geometry::Camera;
+use weaver_data::posed::{CaptureCameras, Lenses, PosedOptions, load};
+use weaver_geometry::lens::Lens;
+use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 use weaver_io::colmap::{Model, Point};
 use weaver_io::{Image, Transforms};
 use weaver_procedural::{ProceduralOptions, scene};
@@ -43,7 +44,7 @@ fn photos_keep_their_size_or_shrink_to_a_longest_side() {
         assert_eq!((photo.photo.camera.width, photo.photo.rgb.len()), (camera.width, 3 * camera.width * camera.height));
         assert!((photo.photo.camera.intrinsics.fx - camera.intrinsics.fx).abs() < 1e-9);
         let image = Image::read(&photo.frame.path, weaver_io::Background::White).unwrap();
-        assert_eq!(photo.photo.rgb, image.to_bytes());
+        assert_eq!(photo.photo.rgb[..], image.to_bytes()[..]);
     }
     let options = PosedOptions { long_side: Some(20), hold_out: HoldOut::Nothing, ..PosedOptions::default() };
     let capture = load(folder.path().join("transforms.json"), &options).unwrap();
@@ -53,7 +54,8 @@ fn photos_keep_their_size_or_shrink_to_a_longest_side() {
     let photo = &capture.photos[4];
     assert!((photo.photo.camera.intrinsics.fx - written[4].intrinsics.fx / 2.0).abs() < 1e-9);
     assert_eq!(photo.frame.camera.width, 40);
-    let planned = CaptureCameras::read(folder.path(), options.hold_out).unwrap().at(options.long_side).unwrap();
+    let planned =
+        CaptureCameras::read(folder.path(), options.hold_out).unwrap().at(options.long_side, options.lenses).unwrap();
     let loaded: Vec<_> = capture.photos.iter().map(|p| (p.photo.camera, p.held_out)).collect();
     assert_eq!(planned, loaded, "what is said beforehand is what is loaded");
 }
@@ -176,4 +178,44 @@ fn points_come_with_their_colors() {
     let capture = load(folder.path(), &PosedOptions::default()).unwrap();
     assert_eq!(capture.points.positions, [[1.0, 2.0, 1.0], [1.0, 2.0, 9.0]]);
     assert_eq!(capture.points.colors, [[1, 20, 30], [9, 20, 30]]);
+}
+
+/// A photo of a fisheye of so many degrees across, with this k1.
+fn write_fisheye(folder: &Path, degrees: f64, k1: f64) {
+    let (width, height) = (60, 40);
+    let pixels = (0..3 * width * height).map(|i| (i * 37 % 251) as u8).collect();
+    fs::create_dir_all(folder.join("images")).unwrap();
+    weaver_io::Bitmap { width, height, pixels }.write_png(folder.join("images/0.png")).unwrap();
+    let fx = width as f64 / degrees.to_radians();
+    let intrinsics = Intrinsics { fx, fy: fx, cx: 30.0, cy: 20.0 };
+    let camera = Camera { pose: Pose::IDENTITY, intrinsics, width, height };
+    let distortion = Some(Distortion::Fisheye { k: [k1, 0.0, 0.0, 0.0] });
+    let frames = vec![Frame { distortion, ..Frame::new("images/0.png", camera) }];
+    Transforms { frames, ..Transforms::default() }.write(folder.join("transforms.json")).unwrap();
+}
+
+/// Promise (photos): photos of 120 degrees and more keep their lens and all of their pixels.
+#[test]
+fn wide_photos_keep_their_lens() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |lenses: Lenses| {
+        let options = PosedOptions { lenses, hold_out: HoldOut::Nothing, ..PosedOptions::default() };
+        load(folder.path(), &options).unwrap().photos.remove(0).photo
+    };
+    write_fisheye(folder.path(), 180.0, 0.0);
+    let bytes = Image::read(folder.path().join("images/0.png"), weaver_io::Background::White).unwrap().to_bytes();
+    for lenses in [Lenses::Auto, Lenses::Keep] {
+        let photo = read(lenses);
+        assert_eq!(photo.lens, Some(Lens::Distorted(Distortion::Fisheye { k: [0.0; 4] })));
+        assert_eq!((photo.rgb.into_vec(), photo.mask), (bytes.clone(), None));
+    }
+    let undone = read(Lenses::Undistort);
+    assert!(undone.lens.is_none() && undone.rgb[..] != bytes[..]);
+    write_fisheye(folder.path(), 110.0, 0.0);
+    assert_eq!(read(Lenses::Auto).lens, None);
+    assert!(read(Lenses::Keep).lens.is_some());
+    // a - 0.1 a^3 is at most 1.217 at 105 degrees: what lies beyond the circle does not count.
+    write_fisheye(folder.path(), 170.0, -0.1);
+    let mask = read(Lenses::Auto).mask.expect("corners beyond the lens");
+    assert!(!mask[0] && !mask[59] && mask[20 * 60 + 30], "corners are masked, the middle is not");
 }

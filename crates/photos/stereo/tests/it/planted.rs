@@ -67,7 +67,7 @@ fn taken(n: usize, camera: Camera) -> Photo {
         }
         [(255.0 * sum) as u8; 3]
     };
-    Photo { name: format!("{n}.png"), camera, rgb: pixels.flat_map(color).collect(), mask: None }
+    Photo { name: format!("{n}.png"), camera, rgb: pixels.flat_map(color).collect(), mask: None, lens: None }
 }
 
 /// Smooth noise in cells of a quarter and of a whole.

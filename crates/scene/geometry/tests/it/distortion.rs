@@ -49,6 +49,52 @@ fn points_are_seen_where_opencv_sees_them() {
     }
 }
 
+/// Points and where `pycolmap.Camera.img_from_cam` of pycolmap 4.2.1 puts them.
+///
+/// Promise (photos): the fisheye models of COLMAP equal COLMAP's.
+#[test]
+fn points_are_seen_where_colmap_sees_them() {
+    let points = [[0.3, -0.2], [-1.5, 1.1], [0.05, 2.6]];
+    let (k, p) = ([0.03, -0.011, 0.004, -0.0007], [0.0013, -0.0027]);
+    let cases = [
+        (
+            // COLMAP's order of parameters is k1, k2, p1, p2, k3, k4, sx1, sy1.
+            Distortion::ThinPrismFisheye { k, p, s: [0.002, -0.003] },
+            [
+                [0.28824414267886844, -0.19242221682239766],
+                [-0.8969629781637228, 0.6552030590197744],
+                [0.022880531210013103, 1.2400629334774305],
+            ],
+        ),
+        (
+            Distortion::Fov { omega: 0.9 },
+            [
+                [0.30988475430807605, -0.20658983620538407],
+                [-0.9524589383891962, 0.6984698881520772],
+                [0.025465083933788393, 1.3241843645569964],
+            ],
+        ),
+        (
+            Distortion::RadTanThinPrism {
+                k: [0.03, -0.011, 0.004, -0.0007, 0.0002, -0.0001],
+                p,
+                s: [0.002, -0.0005, -0.003, 0.0007],
+            },
+            [
+                [0.2898275079066261, -0.19363501735611893],
+                [-0.8822997278273749, 0.6435137664649576],
+                [0.02756538949160064, 1.2240113710995035],
+            ],
+        ),
+    ];
+    for (lens, seen) in cases {
+        for (point, expected) in points.into_iter().zip(seen) {
+            let found = lens.distort(point.into());
+            assert!(found.distance(expected.into()) < 1e-13, "{lens:?}: {point:?} at {found}, not {expected:?}");
+        }
+    }
+}
+
 #[test]
 fn a_lens_that_folds_back_is_known_up_to_there() {
     // r - 0.3 r^3 is largest at 1 / sqrt(0.9), where it is two thirds of that.

@@ -3,6 +3,7 @@
 mod align;
 mod distortion;
 mod geodesy;
+mod lens;
 mod lie;
 mod poses;
 mod sh;

@@ -78,8 +78,8 @@ impl Model {
     /// A `points3D.ply` takes the place of points that are in neither form; its points have no observations.
     ///
     /// # Errors
-    /// When a file is missing or malformed, a camera's model is FOV or THIN_PRISM_FISHEYE, or an image refers to a
-    /// camera that is not in the model.
+    /// When a file is missing or malformed, a camera's model is unknown, or an image refers to a camera that is not in
+    /// the model.
     pub fn read(folder: impl AsRef<Path>) -> Result<Self> {
         let folder = folder.as_ref();
         let extension = if folder.join("cameras.bin").is_file() { "bin" } else { "txt" };
@@ -136,13 +136,13 @@ impl Model {
     }
 
     /// Writes `cameras.bin`, `images.bin` and `points3D.bin` into an existing folder; cameras become PINHOLE, OPENCV,
-    /// FULL_OPENCV or OPENCV_FISHEYE, whichever is enough.
+    /// FULL_OPENCV or the fisheye model that they have, whichever is enough.
     pub fn write_binary(&self, folder: impl AsRef<Path>) -> Result<()> {
         binary::write(self, folder.as_ref())
     }
 
     /// Writes `cameras.txt`, `images.txt` and `points3D.txt` into an existing folder; cameras become PINHOLE, OPENCV,
-    /// FULL_OPENCV or OPENCV_FISHEYE, whichever is enough.
+    /// FULL_OPENCV or the fisheye model that they have, whichever is enough.
     pub fn write_text(&self, folder: impl AsRef<Path>) -> Result<()> {
         text::write(self, folder.as_ref())
     }
@@ -156,6 +156,9 @@ impl CameraModel {
             None => vec![],
             Some(Distortion::Radial { k, p }) => [&k[..], &p].concat(),
             Some(Distortion::Fisheye { k }) => k.to_vec(),
+            Some(Distortion::ThinPrismFisheye { k, p, s }) => [&k[..], &p, &s].concat(),
+            Some(Distortion::Fov { omega }) => vec![omega],
+            Some(Distortion::RadTanThinPrism { k, p, s }) => [&k[..], &p, &s].concat(),
         };
         let sizes = [self.width as u64, self.height as u64];
         sizes.into_iter().chain([fx, fy, cx, cy].iter().chain(&numbers).map(|x| x.to_bits())).collect()

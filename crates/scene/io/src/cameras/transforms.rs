@@ -52,7 +52,7 @@ const KNOWN: [&str; 15] = [
 
 /// True if [`Frame`] has a field for a key.
 fn is_known(key: &str) -> bool {
-    KNOWN.contains(&key) || lens::KEYS.contains(&key)
+    KNOWN.contains(&key) || lens::is_coefficient(key)
 }
 
 impl Transforms {
@@ -65,7 +65,8 @@ impl Transforms {
     /// `camera_angle_x` (and `_y`). Missing `fl_y` is `fl_x`, a missing principal point is the image's center, a
     /// missing size is read from the image's header, as it is stored. Likewise the lens: k1, k2, k3, p1 and p2 are
     /// OpenCV's; with the `camera_model` FULL_OPENCV k4, k5 and k6 are, too; with OPENCV_FISHEYE, or `is_fisheye`, k1
-    /// to k4 are a fisheye's. A `file_path` without extension gets the extension of a photo that exists.
+    /// to k4 are a fisheye's. THIN_PRISM_FISHEYE, FOV and RAD_TAN_THIN_PRISM_FISHEYE have COLMAP's names of their
+    /// parameters as keys. A `file_path` without extension gets the extension of a photo that exists.
     ///
     /// # Errors
     /// When the file is malformed, an image is missing, a lens is of another model, or a matrix is not rigid; when two

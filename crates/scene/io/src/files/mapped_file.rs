@@ -1,7 +1,7 @@
 //! Memory-mapped files: the system loads pages when they are read and may drop them again.
 
 use crate::{Error, Result};
-use memmap2::{Mmap, MmapMut};
+use memmap2::{Mmap, MmapMut, MmapOptions};
 use std::fs::File;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
@@ -29,6 +29,16 @@ impl MappedFile {
         // a checkpoint that is being written does not yet have its name (all writers here rename at the end).
         #[allow(unsafe_code)]
         let map = unsafe { Mmap::map(&file) }.map_err(Error::io(path))?;
+        Ok(Self { map, path: path.to_path_buf() })
+    }
+
+    /// Maps a part of an open file that no one writes to again; errors call it by this path.
+    pub fn part_of(file: &File, path: &Path, [offset, len]: [u64; 2]) -> Result<Self> {
+        let len =
+            usize::try_from(len).map_err(|_| Error::invalid(path, "bytes", "a part that fits into memory", len))?;
+        // SAFETY: as in `open`. The files that are mapped in parts have no name: no other process knows them.
+        #[allow(unsafe_code)]
+        let map = unsafe { MmapOptions::new().offset(offset).len(len).map(file) }.map_err(Error::io(path))?;
         Ok(Self { map, path: path.to_path_buf() })
     }
 

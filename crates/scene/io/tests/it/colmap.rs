@@ -60,7 +60,8 @@ fn camera_models() {
     let opencv = camera_line("3 OPENCV 64 48 90 91 32 24 0 0 0 0").unwrap().cameras[&3];
     assert_eq!(opencv.intrinsics.fy, 91.0);
     let cases = [
-        ("3 FOV 64 48 90 91 32 24 0.1", "camera 3 (FOV): expected a camera model of OpenCV"),
+        ("3 FOV 64 48 90 91 32 24 3.2", "camera 3 (FOV): expected a field of view from 0 to pi, found 3.2"),
+        ("3 THIN_PRISM_FISHEYE 64 48 90 91 32 24 0.1", "expected 12 parameters of THIN_PRISM_FISHEYE, found 5"),
         ("3 RADIAL 64 48 90 32 24 0.1 inf", "camera 3 (RADIAL): expected finite distortion"),
         ("3 PINHOLE 64 48 90 91 32", "line 1: expected 4 parameters of PINHOLE, found 3"),
         ("3 PINHOLE 64 48 90 NaN 32 24", "expected finite intrinsics"),
@@ -101,6 +102,24 @@ fn distorted_cameras() {
             "OPENCV_FISHEYE",
         ),
         ("RADIAL_FISHEYE", "90 32 24 0.1 0.2", Some(Distortion::Fisheye { k: [0.1, 0.2, 0.0, 0.0] }), "OPENCV_FISHEYE"),
+        ("SIMPLE_FISHEYE", "90 32 24", Some(Distortion::Fisheye { k: [0.0; 4] }), "OPENCV_FISHEYE"),
+        ("FOV", "90 91 32 24 0.9", Some(Distortion::Fov { omega: 0.9 }), "FOV"),
+        (
+            "THIN_PRISM_FISHEYE",
+            "90 91 32 24 0.1 0.2 0.3 0.4 0.5 0.6 0.7 0.8",
+            Some(Distortion::ThinPrismFisheye { k: [0.1, 0.2, 0.5, 0.6], p: [0.3, 0.4], s: [0.7, 0.8] }),
+            "THIN_PRISM_FISHEYE",
+        ),
+        (
+            "RAD_TAN_THIN_PRISM_FISHEYE",
+            "90 91 32 24 0.1 0.2 0.3 0.4 0.5 0.6 0.7 0.8 0.9 1 1.1 1.2",
+            Some(Distortion::RadTanThinPrism {
+                k: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6],
+                p: [0.7, 0.8],
+                s: [0.9, 1.0, 1.1, 1.2],
+            }),
+            "RAD_TAN_THIN_PRISM_FISHEYE",
+        ),
         ("OPENCV", "90 91 32 24 0 0 0 0", None, "PINHOLE"),
     ];
     for (name, parameters, expected, written) in cases {

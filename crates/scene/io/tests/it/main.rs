@@ -31,6 +31,7 @@ mod ply;
 mod project;
 mod project_errors;
 mod realestate;
+mod scratch_file;
 mod shared;
 mod shell;
 mod shrunk;

@@ -155,6 +155,10 @@ fn lenses_are_read_at_the_top_and_in_frames() {
     let full = changed(|r| (r["camera_model"], r["k6"]) = ("FULL_OPENCV".into(), 0.3.into()));
     let k6 = Distortion::Radial { k: [0.0, 0.0, 0.0, 0.0, 0.0, 0.3], p: [0.0; 2] };
     assert_eq!(lenses(full), [Some(k6); 3]);
+    let fov = changed(|r| (r["camera_model"], r["omega"]) = ("FOV".into(), 0.9.into()));
+    assert_eq!(lenses(fov), [Some(Distortion::Fov { omega: 0.9 }); 3]);
+    let thin = changed(|r| (r["camera_model"], r["sx1"]) = ("THIN_PRISM_FISHEYE".into(), 0.2.into()));
+    assert_eq!(lenses(thin), [Some(Distortion::ThinPrismFisheye { k: [0.0; 4], p: [0.0; 2], s: [0.2, 0.0] }); 3]);
     let none = changed(|r| (r["camera_model"], r["k1"]) = ("OPENCV".into(), 0.into()));
     assert_eq!(lenses(none), [None; 3]);
 }
@@ -172,6 +176,9 @@ fn lenses_masks_and_points_are_carried_on() {
         Some(Distortion::Radial { k: [0.1, 0.2, 0.3, 0.0, 0.0, 0.0], p: [0.4, 0.5] }),
         Some(Distortion::Radial { k: [0.0, 0.0, 0.0, 0.1, 0.0, 0.2], p: [0.0; 2] }),
         Some(Distortion::Fisheye { k: [0.1, -0.2, 0.0, 0.3] }),
+        Some(Distortion::ThinPrismFisheye { k: [0.1, -0.2, 0.0, 0.3], p: [0.4, 0.0], s: [0.0, 0.5] }),
+        Some(Distortion::Fov { omega: 0.9 }),
+        Some(Distortion::RadTanThinPrism { k: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], p: [0.0, 0.7], s: [0.8, 0.0, 0.9, 1.0] }),
     ];
     for first in 0..lenses.len() {
         // Also where the first frame's lens is the odd one out.

@@ -6,6 +6,7 @@ mod differences;
 mod groups;
 mod hostile;
 mod invariance;
+mod lens;
 mod op;
 mod parity;
 mod readme;

@@ -3,6 +3,7 @@
 use crate::scene::{NAMES, Planes, Scene, relative};
 use safetensors::SafeTensors;
 use std::path::Path;
+use weaver_scene::Model;
 use weaver_splat::RasterSettings;
 
 fn floats(file: &SafeTensors<'_>, key: &str) -> Vec<f64> {
@@ -36,6 +37,7 @@ fn check(name: &str, antialiased: bool, degree: Option<usize>) {
         background: floats(&file, "in.background"),
         width: shape[1],
         height: shape[0],
+        model: Model::Pinhole,
         settings: RasterSettings { antialiased, ..RasterSettings::default() },
     };
     let safe: Vec<bool> = file.tensor("safe").unwrap().data().iter().map(|&b| b != 0).collect();

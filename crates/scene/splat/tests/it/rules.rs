@@ -1,6 +1,7 @@
 //! The rules, one by one, at a pixel that looks straight at the centers of splats.
 
 use crate::scene::Scene;
+use weaver_scene::Model;
 use weaver_splat::{RasterSettings, TileSide};
 
 /// Round Gaussians of one gray level each on the optical axis: (depth, opacity, level). One pixel.
@@ -21,6 +22,7 @@ fn on_axis(splats: &[(f64, f64, f64)]) -> Scene<f64> {
         background: vec![0.0; 3],
         width: 1,
         height: 1,
+        model: Model::Pinhole,
         settings: RasterSettings::default(),
     }
 }

@@ -28,6 +28,7 @@ pub struct Scene<T> {
     pub background: Vec<T>,
     pub width: usize,
     pub height: usize,
+    pub model: Model,
     pub settings: RasterSettings,
 }
 
@@ -79,6 +80,7 @@ impl Scene<f64> {
             background: (0..3 * views).map(|i| uniform(4, i)).collect(),
             width,
             height,
+            model: Model::Pinhole,
             settings: RasterSettings::default(),
         };
         for i in 0..n {
@@ -177,6 +179,7 @@ impl Scene<f64> {
             background: round(&self.background),
             width: self.width,
             height: self.height,
+            model: self.model,
             settings: self.settings,
         }
     }
@@ -231,7 +234,7 @@ impl<T: Real> Scene<T> {
             background: &self.background,
             width: self.width,
             height: self.height,
-            model: Model::Pinhole,
+            model: self.model,
         }
     }
 
@@ -296,7 +299,7 @@ impl<T: Real> Scene<T> {
                 colors,
                 features,
                 viewmats,
-                intrinsics,
+                intrinsics: intrinsics.filter(|_| self.model == Model::Pinhole),
                 background,
                 statistics: Some(&mut statistics),
             },

@@ -2,12 +2,13 @@
 
 use super::CameraModel;
 use crate::{Error, Result};
+use std::f64::consts::PI;
 use std::path::Path;
 use weaver_geometry::{Distortion, Intrinsics};
 
 /// COLMAP's camera models: number, name, count of parameters. Models that are `true` in the last column begin with one
 /// focal length, the others with two.
-pub(super) const MODELS: [(u32, &str, usize, bool); 11] = [
+pub(super) const MODELS: [(u32, &str, usize, bool); 14] = [
     (0, "SIMPLE_PINHOLE", 3, true),
     (1, "PINHOLE", 4, false),
     (2, "SIMPLE_RADIAL", 4, true),
@@ -19,6 +20,9 @@ pub(super) const MODELS: [(u32, &str, usize, bool); 11] = [
     (8, "SIMPLE_RADIAL_FISHEYE", 4, true),
     (9, "RADIAL_FISHEYE", 5, true),
     (10, "THIN_PRISM_FISHEYE", 12, false),
+    (11, "RAD_TAN_THIN_PRISM_FISHEYE", 16, false),
+    (14, "SIMPLE_FISHEYE", 3, true),
+    (15, "FISHEYE", 4, false),
 ];
 
 /// A camera as a file has it, before its model is interpreted.
@@ -59,7 +63,16 @@ impl RawCamera<'_> {
             ("OPENCV_FISHEYE", &[k1, k2, k3, k4]) => Some(Distortion::Fisheye { k: [k1, k2, k3, k4] }),
             ("SIMPLE_RADIAL_FISHEYE", &[k]) => Some(Distortion::Fisheye { k: [k, 0.0, 0.0, 0.0] }),
             ("RADIAL_FISHEYE", &[k1, k2]) => Some(Distortion::Fisheye { k: [k1, k2, 0.0, 0.0] }),
-            _ => return Err(invalid("a camera model of OpenCV (undistort the images first)", "another one".into())),
+            ("SIMPLE_FISHEYE" | "FISHEYE", []) => Some(Distortion::Fisheye { k: [0.0; 4] }),
+            ("THIN_PRISM_FISHEYE", &[k1, k2, p1, p2, k3, k4, s1, s2]) => {
+                Some(Distortion::ThinPrismFisheye { k: [k1, k2, k3, k4], p: [p1, p2], s: [s1, s2] })
+            }
+            ("FOV", &[omega]) if (0.0..PI).contains(&omega) => Some(Distortion::Fov { omega }),
+            ("FOV", [omega]) => return Err(invalid("a field of view from 0 to pi", omega.to_string())),
+            ("RAD_TAN_THIN_PRISM_FISHEYE", &[k0, k1, k2, k3, k4, k5, p0, p1, s0, s1, s2, s3]) => {
+                Some(Distortion::RadTanThinPrism { k: [k0, k1, k2, k3, k4, k5], p: [p0, p1], s: [s0, s1, s2, s3] })
+            }
+            _ => return Err(invalid("parameters of the model", format!("{:?}", self.parameters))),
         };
         if distortion.is_some_and(|distortion| !distortion.is_finite()) {
             return Err(invalid("finite distortion", format!("{rest:?}")));
@@ -80,7 +93,13 @@ impl CameraModel {
                 if simple { (4, vec![k1, k2, p1, p2]) } else { (6, vec![k1, k2, p1, p2, k3, k4, k5, k6]) }
             }
             Some(Distortion::Fisheye { k }) => (5, k.to_vec()),
+            Some(Distortion::Fov { omega }) => (7, vec![omega]),
+            Some(Distortion::ThinPrismFisheye { k: [k1, k2, k3, k4], p: [p1, p2], s: [s1, s2] }) => {
+                (10, vec![k1, k2, p1, p2, k3, k4, s1, s2])
+            }
+            Some(Distortion::RadTanThinPrism { k, p, s }) => (11, [&k[..], &p, &s].concat()),
         };
+        // The models up to here are numbered without gaps.
         let (_, name, _, _) = MODELS[number as usize];
         (number, name, [vec![fx, fy, cx, cy], rest].concat())
     }

@@ -89,7 +89,7 @@ pub fn predicted(predictor: &mut dyn Predictor, seed: u64, views: usize) -> Resu
 pub fn fitted(scene: &Scene, seed: u64) -> Result<Labeled, Failure> {
     let photo = |v: &usize| {
         let View { name, camera, image, .. } = &scene.views[*v];
-        Photo { name: name.clone(), camera: *camera, rgb: image.to_bytes(), mask: None }
+        Photo { name: name.clone(), camera: *camera, rgb: image.to_bytes().into(), mask: None, lens: None }
     };
     let photos: Vec<Photo> = scene.training_views().iter().map(photo).collect();
     let positions: Vec<[f32; 3]> = scene.points.iter().map(|point| point.as_vec3().to_array()).collect();

@@ -1,0 +1,64 @@
+//! Scenes without what no photo needs.
+
+use crate::scenes::{cloud, photos, plain};
+use weaver_fit::{Cleaned, CleaningRules, Fit, StrategyKind};
+use weaver_scene::{Gaussians, Photo};
+
+fn clean(photos: Vec<Photo>, scene: &Gaussians) -> (Gaussians, Cleaned) {
+    let mut fit = Fit::new(photos, scene, plain(StrategyKind::Keep, 10, scene.len())).unwrap();
+    let cleaned = fit.clean(&CleaningRules::default()).unwrap();
+    (fit.gaussians(), cleaned)
+}
+
+/// Gaussians of a scene, then one at a place, as large and as opaque as said.
+fn with(scene: &Gaussians, mean: [f32; 3], log_scale: f32, logit: f32) -> Gaussians {
+    let mut planted = scene.clone();
+    planted.means.push(mean);
+    planted.log_scales.push([log_scale; 3]);
+    planted.quats.push([1.0, 0.0, 0.0, 0.0]);
+    planted.opacity_logits.push(logit);
+    planted.sh.extend([1.5, -1.0, 0.5]);
+    planted
+}
+
+/// Promise (fits): junk that is planted into a scene goes, and the scene stays.
+#[test]
+fn planted_junk_goes() {
+    let scene = cloud(40, 3);
+    let photos = photos(4, &scene);
+    // A scene that is its photos' has nothing to lose: whatever goes is planted, or hidden.
+    let (_, alone) = clean(photos.clone(), &scene);
+    let junk = [
+        ("before a camera", [0.1, 0.0, 0.7], -2.0, 0.0),
+        ("dust", [0.5, 0.3, 2.0], -3.5, -0.5),
+        ("a halo", [3.0, 0.0, 5.0], 0.3, -2.0),
+        ("behind all cameras", [0.0, 0.0, -5.0], -1.0, 3.0),
+    ];
+    for (name, mean, log_scale, logit) in junk {
+        let planted = with(&scene, mean, log_scale, logit);
+        let (left, cleaned) = clean(photos.clone(), &planted);
+        assert!(!left.means.contains(&mean), "{name} is left");
+        assert_eq!(left.len(), planted.len() - cleaned.count(), "{name}");
+        assert!(cleaned.count() <= 1 + alone.count() + 1, "{name}: {cleaned:?}, {alone:?} without it");
+    }
+}
+
+/// Promise of `planted_junk_goes`: what one photo needs stays, unless other photos see through it.
+#[test]
+fn what_one_photo_needs_stays() {
+    let scene = cloud(40, 3);
+    let all = photos(4, &scene);
+    let (left, cleaned) = clean(all.clone(), &scene);
+    let (error, after) = (off(&all, &scene), off(&all, &left));
+    assert!(after <= 1.003 * error + 1e-9, "{error} to {after}: {cleaned:?}");
+}
+
+/// Mean squared error of photos.
+fn off(photos: &[Photo], scene: &Gaussians) -> f64 {
+    let cameras: Vec<_> = photos.iter().map(|photo| photo.camera).collect();
+    let images = crate::scenes::render(scene, &cameras);
+    let squares = images.iter().zip(photos).flat_map(|(image, photo)| {
+        image.iter().zip(&photo.rgb).map(|(x, byte)| (f64::from(*x) - f64::from(*byte) / 255.0).powi(2))
+    });
+    squares.clone().sum::<f64>() / squares.count() as f64
+}
