@@ -1,12 +1,12 @@
 //! `splatweaver render`.
 
-use crate::flags::{Projection, projection};
 use clap::{ArgGroup, Args};
 use std::path::{Path, PathBuf};
 use weaver_clip::{Film, Gif, PictureSink, VIDEOS, Video, WebP};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{
-    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, memory, rate,
+    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Projection, Threads, choice, device,
+    memory, projection, rate,
 };
 use weaver_io::{Image, OutputFolder, SceneFile, read_scene};
 use weaver_scene::{CameraPath, Frame, Gaussians, middle};
