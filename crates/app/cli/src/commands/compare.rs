@@ -34,7 +34,8 @@ pub struct Compare {
     /// photo, or its alpha
     #[arg(long)]
     pub masks: bool,
-    /// Lenses that bend straight lines: keep draws through them, undistort undoes them [default: keep from 120 degrees on]
+    /// Lenses that bend straight lines: keep draws through them, undistort undoes them [default: keep from 120 degrees
+    /// on]
     #[arg(long, value_parser = choice(&LENSES))]
     pub lens: Option<Lenses>,
     /// Also LPIPS, with the weights in this safetensors file

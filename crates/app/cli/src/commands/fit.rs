@@ -111,7 +111,8 @@ pub struct Fit {
     /// Meaning of masked pixels: unknown, or empty space [default: unknown]
     #[arg(long, value_parser = choice(&MASKED), requires = "masks", help_heading = PHOTOS)]
     pub masked: Option<Masked>,
-    /// Lenses that bend straight lines: keep draws through them, undistort undoes them [default: keep from 120 degrees on]
+    /// Lenses that bend straight lines: keep draws through them, undistort undoes them [default: keep from 120 degrees
+    /// on]
     #[arg(long, value_parser = choice(&LENSES), help_heading = PHOTOS)]
     pub lens: Option<Lenses>,
     /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: the mean
