@@ -41,7 +41,7 @@ mod turning;
 mod two_view;
 mod uncertainty;
 
-pub use bundle::{Bundle, Covariance, Lens, Observation, Solved};
+pub use bundle::{Bundle, Covariance, Lens, Mounted, Observation, Solved};
 pub use confidence::Confidence;
 pub use descriptor::DESCRIPTOR;
 pub use epipolar::Epipolar;

@@ -4,7 +4,7 @@ use crate::bundle::{Bundle, LARGE};
 use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
 use crate::grow::Grown;
-use crate::lenses::{Taken, tau};
+use crate::lenses::{Taken, is_one_rig, tau};
 use crate::pairs::{self, Pairs, linked};
 use crate::passes::{Pass, compared, near};
 use crate::photo::EstimateOptions;
@@ -40,7 +40,7 @@ pub(crate) fn locate(
     }
     let others: Vec<bool> = (0..taken.len()).map(|i| numbers.binary_search(&i).is_ok()).collect();
     let mut with_located = candidates(features, &others, settings.candidates, settings.sequence);
-    with_located.retain(|pair| pair.iter().any(|photo| !others[*photo]));
+    with_located.retain(|pair| pair.iter().any(|photo| !others[*photo]) && !is_one_rig(taken, pair));
     let cameras: Vec<_> = (0..taken.len()).map(|i| bundle.camera(i)).collect();
     let matched = pairs::matched(features, &with_located);
     pairs.posed.extend(pairs::posed(features, &cameras, &matched, tau(taken)));

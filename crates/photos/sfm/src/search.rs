@@ -8,7 +8,7 @@ use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
 use crate::focal;
 use crate::grow::{Grown, MANY, beginnings};
-use crate::lenses::{Taken, USUAL, tau};
+use crate::lenses::{Taken, USUAL, is_one_rig, tau};
 use crate::pairs::{self, Pair, Pairs, linked};
 use crate::photo::{EstimateOptions, Photo};
 use crate::place::agreeing;
@@ -84,7 +84,8 @@ impl<'a> Search<'a> {
         features: &'a [Features],
         settings: &'a EstimateOptions,
     ) -> Self {
-        let candidates = candidates(features, &vec![true; taken.len()], settings.candidates, settings.sequence);
+        let mut candidates = candidates(features, &vec![true; taken.len()], settings.candidates, settings.sequence);
+        candidates.retain(|pair| !is_one_rig(taken, pair));
         let matched = pairs::matched(features, &candidates);
         let pairs = Pairs { matched, posed: Vec::new() };
         Self { taken, features, photos, settings, pairs, found: Vec::new(), given_up: 0.0 }
@@ -110,14 +111,15 @@ impl<'a> Search<'a> {
             return Scene { one_place: true, ..Scene::none(self.pairs) };
         }
         // The last passes may have left a camera with too few observations.
-        placed.iter_mut().zip(bundle.seen()).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
+        let seen = bundle.summed(bundle.seen());
+        placed.iter_mut().zip(seen).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
         bundle.observations.retain(|o| placed[o.camera]);
         if !placed.contains(&true) {
             return self.without_cameras();
         }
         bundle.finish();
         let agreeing = |pair: &Pair| agreeing(self.features, pair, &pair.photos.map(|photo| bundle.camera(photo)));
-        let untied = untied(&self.pairs.posed, &placed, agreeing);
+        let untied = untied(&self.pairs.posed, &placed, |photo| bundle.mounted(photo).on, agreeing);
         Scene { found: Some((bundle, placed)), rival, untied, ..Scene::none(self.pairs) }
     }
 
