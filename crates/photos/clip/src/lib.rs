@@ -17,6 +17,7 @@ mod movement;
 mod photo_files;
 mod pictures;
 mod program;
+mod spherical;
 mod video;
 mod webp;
 

@@ -4,11 +4,10 @@ use crate::bundle::{Bundle, LARGE};
 use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
 use crate::grow::Grown;
-use crate::lenses::{Taken, is_one_rig, tau};
+use crate::lenses::{Taken, tau};
 use crate::pairs::{self, Pairs, linked};
 use crate::passes::{Pass, compared, near};
 use crate::photo::EstimateOptions;
-use crate::retrieval::candidates;
 
 /// Largest error of a place by pairs alone, in deviations of keypoints.
 const ASTRAY: f64 = 32.0;
@@ -39,8 +38,8 @@ pub(crate) fn locate(
         return (bundle, placed, pairs);
     }
     let others: Vec<bool> = (0..taken.len()).map(|i| numbers.binary_search(&i).is_ok()).collect();
-    let mut with_located = candidates(features, &others, settings.candidates, settings.sequence);
-    with_located.retain(|pair| pair.iter().any(|photo| !others[*photo]) && !is_one_rig(taken, pair));
+    let mut with_located = pairs::compared(features, taken, &others, settings);
+    with_located.retain(|pair| pair.iter().any(|photo| !others[*photo]));
     let cameras: Vec<_> = (0..taken.len()).map(|i| bundle.camera(i)).collect();
     let matched = pairs::matched(features, &with_located);
     pairs.posed.extend(pairs::posed(features, &cameras, &matched, tau(taken)));

@@ -8,11 +8,10 @@ use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
 use crate::focal;
 use crate::grow::{Grown, MANY, beginnings};
-use crate::lenses::{Taken, USUAL, is_one_rig, tau};
+use crate::lenses::{Taken, USUAL, tau};
 use crate::pairs::{self, Pair, Pairs, linked};
 use crate::photo::{EstimateOptions, Photo};
 use crate::place::agreeing;
-use crate::retrieval::candidates;
 use crate::ties::untied;
 use crate::turning::turning;
 
@@ -84,8 +83,7 @@ impl<'a> Search<'a> {
         features: &'a [Features],
         settings: &'a EstimateOptions,
     ) -> Self {
-        let mut candidates = candidates(features, &vec![true; taken.len()], settings.candidates, settings.sequence);
-        candidates.retain(|pair| !is_one_rig(taken, pair));
+        let candidates = pairs::compared(features, taken, &vec![true; taken.len()], settings);
         let matched = pairs::matched(features, &candidates);
         let pairs = Pairs { matched, posed: Vec::new() };
         Self { taken, features, photos, settings, pairs, found: Vec::new(), given_up: 0.0 }

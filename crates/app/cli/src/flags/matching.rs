@@ -2,7 +2,7 @@
 
 use clap::Args;
 use weaver_command::{Failure, choice};
-use weaver_data::{EstimatePhotosOptions, Find};
+use weaver_data::{EstimatePhotosOptions, Find, Projection, SphereOptions};
 
 /// Heading of these flags.
 pub(super) const MATCHING: &str = "Estimated cameras";
@@ -12,6 +12,12 @@ const DISTORTIONS: [(&str, Find, &str); 3] = [
     ("off", Find::Off, "None: lines stay straight"),
     ("k1", Find::K1, "The first coefficient"),
     ("k1k2", Find::K1K2, "Two"),
+];
+
+/// Projections of photos.
+const PROJECTIONS: [(&str, Projection, &str); 2] = [
+    ("equirectangular", Projection::Equirectangular, "Panoramas of the whole sphere: each becomes six photos"),
+    ("pinhole", Projection::Pinhole, "Photos of a usual lens, whatever their files say"),
 ];
 
 /// Flags of clips.
@@ -58,12 +64,28 @@ pub struct MatchingFlags {
     /// Longest side of the photos while they are matched
     #[arg(long, value_name = "PIXELS", default_value_t = 640, value_parser = clap::value_parser!(u32).range(64..=8192), help_heading = MATCHING)]
     pub match_size: u32,
+    /// Projection of photos and clips that are twice as wide as high [default: what the files tell: Photo Sphere XMP, spherical clips,
+    /// Insta360, Ricoh]
+    #[arg(long, value_parser = choice(&PROJECTIONS), help_heading = MATCHING)]
+    pub projection: Option<Projection>,
+    /// Leaves out what is so near to straight down in panoramas, degrees; 0 keeps all [default: what is the same in all of them, as a
+    /// tripod or a logo is]
+    #[arg(long, value_name = "DEGREES", value_parser = nadir, help_heading = MATCHING)]
+    pub nadir: Option<f64>,
 }
 
 impl Default for MatchingFlags {
     fn default() -> Self {
         let EstimatePhotosOptions { long_side, focal, exif, shared, .. } = EstimatePhotosOptions::default();
-        Self { focal, no_exif: !exif, own_focal: !shared, distortion: None, match_size: long_side as u32 }
+        Self {
+            focal,
+            no_exif: !exif,
+            own_focal: !shared,
+            distortion: None,
+            match_size: long_side as u32,
+            projection: None,
+            nadir: None,
+        }
     }
 }
 
@@ -76,6 +98,7 @@ impl From<MatchingFlags> for EstimatePhotosOptions {
             shared: !flags.own_focal,
             sequence: false,
             distortion: flags.distortion.unwrap_or_default(),
+            spheres: SphereOptions { projection: flags.projection, nadir: flags.nadir },
         }
     }
 }
@@ -89,8 +112,15 @@ impl MatchingFlags {
         if *self == Self::default() {
             return Ok(());
         }
-        let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size";
+        let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size, --projection, --nadir";
         Err(Failure::Usage(format!("{flags}: expected estimated cameras, found {found}")))
+    }
+}
+
+fn nadir(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(degrees) if (0.0..=80.0).contains(&degrees) => Ok(degrees),
+        _ => Err("expected degrees from 0 to 80, as in 20".into()),
     }
 }
 
