@@ -2,6 +2,7 @@
 
 mod context;
 mod doubt;
+mod fisheye;
 mod focal_lengths;
 mod loading;
 mod masks;
@@ -23,11 +24,12 @@ use order::is_sequence;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 pub use summary::{CameraSummary, CamerasSummary};
+use weaver_geometry::Distortion;
 use weaver_geometry::glam::DVec2;
 use weaver_io::colmap::Model;
 use weaver_io::{OutputFolder, PhotoFile, Transforms};
 use weaver_scene::Frame;
-use weaver_sfm::{Confidence, Estimate, EstimateOptions, Find, LeftOut, Observation, Photo};
+use weaver_sfm::{Confidence, Estimate, EstimateOptions, Find, LeftOut, Observation, Photo, estimate_fisheye};
 
 /// The folder of COLMAP's model.
 const SPARSE: &str = "sparse/0";
@@ -59,6 +61,8 @@ pub struct EstimatePhotosOptions {
     pub sequence: bool,
     /// Panoramas among the photos.
     pub spheres: SphereOptions,
+    /// True if the photos are of one fisheye lens, whose focal length and distortion are found.
+    pub fisheye: bool,
 }
 
 impl Default for EstimatePhotosOptions {
@@ -71,6 +75,7 @@ impl Default for EstimatePhotosOptions {
             distortion: Find::Told,
             sequence: false,
             spheres: SphereOptions::default(),
+            fisheye: false,
         }
     }
 }
@@ -169,7 +174,7 @@ pub fn estimate_set(set: &PhotoSet, options: &EstimatePhotosOptions) -> Result<E
     let faces: Vec<Option<Face>> = (0..paths.len()).filter(|i| of_readable(*i)).map(|i| faces[i].clone()).collect();
     let mask_files: Vec<Option<PhotoMask>> = (0..paths.len()).filter(|i| of_readable(*i)).map(of_mask).collect();
     let paths: Vec<PathBuf> = (0..paths.len()).filter(|i| of_readable(*i)).map(|i| paths[i].clone()).collect();
-    let loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
+    let mut loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
     let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
     let focals: Vec<Option<f64>> = loaded.iter().map(|loaded| loaded.exif_focal).collect();
     let (focals, outliers) = focal_lengths::without_outliers(&names, &focals);
@@ -177,6 +182,9 @@ pub fn estimate_set(set: &PhotoSet, options: &EstimatePhotosOptions) -> Result<E
     let transparent = remarks::transparent(&transparent.map(|(_, name)| name.clone()).collect::<Vec<_>>());
     let transparent = transparent.filter(|_| masks.is_none());
     let covered = masks::covered(&names, &loaded)?;
+    if options.fisheye {
+        fisheye::prepare(&paths, &faces, &mut loaded)?;
+    }
     let lens_of = lenses_of(&loaded, &focals, &faces, options.shared);
     let photo = |i: usize| {
         let Loaded { image, mask, .. } = &loaded[i];
@@ -192,7 +200,10 @@ pub fn estimate_set(set: &PhotoSet, options: &EstimatePhotosOptions) -> Result<E
     let sequence = options.sequence || is_sequence(&Face::photos(&paths, &faces));
     let settings =
         EstimateOptions { focal_deviation, sequence, distortion: options.distortion, ..EstimateOptions::default() };
-    let (estimate, contradicted) = focal_lengths::estimate(&photos, &settings);
+    let (estimate, contradicted) = match options.fisheye {
+        true => (estimate_fisheye(&photos, &settings), None),
+        false => focal_lengths::estimate(&photos, &settings),
+    };
     let unused = masks.and_then(|masks| masks.remark.clone());
     let remarks = [unreadable, outliers, transparent, unused, covered, contradicted].into_iter().flatten().collect();
     let sizes = loaded.iter().map(|loaded| loaded.size).collect();
@@ -246,6 +257,25 @@ impl EstimatedPhotos {
     pub fn focal(&self) -> f64 {
         let first = self.estimate.cameras.iter().find_map(|camera| camera.ok());
         first.map_or(f64::NAN, |c| c.intrinsics.fx / c.width.max(c.height) as f64)
+    }
+
+    /// The square of the distance of a photo's corner from the axis, over the focal length, in the first photo with a
+    /// camera; not a number without one.
+    pub fn corner(&self) -> f64 {
+        let first = self.estimate.cameras.iter().find_map(|camera| camera.ok());
+        first.map_or(f64::NAN, |c| 0.25 * (c.width as f64).hypot(c.height as f64).powi(2) / c.intrinsics.fx.powi(2))
+    }
+
+    /// The field of view of a fisheye across the longer side of its photos, degrees, and its k1 to k4; `None` if none
+    /// was found.
+    pub fn fisheye(&self) -> Option<(f64, [f64; 4])> {
+        let cameras = self.estimate.cameras.iter().zip(&self.estimate.distortion);
+        cameras.filter_map(|(camera, distortion)| Some((camera.ok()?, (*distortion)?))).find_map(
+            |(camera, distortion)| {
+                let Distortion::Fisheye { k } = distortion else { return None };
+                Some((fisheye::field_of_view(&camera, k), k))
+            },
+        )
     }
 
     /// Checks that a folder has a place for the files of [`write`](Self::write) for these photos: to be called before
@@ -306,6 +336,9 @@ impl EstimatedPhotos {
     fn off(&self, o: &Observation) -> Option<f64> {
         let camera = self.estimate.cameras[o.camera].ok()?;
         let p = camera.pose.apply(self.estimate.points[o.point]);
+        if let Some(Distortion::Fisheye { k }) = self.estimate.distortion[o.camera] {
+            return Some(fisheye::lens(&camera, k).project(p)?.distance(o.pixel));
+        }
         let at = DVec2::new(p.x, p.y) / p.z;
         let at = self.estimate.distortion[o.camera].map_or(at, |distortion| distortion.distort(at));
         Some(camera.intrinsics.project(at.extend(1.0)).distance(o.pixel))

@@ -200,7 +200,7 @@ fn without_cameras(features: &[Features], pairs: &Pairs, placed: &[bool]) -> Est
 
 impl Estimate {
     /// Makes the first camera the origin, and the mean distance from it to the points 1.
-    fn normalize(&mut self) {
+    pub(crate) fn normalize(&mut self) {
         let Some(origin) = self.cameras.iter().find_map(|c| c.ok()) else { return };
         let center = origin.pose.center();
         let mut distances: Vec<f64> = self.points.iter().map(|p| p.distance(center)).collect();

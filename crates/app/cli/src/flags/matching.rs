@@ -14,6 +14,16 @@ const DISTORTIONS: [(&str, Find, &str); 3] = [
     ("k1k2", Find::K1K2, "Two"),
 ];
 
+/// Lenses of photos.
+const LENSES: [(&str, bool, &str); 2] = [
+    ("usual", false, "Straight lines stay straight, but for a radial distortion"),
+    (
+        "fisheye",
+        true,
+        "One fisheye, to 180 degrees and beyond: its focal length, principal point and k1 to k4 are found",
+    ),
+];
+
 /// Projections of photos.
 const PROJECTIONS: [(&str, Projection, &str); 2] = [
     ("equirectangular", Projection::Equirectangular, "Panoramas of the whole sphere: each becomes six photos"),
@@ -64,6 +74,9 @@ pub struct MatchingFlags {
     /// Longest side of the photos while they are matched
     #[arg(long, value_name = "PIXELS", default_value_t = 640, value_parser = clap::value_parser!(u32).range(64..=8192), help_heading = MATCHING)]
     pub match_size: u32,
+    /// The lens of all photos [default: usual]
+    #[arg(long, value_parser = choice(&LENSES), conflicts_with_all = ["distortion", "own_focal"], help_heading = MATCHING)]
+    pub lens: Option<bool>,
     /// Projection of photos and clips that are twice as wide as high [default: what the files tell: Photo Sphere XMP, spherical clips,
     /// Insta360, Ricoh]
     #[arg(long, value_parser = choice(&PROJECTIONS), help_heading = MATCHING)]
@@ -83,6 +96,7 @@ impl Default for MatchingFlags {
             own_focal: !shared,
             distortion: None,
             match_size: long_side as u32,
+            lens: None,
             projection: None,
             nadir: None,
         }
@@ -99,6 +113,7 @@ impl From<MatchingFlags> for EstimatePhotosOptions {
             sequence: false,
             distortion: flags.distortion.unwrap_or_default(),
             spheres: SphereOptions { projection: flags.projection, nadir: flags.nadir },
+            fisheye: flags.lens.unwrap_or(false),
         }
     }
 }
@@ -112,7 +127,7 @@ impl MatchingFlags {
         if *self == Self::default() {
             return Ok(());
         }
-        let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size, --projection, --nadir";
+        let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size, --lens, --projection, --nadir";
         Err(Failure::Usage(format!("{flags}: expected estimated cameras, found {found}")))
     }
 }
