@@ -40,7 +40,7 @@ table! {
     }
 }
 
-/// The models that a name selects: SplatWeaver, and those of methods, a row each.
+/// The models that a name selects: the product's own, and those of methods, a row each.
 pub fn models() -> Registry {
     let registry = Registry::default();
     #[cfg(feature = "two-experts")]
@@ -92,7 +92,7 @@ mod tests {
         let methods: [(bool, &str); 2] =
             [(cfg!(feature = "two-experts"), "two-experts"), (cfg!(feature = "wild"), "wild")];
         let expected = methods.iter().filter(|(built, _)| *built).map(|(_, name)| *name);
-        assert_eq!(names, ["splatweaver"].into_iter().chain(expected).collect::<Vec<_>>());
+        assert_eq!(names, ["splatweaver", "photo"].into_iter().chain(expected).collect::<Vec<_>>());
         for entry in registry.iter() {
             for preset in entry.presets() {
                 assert!(entry.annotated(preset).unwrap().contains("architecture"), "{preset}");

@@ -16,6 +16,7 @@ mod initial;
 mod looks;
 pub mod losses;
 pub mod observe;
+pub mod photo;
 mod recipe;
 mod registry;
 pub mod samples;

@@ -139,7 +139,7 @@ fn run_in(
             train(session, claimed, arguments, listener, console, interrupt)
         });
     }
-    let entry = registry.find(arguments.model.as_deref())?;
+    let entry = registry.find_for(arguments.model.as_deref(), arguments.preset.as_deref())?;
     let config = entry.resolve(&ConfigSource {
         preset: arguments.preset.clone(),
         file: arguments.config.clone(),
