@@ -1,21 +1,17 @@
 //! The appearance expert: photos and their cameras to raw numbers for each pixel.
 
 mod aggregation;
-mod block;
 mod gaussians;
 mod merge;
 mod opacity;
-mod positions;
 
 pub use gaussians::{Parametrization, RawGaussians};
 pub use opacity::{Opacities, OpacityDegree};
 
 use aggregation::{Aggregation, LEVELS};
-use block::{Block, Known};
 use merge::Merge;
-use positions::Positions;
 use weaver_autograd::{List, ParamId, Real, Var, ops};
-use weaver_nn::{Builder, Context, Init, LayerNorm, Linear, Projections, WeightInit};
+use weaver_nn::{Builder, Context, Init, Known, LayerNorm, Linear, Positions, Projections, ViewBlock, WeightInit};
 use weaver_pose::{CameraVars, Rays};
 
 /// Numbers of a pixel's ray and color: origin, direction, moment, color.
@@ -84,7 +80,7 @@ pub struct Pyramid {
     tokenizer: Linear,
     tokenizer_norm: LayerNorm,
     registers: ParamId,
-    stages: Vec<Vec<Block>>,
+    stages: Vec<Vec<ViewBlock>>,
     merges: Vec<Merge>,
     aggregation: Aggregation,
     decoder_norm: LayerNorm,
@@ -101,10 +97,10 @@ impl Pyramid {
         assert!(head.is_multiple_of(8) && width.is_multiple_of(head), "heads of {head} in tokens of {width}");
         let widths = config.widths();
         let init = WeightInit::FanIn;
-        let blocks = |b: &mut Builder<'_, T>, level: usize| -> Vec<Block> {
+        let blocks = |b: &mut Builder<'_, T>, level: usize| -> Vec<ViewBlock> {
             let block = |i: usize| {
                 let b = b.scope(format_args!("stage{}.{i}", level + 1));
-                Block::new(b, widths[level], head, config.mlp_ratio)
+                ViewBlock::new(b, widths[level], head, config.mlp_ratio)
             };
             (0..config.blocks[level]).map(block).collect()
         };
@@ -235,7 +231,7 @@ impl Pyramid {
 /// A block over groups of neighboring views.
 fn across_views<'t, T: Real>(
     cx: Context<'t, '_, T>,
-    block: &Block,
+    block: &ViewBlock,
     x: Var<'t, T>,
     positions: Positions,
     projections: Option<[Var<'t, T>; 2]>,

@@ -10,7 +10,7 @@ mod refine;
 pub use cameras::CameraChoice;
 pub use complete::{CompleteFlag, IfComplete};
 pub use density::DensityFlags;
-pub use estimate::{ClipFlags, EstimateFlags, LENSES, MASKED, MaskedFlag, MatchingFlags};
+pub use estimate::{ClipFlags, EstimateFlags, MASKED, MaskedFlag, MatchingFlags};
 pub use light::LightFlags;
 pub use refine::RefineFlags;
 

@@ -40,7 +40,7 @@ table! {
     }
 }
 
-/// The models that a name selects: SplatWeaver, and those of methods, a row each.
+/// The models that a name selects: the product's own, and those of methods, a row each.
 pub fn models() -> Registry {
     let registry = Registry::default();
     #[cfg(feature = "two-experts")]

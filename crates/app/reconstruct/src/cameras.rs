@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 use weaver_clip::PhotoFiles;
 use weaver_data::capture::{HoldOut, MaskOptions, PhotoMasks};
-use weaver_data::{EstimatePhotosOptions, EstimatedPhotos, OutputFolder, Placing, estimate_masked_photos};
+use weaver_data::{EstimatePhotosOptions, EstimatedPhotos, OutputFolder, PhotoSet, Placing, estimate_set};
 use weaver_io::{Observe, Part, check_memory, duration};
 
 /// Name of the command in the record of a folder of estimated cameras, and of the stage.
@@ -82,8 +82,10 @@ pub fn cameras(
 pub struct EstimatedCameras {
     /// The cameras.
     pub found: EstimatedPhotos,
-    /// The photos that the cameras are of: the files, or upright copies of them in the folder.
+    /// The photos that the cameras are of: the files, or upright copies and faces of panoramas in the folder.
     pub photos: Vec<PathBuf>,
+    /// True if they have masks.
+    pub masked: bool,
 }
 
 impl EstimatedCameras {
@@ -106,14 +108,15 @@ impl EstimatedCameras {
     }
 }
 
-/// Estimates cameras into the folder `cameras` of a result, where photos may be held out, and returns the capture.
+/// Estimates cameras into the folder `cameras` of a result, where photos may be held out, and returns the capture, and
+/// whether its photos have masks.
 pub(crate) fn estimated_capture(
     photos: &PhotoFiles,
     (hold_out, masks): (HoldOut, Option<&MaskOptions>),
     (matching, placing): (&EstimatePhotosOptions, &Placing),
     out: &OutputFolder,
     observe: &mut dyn Observe,
-) -> Result<PathBuf, Error> {
+) -> Result<(PathBuf, bool), Error> {
     let step = match hold_out {
         HoldOut::Nothing => usize::MAX,
         HoldOut::Listed => HOLD_OUT,
@@ -121,9 +124,10 @@ pub(crate) fn estimated_capture(
     };
     let located: Vec<bool> = (0..photos.paths.len()).map(|i| step < usize::MAX && i % step == 0).collect();
     let folder = cameras_folder(out, &photos.paths)?;
-    estimate(Matched { photos, located: &located, masks, placing }, matching, &folder, observe)?;
+    let matched = Matched { photos, located: &located, masks, placing };
+    let EstimatedCameras { masked, .. } = estimate(matched, matching, &folder, observe)?;
     photos.remove_earlier_frames(out)?;
-    Ok(folder.path().join("transforms.json"))
+    Ok((folder.path().join("transforms.json"), masked))
 }
 
 /// The choice of held-out photos for an estimated capture, which lists its photos for testing.
@@ -162,10 +166,12 @@ fn estimate(
     EstimatedPhotos::check(out, photos)?;
     placing.check(originals)?;
     masks.as_ref().map_or(Ok(()), |masks| masks.check(out))?;
+    let set = PhotoSet::new(photos, located, masks).cut(originals, &matching.spheres, out, observe)?;
+    let PhotoSet { paths: photos, originals, .. } = &set;
     check_memory(MATCHED * photos.len() as u64, "fewer photos at once take less")?;
     observe.note(&format!("cameras: matching {} photos", photos.len()));
     let options = EstimatePhotosOptions { sequence: *sequence, ..*matching };
-    let mut found = estimate_masked_photos(photos, located, masks.as_ref(), &options)?;
+    let mut found = estimate_set(&set, &options)?;
     found.remarks.iter().for_each(|remark| observe.warning(remark));
     let placed = found.placed().len();
     if placed < 2 {
@@ -194,5 +200,6 @@ fn estimate(
     let part = Part { label: COMMAND, done: placed, total: photos.len(), note: sureness(&found) };
     let _ = observe.progress(&part);
     let photos = found.write(out)?;
-    Ok(EstimatedCameras { found, photos })
+    set.remove_earlier_faces(out)?;
+    Ok(EstimatedCameras { found, photos, masked: set.masks.is_some() })
 }

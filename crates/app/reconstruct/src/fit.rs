@@ -144,7 +144,8 @@ pub fn fit(request: FitRequest, context: FitContext, observe: &mut dyn Observe) 
         let inverted = std::mem::take(&mut settings.invert_masks);
         let masks = settings.masks.then_some(MaskOptions { folder: None, inverted });
         let chosen = (settings.hold_out, masks.as_ref());
-        settings.capture = estimated_capture(&photos, chosen, (matching, &Placing::KEEP), out.out(), observe)?;
+        (settings.capture, settings.masks) =
+            estimated_capture(&photos, chosen, (matching, &Placing::KEEP), out.out(), observe)?;
         settings.hold_out = held_out_of_estimated(settings.hold_out);
         if let Some(time) = time {
             time.note_share(observe);

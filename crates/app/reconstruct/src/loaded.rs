@@ -144,7 +144,7 @@ pub(crate) fn prepare(
     }
     let mut remarks = capture.remarks;
     if wide {
-        let lenses = "photos of 120 degrees or more are drawn through their own lens (--lens undistort undoes it)";
+        let lenses = "photos of 120 degrees or more are drawn through their own lens (--undistort undoes it)";
         remarks.push(format!("{}: {lenses}", settings.capture.display()));
     }
     if !masked.is_empty() {

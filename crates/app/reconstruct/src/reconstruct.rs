@@ -244,11 +244,11 @@ pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe
         Err(Error::Run(weaver_run::Error::RunExists { folder, .. })) => return Err(already_there(&folder)),
         claimed => claimed?,
     };
-    let (capture, hold_out) = capture_of(photos, request, out.out(), observe)?;
+    let ChosenCapture { capture, hold_out, masks: masked } = capture_of(photos, request, out.out(), observe)?;
     let cameras = CaptureCameras::read(&capture, hold_out)?;
     let settings = RunSettings {
         hold_out,
-        masks: masks.is_some(),
+        masks: masked,
         // Cameras that were estimated come with masks whose white counts.
         invert_masks: matches!(photos, Photos::Capture(_)) && masks.is_some_and(|masks| masks.inverted),
         masked: request.masked,
@@ -273,14 +273,22 @@ pub fn reconstruct(photos: &Photos, request: &Request, observe: &mut dyn Observe
     Ok(outcome)
 }
 
-/// The capture of photos, whose cameras may have to be estimated into the folder of the results, and the photos of it
-/// that are held out.
+/// A capture to fit.
+struct ChosenCapture {
+    capture: PathBuf,
+    /// The photos of it that are held out.
+    hold_out: HoldOut,
+    /// True if masks leave out parts of its photos.
+    masks: bool,
+}
+
+/// The capture of photos, whose cameras may have to be estimated into the folder of the results.
 fn capture_of(
     photos: &Photos,
     request: &Request,
     out: &OutputFolder,
     observe: &mut dyn Observe,
-) -> Result<(PathBuf, HoldOut), Error> {
+) -> Result<ChosenCapture, Error> {
     let demo;
     let paths = match photos {
         Photos::Capture(capture) => {
@@ -294,7 +302,7 @@ fn capture_of(
                 (HoldOut::Nothing, None) => HoldOut::Listed,
                 (chosen, _) => chosen,
             };
-            return Ok((capture.clone(), hold_out));
+            return Ok(ChosenCapture { capture: capture.clone(), hold_out, masks: request.masks.is_some() });
         }
         Photos::Demo => {
             demo = [demo::write(out)?];
@@ -305,8 +313,8 @@ fn capture_of(
     let photos = PhotoFiles::collect(paths, request.frames, out, observe)?;
     let hold_out = request.held_out_of(photos.paths.len());
     let chosen = (hold_out, request.masks.as_ref());
-    let capture = estimated_capture(&photos, chosen, (&request.matching, &request.placing), out, observe)?;
-    Ok((capture, held_out_of_estimated(hold_out)))
+    let (capture, masks) = estimated_capture(&photos, chosen, (&request.matching, &request.placing), out, observe)?;
+    Ok(ChosenCapture { capture, hold_out: held_out_of_estimated(hold_out), masks })
 }
 
 /// Why nothing is made in a folder with a run, and how to go on with one that did not come to its end.

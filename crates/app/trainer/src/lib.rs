@@ -17,6 +17,7 @@ mod initial;
 mod looks;
 pub mod losses;
 pub mod observe;
+pub mod photo;
 mod recipe;
 mod registry;
 pub mod samples;

@@ -6,6 +6,7 @@ mod training;
 pub use open_run::{EvalOptions, MatchingOverride, OpenRun, Source};
 pub use training::Training;
 
+use crate::photo::PhotoRecipe;
 use crate::session::SAMPLES;
 use crate::splatweaver::SplatWeaverRecipe;
 use crate::{Config, Error, Recipe, Session, Sources, TrainingState, initial};
@@ -219,7 +220,7 @@ pub struct Registry {
 
 impl Default for Registry {
     fn default() -> Self {
-        Self::empty().with::<SplatWeaverRecipe>()
+        Self::empty().with::<SplatWeaverRecipe>().with::<PhotoRecipe>()
     }
 }
 
@@ -251,6 +252,18 @@ impl Registry {
             let known: Vec<&str> = self.iter().map(|entry| entry.name()).collect();
             Error::Input(format!("model: expected one of {}, found `{}`", known.join(", "), name.unwrap_or("")))
         })
+    }
+
+    /// The recipe with a name, or without one the first that has a preset of this name, or the first of all.
+    ///
+    /// # Errors
+    /// As [`Registry::find`].
+    pub fn find_for(&self, name: Option<&str>, preset: Option<&str>) -> Result<&dyn ModelEntry, Error> {
+        let has = |entry: &&dyn ModelEntry| preset.is_some_and(|preset| entry.presets().contains(&preset));
+        match (name, self.iter().find(has)) {
+            (None, Some(entry)) => Ok(entry),
+            _ => self.find(name),
+        }
     }
 
     /// The recipe that the run in a folder was trained with.

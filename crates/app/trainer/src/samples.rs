@@ -27,7 +27,8 @@ pub fn write(predictor: &mut dyn Predictor, options: &Options, scenes: &[Scene],
             continue;
         };
         let (example, measured) = Example::for_evaluation(scene, tuple)?;
-        let points = options.points.then(|| example.points(scene)).flatten();
+        let asked = options.points || predictor.needs_points();
+        let points = asked.then(|| example.points(scene)).flatten();
         let source = example.camera_source(options.cameras, measured, points.as_ref());
         let stream = Stream::new(options.seed, index as u64, "samples");
         let prediction = predictor.predict(example.context_photos(), source, options.density, stream)?;

@@ -3,6 +3,7 @@
 mod check;
 mod objective;
 mod presets;
+pub(crate) mod routing;
 mod sections;
 
 pub use objective::Objective;
@@ -15,7 +16,7 @@ use weaver_autograd::{ParamId, Params};
 use weaver_inference::{Checkpoint, Defaults, Predictor, SplatWeaverPredictor};
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Context;
-use weaver_router::{Allocation, AllocationKind, QuadtreeMix, TrainingMix};
+use weaver_router::AllocationKind;
 
 /// Trains SplatWeaver, from photos with or without their cameras.
 ///
@@ -137,15 +138,9 @@ impl Recipe for SplatWeaverRecipe {
         examples: &[Example],
     ) -> Result<Terms<'t>, Error> {
         let stage = step.stage;
-        let StageSettings { allocation, dense, ref budgets, .. } = stage.model;
-        let allocation: Box<dyn Allocation<f32>> = match allocation {
-            StageAllocation::Mix => Box::new(TrainingMix { dense, budgets: budgets.clone(), ..TrainingMix::default() }),
-            StageAllocation::QuadtreeMix => Box::new(QuadtreeMix { dense, ..QuadtreeMix::default() }),
-            StageAllocation::QuadtreeGridMix => Box::new(QuadtreeMix { grid: true, dense, ..QuadtreeMix::default() }),
-            StageAllocation::Kind(kind) => kind
-                .allocation(stage.model.budget, network.config().gaussians.experts())
-                .map_err(|e| Error::Input(e.to_string()))?,
-        };
+        let StageSettings { allocation, dense, budget, ref budgets, .. } = stage.model;
+        let experts = network.config().gaussians.experts();
+        let allocation = allocation.allocation(dense, budget, budgets, experts)?;
         let objective = Objective {
             stage,
             ranking: (step.local as f64) < stage.losses.router.rank_until * stage.steps as f64,

@@ -16,10 +16,12 @@ mod layer_norm;
 mod linear;
 mod mlp;
 mod optimizer;
+mod positions;
 mod projective;
 mod radam;
 mod rms_norm;
 mod schedule;
+mod view_block;
 
 pub use adamw::{AdamW, Group, Moments, StateError};
 pub use attention::Attention;
@@ -34,10 +36,12 @@ pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use mlp::Mlp;
 pub use optimizer::Optimizer;
+pub use positions::Positions;
 pub use projective::{Projections, projective_attention, turned_attention};
 pub use radam::RAdam;
 pub use rms_norm::RmsNorm;
 pub use schedule::{PublishedSchedule, WarmupCosine};
+pub use view_block::{Known, ViewBlock};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -19,6 +19,7 @@ mod predictor;
 mod pretrained;
 pub mod published;
 mod refined;
+mod resizable;
 mod run_folder;
 mod scene_network;
 mod splatweaver;
@@ -38,6 +39,7 @@ pub use predictor::{
 };
 pub use pretrained::{Network, Pretrained, cameras_of};
 pub use refined::{Effort, Refined};
+pub use resizable::Resizable;
 pub use run_folder::RunFolder;
 pub use scene_network::{LitNetwork, SceneNetwork};
 pub use splatweaver::SplatWeaverPredictor;

@@ -111,6 +111,7 @@ pub fn predict_to_folder(
         None => predictor.predict(all, source, density, stream)?,
     };
     remarks.extend(how_scaled(&prediction));
+    remarks.extend(prediction.remarks.iter().cloned());
     let cameras = if given.is_some() { "given" } else { "predicted" };
     let allocation = density.allocation.map_or(String::new(), |kind| format!(", allocation {kind}"));
     remarks.push(format!("cameras {cameras}{allocation}"));

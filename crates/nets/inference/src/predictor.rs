@@ -1,12 +1,12 @@
 //! The interface of every trained model: photos to Gaussians, and Gaussians to pictures.
 
-use crate::{Error, ViewOpacity};
+use crate::{Error, Resizable, ViewOpacity};
 use std::borrow::Cow;
 use std::fmt;
 use weaver_data::SparsePoints;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
-use weaver_io::Image;
+use weaver_io::{Advice, Image};
 use weaver_kernels::random::Stream;
 use weaver_router::AllocationKind;
 use weaver_scene::ActivatedGaussians;
@@ -92,6 +92,27 @@ pub struct Density {
     pub budget: Option<f64>,
 }
 
+impl Density {
+    /// This density with gaps filled by `allocation` and, where that has one, `budget`; checked for a model of at most
+    /// `most` Gaussians per pixel.
+    ///
+    /// # Errors
+    /// When the model has no such allocation, or the allocation has no budget.
+    pub fn filled(self, allocation: AllocationKind, budget: f64, most: usize) -> Result<Self, Error> {
+        let allocation = self.allocation.unwrap_or(allocation);
+        match self.budget {
+            Some(budget) if !allocation.has_budget() => {
+                Err(Error::NoBudget { allocation, budget, source: Advice::Setting("budget") })
+            }
+            asked => {
+                let budget = asked.or_else(|| allocation.has_budget().then_some(budget));
+                allocation.allocation::<f32>(budget.unwrap_or(0.0), most + 1)?;
+                Ok(Self { allocation: Some(allocation), budget })
+            }
+        }
+    }
+}
+
 /// The prediction of a model from some photos.
 #[derive(Clone, Debug, Default)]
 pub struct Prediction {
@@ -114,6 +135,8 @@ pub struct Prediction {
     pub scaled_by: Option<f64>,
     /// For each view, how many points its depth was brought to; empty where cameras came without points.
     pub points_used: Vec<usize>,
+    /// Remarks of the model on its own prediction, such as that it is unsure of depth.
+    pub remarks: Vec<String>,
 }
 
 impl Prediction {
@@ -191,6 +214,11 @@ pub trait Predictor: fmt::Debug + Send {
         None
     }
 
+    /// The same model as one for photos of any size, if it is one.
+    fn resizable(&mut self) -> Option<&mut dyn Resizable> {
+        None
+    }
+
     /// The density that [`Predictor::predict`] would use for this request: gaps filled, the whole checked. Both fields
     /// are `None` for a model without that choice.
     ///
@@ -206,6 +234,12 @@ pub trait Predictor: fmt::Debug + Send {
     /// A warning before predictions with this density, such as that its weights were never trained for it.
     fn remark(&self, _density: Density) -> Option<String> {
         None
+    }
+
+    /// True if given cameras must come with the points that their photos show
+    /// ([`CameraSource::GivenWithPoints`]).
+    fn needs_points(&self) -> bool {
+        false
     }
 
     /// Height and width that the model was trained at, pixels.
@@ -327,7 +361,7 @@ pub(crate) fn inside_of<'a>(
 ///
 /// ```
 /// use weaver_inference::planar;
-/// use weaver_io::Image;
+/// use weaver_io::{Advice, Image};
 /// let image = Image { width: 2, height: 1, pixels: vec![0.1, 0.2, 0.3, 0.4, 0.5, 0.6] };
 /// assert_eq!(planar([&image]), [0.1, 0.4, 0.2, 0.5, 0.3, 0.6]);
 /// ```

@@ -263,6 +263,10 @@ impl Predictor for Refined {
         self.inner.density(asked)
     }
 
+    fn needs_points(&self) -> bool {
+        self.inner.needs_points()
+    }
+
     fn image_size(&self) -> [usize; 2] {
         self.size
     }

@@ -7,7 +7,6 @@ use crate::{
 use std::path::Path;
 use std::sync::Arc;
 use weaver_autograd::{Params, Var};
-use weaver_io::Advice;
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_pose::CameraVars;
@@ -204,17 +203,7 @@ impl Predictor for SplatWeaverPredictor {
     }
 
     fn density(&self, asked: Density) -> Result<Density, Error> {
-        let allocation = asked.allocation.unwrap_or(self.allocation);
-        match asked.budget {
-            Some(budget) if !allocation.has_budget() => {
-                Err(Error::NoBudget { allocation, budget, source: Advice::Setting("budget") })
-            }
-            budget => {
-                let budget = budget.or_else(|| allocation.has_budget().then_some(self.budget));
-                allocation.allocation::<f32>(budget.unwrap_or(0.0), self.max_per_pixel() + 1)?;
-                Ok(Density { allocation: Some(allocation), budget })
-            }
-        }
+        asked.filled(self.allocation, self.budget, self.max_per_pixel())
     }
 
     fn remark(&self, density: Density) -> Option<String> {

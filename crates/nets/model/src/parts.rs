@@ -1,6 +1,9 @@
 //! The configurations of the network's parts, from the configuration of the whole.
 
-use crate::{BackboneConfig, CameraConfig, ModelConfig, ParametrizationConfig, PixelPoint, PoseFrame, WaveletKind};
+use crate::{
+    BackboneConfig, CameraConfig, GaussianConfig, ModelConfig, ParametrizationConfig, PixelPoint, PoseFrame,
+    WaveletKind,
+};
 use weaver_experts::{HeadConfig, NeighborConfig, Parametrization};
 use weaver_nn::{Init, WeightInit};
 use weaver_vggt::{
@@ -84,10 +87,7 @@ impl ModelConfig {
     }
 
     pub(crate) fn wavelet(&self) -> Wavelet {
-        match self.gaussians.wavelet {
-            WaveletKind::Haar => Wavelet::Haar,
-            WaveletKind::Db2 => Wavelet::Db2,
-        }
+        self.gaussians.wavelet.wavelet()
     }
 
     /// Where in a pixel its ray passes, in pixels from the corner.
@@ -125,28 +125,51 @@ impl ModelConfig {
     }
 
     pub(crate) fn head(&self) -> HeadConfig {
-        let g = &self.gaussians;
+        self.gaussians.head(self.dense.channels)
+    }
+}
+
+impl GaussianConfig {
+    /// The configuration of the head that turns so many channels of pixel features into Gaussians.
+    ///
+    /// The configuration should have passed [`check`](Self::check).
+    pub fn head(&self, features: usize) -> HeadConfig {
         HeadConfig {
-            features: self.dense.channels,
-            router_hidden: g.router_hidden,
-            max_per_pixel: g.max_per_pixel,
-            sh_degree: g.sh_degree,
-            neighbors: g.neighbor_attention.then_some(NeighborConfig {
-                count: g.neighbors,
-                projector: g.projector,
-                width: g.predictor,
-                zero_head: g.zero_predictor,
+            features,
+            router_hidden: self.router_hidden,
+            max_per_pixel: self.max_per_pixel,
+            sh_degree: self.sh_degree,
+            neighbors: self.neighbor_attention.then_some(NeighborConfig {
+                count: self.neighbors,
+                projector: self.projector,
+                width: self.predictor,
+                zero_head: self.zero_predictor,
             }),
-            expert_output_gain: g.expert_gain,
-            parametrization: match g.parametrization {
-                ParametrizationConfig::Published { offset_reach, scale_multiplier, scale_max } => {
-                    Parametrization::Published { offset_reach, scale_multiplier, scale_max }
-                }
-                ParametrizationConfig::Footprint { offset_reach, scale } => {
-                    Parametrization::Footprint { offset_reach, scale }
-                }
-                ParametrizationConfig::Patch { offset_reach, scale } => Parametrization::Patch { offset_reach, scale },
-            },
+            expert_output_gain: self.expert_gain,
+            parametrization: self.parametrization.parametrization(),
+        }
+    }
+}
+
+impl WaveletKind {
+    /// The wavelet itself.
+    pub fn wavelet(self) -> Wavelet {
+        match self {
+            Self::Haar => Wavelet::Haar,
+            Self::Db2 => Wavelet::Db2,
+        }
+    }
+}
+
+impl ParametrizationConfig {
+    /// The decoding itself.
+    pub fn parametrization(self) -> Parametrization {
+        match self {
+            Self::Published { offset_reach, scale_multiplier, scale_max } => {
+                Parametrization::Published { offset_reach, scale_multiplier, scale_max }
+            }
+            Self::Footprint { offset_reach, scale } => Parametrization::Footprint { offset_reach, scale },
+            Self::Patch { offset_reach, scale } => Parametrization::Patch { offset_reach, scale },
         }
     }
 }

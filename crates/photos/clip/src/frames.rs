@@ -4,9 +4,12 @@ use crate::Error;
 use crate::choice::{Measured, choose};
 use crate::movement::{Follower, sharpness};
 use crate::pictures::{Picture, Pictures, about_how_many};
+use crate::spherical::is_spherical;
 use std::path::Path;
 use std::time::Instant;
-use weaver_io::{Bitmap, Observe, OutputFolder, Part, Stage, duration, file_length, is_taken, read_part};
+use weaver_io::{
+    Bitmap, Observe, OutputFolder, Panorama, Part, Stage, duration, file_length, jpeg_of_panorama, read_part,
+};
 
 /// Name of the stage.
 const LABEL: &str = "clip";
@@ -161,6 +164,7 @@ fn write(
     observe: &mut dyn Observe,
 ) -> Result<Vec<String>, Error> {
     let mut pictures = Pictures::of(clip, numbers)?;
+    let spherical = is_spherical(clip);
     observe.begin(&stage(names.len()));
     let mut picture = Picture::default();
     for done in 0..names.len() {
@@ -172,38 +176,26 @@ fn write(
         }
         let Picture { width, height, pixels } = std::mem::take(&mut picture);
         let bitmap = Bitmap { width, height, pixels };
-        names[done] = write_frame(&bitmap, &names[done], out)?;
+        let fault = |error| Error::input(format!("{}: {error}", names[done]));
+        let mut jpeg = bitmap.to_jpeg(QUALITY).map_err(fault)?;
+        let fits = Panorama::fits((width, height));
+        if spherical && fits {
+            // The record by which the frame is cut into faces, here and by other programs.
+            jpeg = jpeg_of_panorama(jpeg, (width, height));
+        } else if spherical && done == 0 {
+            observe.warning(&format!(
+                "{}: a spherical clip of {width} x {height} pixels: expected twice as wide as high, of one eye; its frames are taken for photos of a usual lens",
+                clip.display()
+            ));
+        }
+        // Another name where a frame of another clip has its own, which earlier cameras may be of.
+        names[done] = out.keep(&names[done], &jpeg, &[])?;
         picture.pixels = bitmap.pixels;
         let note = "frames written".into();
         let _ = observe.progress(&Part { label: LABEL, done: done + 1, total: names.len(), note });
     }
     // What it complains about was said when the clip was measured. Behind the last frame nothing is waited for.
     Ok(names)
-}
-
-/// Writes a frame, and returns what it is called: another name where one of another clip has its own, which earlier
-/// cameras may be of.
-fn write_frame(bitmap: &Bitmap, name: &str, out: &OutputFolder) -> Result<String, Error> {
-    let bytes = bitmap.to_jpeg(QUALITY).map_err(|error| Error::input(format!("{name}: {error}")))?;
-    write_jpeg(&bytes, name, &[], out)
-}
-
-/// Writes a JPEG, and returns its name: one that is not `given` away, and that no file with other content has.
-pub(crate) fn write_jpeg(bytes: &[u8], name: &str, given: &[String], out: &OutputFolder) -> Result<String, Error> {
-    let stem = name.strip_suffix(".jpg").unwrap_or(name);
-    let names = std::iter::once(name.to_string()).chain((2..).map(|i| format!("{stem}-{i}.jpg")));
-    for name in names.filter(|name| !given.contains(name)) {
-        let path = out.path().join(&name);
-        if !is_taken(&path) {
-            weaver_io::atomic_write(out.file(&name)?, |w| w.write_all(bytes))?;
-            return Ok(name);
-        }
-        // A link that leads nowhere is somebody's, too.
-        if path.is_file() && weaver_io::read_bytes(&path)? == bytes {
-            return Ok(name);
-        }
-    }
-    unreachable!("one of infinitely many names is free")
 }
 
 #[cfg(test)]

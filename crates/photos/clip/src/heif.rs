@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::error::some_of;
-use crate::frames::{QUALITY, write_jpeg};
+use crate::frames::QUALITY;
 use crate::program::Program;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -88,7 +88,7 @@ pub(crate) fn convert(photos: Vec<PathBuf>, out: &OutputFolder, observe: &mut dy
             match decoded {
                 Ok(Some(jpeg)) => {
                     let stem = photos[*i].file_stem().unwrap_or_default().to_string_lossy();
-                    let name = write_jpeg(&jpeg, &format!("{CONVERTED}/{stem}.jpg"), &written, out)?;
+                    let name = out.keep(&format!("{CONVERTED}/{stem}.jpg"), &jpeg, &written)?;
                     paths[*i] = out.path().join(&name);
                     written.push(name);
                 }

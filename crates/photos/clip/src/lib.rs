@@ -18,6 +18,7 @@ mod photo_files;
 mod picture_sink;
 mod pictures;
 mod program;
+mod spherical;
 mod video;
 mod webp;
 

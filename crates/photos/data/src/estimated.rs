@@ -2,6 +2,7 @@
 
 mod context;
 mod doubt;
+mod fisheye;
 mod focal_lengths;
 mod loading;
 mod masks;
@@ -11,6 +12,7 @@ mod picture;
 mod summary;
 
 use crate::capture::PhotoMasks;
+use crate::spheres::{Face, PhotoSet, SphereOptions};
 use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, Placement, remarks};
 pub use context::EstimatedContext;
@@ -22,11 +24,12 @@ use order::is_sequence;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 pub use summary::{CameraSummary, CamerasSummary};
+use weaver_geometry::Distortion;
 use weaver_geometry::glam::DVec2;
 use weaver_io::colmap::Model;
 use weaver_io::{OutputFolder, PhotoFile, Transforms};
 use weaver_scene::Frame;
-use weaver_sfm::{Confidence, Estimate, EstimateOptions, Find, LeftOut, Observation, Photo};
+use weaver_sfm::{Confidence, Estimate, EstimateOptions, Find, LeftOut, Observation, Photo, estimate_fisheye};
 
 /// The folder of COLMAP's model.
 const SPARSE: &str = "sparse/0";
@@ -56,11 +59,24 @@ pub struct EstimatePhotosOptions {
     /// True if photos are known to follow one another, as frames of a clip do; otherwise their names decide. Of many
     /// photos each is then compared with those before and behind it, too.
     pub sequence: bool,
+    /// Panoramas among the photos.
+    pub spheres: SphereOptions,
+    /// True if the photos are of one fisheye lens, whose focal length and distortion are found.
+    pub fisheye: bool,
 }
 
 impl Default for EstimatePhotosOptions {
     fn default() -> Self {
-        Self { long_side: 640, focal: None, exif: true, shared: true, distortion: Find::Told, sequence: false }
+        Self {
+            long_side: 640,
+            focal: None,
+            exif: true,
+            shared: true,
+            distortion: Find::Told,
+            sequence: false,
+            spheres: SphereOptions::default(),
+            fisheye: false,
+        }
     }
 }
 
@@ -85,8 +101,10 @@ pub struct EstimatedPhotos {
     located: Vec<bool>,
     /// True if any was to be only located, also one that cannot be read.
     holds_out: bool,
-    /// The lens of each: a number, without gaps.
+    /// The lens of each: a number, without gaps, but for faces of panoramas.
     lens_of: Vec<usize>,
+    /// Faces of panoramas.
+    pub(crate) faces: Vec<Option<Face>>,
     /// Cameras and points; pixels belong to the photos as they were matched.
     pub estimate: Estimate,
 }
@@ -134,7 +152,17 @@ pub fn estimate_masked_photos(
     masks: Option<&PhotoMasks>,
     options: &EstimatePhotosOptions,
 ) -> Result<EstimatedPhotos, Error> {
-    assert_eq!(paths.len(), located.len(), "as many photos as flags");
+    estimate_set(&PhotoSet::new(paths, located, masks.cloned()), options)
+}
+
+/// Estimates the cameras of photo files as [`estimate_masked_photos`] does, of panoramas by their faces: these stand in
+/// one place, are turned by right angles, and have exact focal lengths and no distortion.
+///
+/// # Errors
+/// As [`estimate_masked_photos`].
+pub fn estimate_set(set: &PhotoSet, options: &EstimatePhotosOptions) -> Result<EstimatedPhotos, Error> {
+    let PhotoSet { paths, located, faces, .. } = set;
+    let masks = set.masks.as_ref();
     let holds_out = located.contains(&true);
     let load = |(i, path): (usize, &PathBuf)| load(path, masks.map(|masks| &masks.masks[i]), options);
     let loaded: Vec<Result<Loaded, Fault>> = paths.par_iter().enumerate().map(load).collect();
@@ -143,9 +171,10 @@ pub fn estimate_masked_photos(
     let of_readable = |i: usize| loaded[i].is_some();
     let located: Vec<bool> = (0..paths.len()).filter(|i| of_readable(*i)).map(|i| located[i]).collect();
     let of_mask = |i: usize| masks.and_then(|masks| PhotoMask::of(&masks.masks[i]));
+    let faces: Vec<Option<Face>> = (0..paths.len()).filter(|i| of_readable(*i)).map(|i| faces[i].clone()).collect();
     let mask_files: Vec<Option<PhotoMask>> = (0..paths.len()).filter(|i| of_readable(*i)).map(of_mask).collect();
     let paths: Vec<PathBuf> = (0..paths.len()).filter(|i| of_readable(*i)).map(|i| paths[i].clone()).collect();
-    let loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
+    let mut loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
     let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
     let focals: Vec<Option<f64>> = loaded.iter().map(|loaded| loaded.exif_focal).collect();
     let (focals, outliers) = focal_lengths::without_outliers(&names, &focals);
@@ -153,20 +182,28 @@ pub fn estimate_masked_photos(
     let transparent = remarks::transparent(&transparent.map(|(_, name)| name.clone()).collect::<Vec<_>>());
     let transparent = transparent.filter(|_| masks.is_none());
     let covered = masks::covered(&names, &loaded)?;
-    let lens_of = lenses_of(&loaded, &focals, options.shared);
-    let photos: Vec<Photo<'_>> = (loaded.iter().zip(&focals).zip(located.iter().zip(&lens_of)))
-        .map(|((Loaded { image, mask, .. }, focal), (located, lens))| {
-            let photo = Photo::new(&image.bytes[..], [image.height, image.width]);
-            let (w, h) = (image.width as f64, image.height as f64);
-            let focal = options.focal.map(|f| f * w.max(h)).or(focal.map(|mm| mm / FILM * w.hypot(h)));
-            Photo { focal, located: *located, lens: *lens, mask: mask.as_deref(), ..photo }
-        })
-        .collect();
+    if options.fisheye {
+        fisheye::prepare(&paths, &faces, &mut loaded)?;
+    }
+    let lens_of = lenses_of(&loaded, &focals, &faces, options.shared);
+    let photo = |i: usize| {
+        let Loaded { image, mask, .. } = &loaded[i];
+        let photo = Photo::new(&image.bytes[..], [image.height, image.width]);
+        let (w, h) = (image.width as f64, image.height as f64);
+        let focal = options.focal.map(|f| f * w.max(h)).or(focals[i].map(|mm| mm / FILM * w.hypot(h)));
+        let focal = faces[i].as_ref().map(|face| face.focal * w).or(focal);
+        let mounted = Face::mounted(&faces, i);
+        Photo { focal, located: located[i], lens: lens_of[i], mask: mask.as_deref(), mounted, ..photo }
+    };
+    let photos: Vec<Photo<'_>> = (0..loaded.len()).map(photo).collect();
     let focal_deviation = if options.focal.is_some() { 0.0 } else { TOLD };
-    let sequence = options.sequence || is_sequence(&paths);
+    let sequence = options.sequence || is_sequence(&Face::photos(&paths, &faces));
     let settings =
         EstimateOptions { focal_deviation, sequence, distortion: options.distortion, ..EstimateOptions::default() };
-    let (estimate, contradicted) = focal_lengths::estimate(&photos, &settings);
+    let (estimate, contradicted) = match options.fisheye {
+        true => (estimate_fisheye(&photos, &settings), None),
+        false => focal_lengths::estimate(&photos, &settings),
+    };
     let unused = masks.and_then(|masks| masks.remark.clone());
     let remarks = [unreadable, outliers, transparent, unused, covered, contradicted].into_iter().flatten().collect();
     let sizes = loaded.iter().map(|loaded| loaded.size).collect();
@@ -185,6 +222,7 @@ pub fn estimate_masked_photos(
         located,
         holds_out,
         lens_of,
+        faces,
         estimate,
     })
 }
@@ -196,10 +234,11 @@ impl EstimatedPhotos {
         placed.map(|(path, _)| path.clone()).collect()
     }
 
-    /// The photos that have none, and why.
+    /// The photos that have none, and why; a panorama is one photo here.
     pub fn left_out(&self) -> Vec<(&Path, LeftOut)> {
-        let all = self.paths.iter().zip(&self.estimate.cameras);
-        all.filter_map(|(path, camera)| Some((path.as_path(), camera.err()?))).collect()
+        let whole = (0..self.paths.len()).filter(|i| Face::mounted(&self.faces, *i).is_none_or(|m| m.on == *i));
+        let path = |i: usize| self.faces[i].as_ref().map_or(self.paths[i].as_path(), |face| &face.panorama);
+        whole.filter_map(|i| Some((path(i), self.estimate.cameras[i].err()?))).collect()
     }
 
     /// Confidence in the cameras.
@@ -208,15 +247,35 @@ impl EstimatedPhotos {
     }
 
     /// Number of lenses that the photos were taken to have: one if all have the same proportions and no different focal
-    /// lengths, and share it.
+    /// lengths, and share it. Faces of panoramas have none.
     pub fn lenses(&self) -> usize {
-        self.lens_of.iter().max().map_or(0, |last| last + 1)
+        let usual = self.lens_of.iter().zip(&self.faces).filter(|(_, face)| face.is_none());
+        usual.map(|(lens, _)| lens + 1).max().unwrap_or(0)
     }
 
     /// The focal length of the first camera over the longer side of its photo; not a number without a camera.
     pub fn focal(&self) -> f64 {
         let first = self.estimate.cameras.iter().find_map(|camera| camera.ok());
         first.map_or(f64::NAN, |c| c.intrinsics.fx / c.width.max(c.height) as f64)
+    }
+
+    /// The square of the distance of a photo's corner from the axis, over the focal length, in the first photo with a
+    /// camera; not a number without one.
+    pub fn corner(&self) -> f64 {
+        let first = self.estimate.cameras.iter().find_map(|camera| camera.ok());
+        first.map_or(f64::NAN, |c| 0.25 * (c.width as f64).hypot(c.height as f64).powi(2) / c.intrinsics.fx.powi(2))
+    }
+
+    /// The field of view of a fisheye across the longer side of its photos, degrees, and its k1 to k4; `None` if none
+    /// was found.
+    pub fn fisheye(&self) -> Option<(f64, [f64; 4])> {
+        let cameras = self.estimate.cameras.iter().zip(&self.estimate.distortion);
+        cameras.filter_map(|(camera, distortion)| Some((camera.ok()?, (*distortion)?))).find_map(
+            |(camera, distortion)| {
+                let Distortion::Fisheye { k } = distortion else { return None };
+                Some((fisheye::field_of_view(&camera, k), k))
+            },
+        )
     }
 
     /// Checks that a folder has a place for the files of [`write`](Self::write) for these photos: to be called before
@@ -277,6 +336,9 @@ impl EstimatedPhotos {
     fn off(&self, o: &Observation) -> Option<f64> {
         let camera = self.estimate.cameras[o.camera].ok()?;
         let p = camera.pose.apply(self.estimate.points[o.point]);
+        if let Some(Distortion::Fisheye { k }) = self.estimate.distortion[o.camera] {
+            return Some(fisheye::lens(&camera, k).project(p)?.distance(o.pixel));
+        }
         let at = DVec2::new(p.x, p.y) / p.z;
         let at = self.estimate.distortion[o.camera].map_or(at, |distortion| distortion.distort(at));
         Some(camera.intrinsics.project(at.extend(1.0)).distance(o.pixel))

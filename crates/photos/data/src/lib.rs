@@ -17,6 +17,7 @@ mod remarks;
 mod sampler;
 mod scene;
 mod sparse_points;
+mod spheres;
 mod tuple;
 mod undistorted;
 mod unreadable;
@@ -25,7 +26,7 @@ pub use capture::posed;
 pub use error::Error;
 pub use estimated::{
     CameraSummary, CamerasSummary, Doubt, EstimatePhotosOptions, EstimatedContext, EstimatedPhotos,
-    estimate_masked_photos, estimate_photos,
+    estimate_masked_photos, estimate_photos, estimate_set,
 };
 pub use layout::Layout;
 pub use placement::{BarFit, Placement, PositionsFit};
@@ -34,6 +35,7 @@ pub use remarks::some_of;
 pub use sampler::{Sampler, bounded_gap, evaluation_tuples, training_tuple, uniform};
 pub use scene::{NormalizedPoses, Scene, View};
 pub use sparse_points::SparsePoints;
+pub use spheres::{PhotoSet, Projection, SphereOptions};
 pub use tuple::Tuple;
 pub use weaver_io::OutputFolder;
 pub use weaver_sfm::{Confidence, Find, LeftOut, Uncertainty};

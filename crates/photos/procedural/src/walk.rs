@@ -102,13 +102,24 @@ impl Walk {
     /// # Panics
     /// If there is no such camera.
     pub fn view(&self, number: usize) -> View {
-        let camera = self.cameras[number];
+        self.seen_by(&self.cameras[number], number)
+    }
+
+    /// The photo of any other camera in the same world, with its depth; `number` names it and seeds its noise.
+    ///
+    /// ```
+    /// use weaver_procedural::{ProceduralOptions, Walk};
+    /// let walk = Walk::street(1, &ProceduralOptions { width: 32, height: 24, views: 60 });
+    /// let camera = walk.cameras()[7];
+    /// assert_eq!(walk.seen_by(&camera, 7).image.pixels, walk.view(7).image.pixels);
+    /// ```
+    pub fn seen_by(&self, camera: &Camera, number: usize) -> View {
         let (image, depth) =
-            picture::photograph(&self.blocks, &camera, (self.seed as u32).wrapping_add(number as u32 * 0x9E37));
+            picture::photograph(&self.blocks, camera, (self.seed as u32).wrapping_add(number as u32 * 0x9E37));
         View {
             name: format!("{number:04}"),
             image,
-            camera,
+            camera: *camera,
             inside: None,
             depth: Some(depth),
             instances: None,

@@ -7,6 +7,7 @@ mod lens;
 mod linear;
 mod profile;
 mod reduced;
+mod rig;
 mod some;
 mod sparse;
 mod structure;
@@ -18,6 +19,7 @@ mod tests;
 pub use covariance::Covariance;
 use descent::{Descent, Limits};
 pub use lens::Lens;
+pub use rig::Mounted;
 pub(crate) use some::LARGE;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose};
@@ -61,9 +63,13 @@ pub struct Bundle {
     pub lenses: Vec<Lens>,
     /// The number of each camera's lens.
     pub lens_of: Vec<usize>,
-    /// True for cameras that stay where they are.
+    /// The place of each camera in a rig, whose cameras follow one another, have one lens and move together; empty if
+    /// each stands alone. A camera that stands alone is mounted on itself.
+    pub rig: Vec<Mounted>,
+    /// True for cameras that stay where they are; of a rig, the first one decides.
     pub fixed: Vec<bool>,
-    /// Expected poses of cameras, and the weights of twists from them, squared pixels; empty if there are none.
+    /// Expected poses of cameras, and the weights of twists from them, squared pixels; empty if there are none. Of a
+    /// rig, the first camera's counts.
     pub expected: Vec<(Pose, [f64; TWIST])>,
     /// The points, world units.
     pub points: Vec<DVec3>,
@@ -191,11 +197,14 @@ impl Bundle {
         self.observations.iter_mut().for_each(|o| o.point = numbers[o.point]);
     }
 
-    /// True for points that at least two cameras see.
+    /// True for points that at least two cameras see, which are not of one rig.
     pub(crate) fn agreed(&self) -> Vec<bool> {
-        let mut seen = vec![0; self.points.len()];
-        self.observations.iter().for_each(|o| seen[o.point] += 1);
-        seen.into_iter().map(|n| n > 1).collect()
+        let mut agreed = vec![false; self.points.len()];
+        for seen in self.observations.chunk_by(|a, b| a.point == b.point) {
+            let first = self.mounted(seen[0].camera).on;
+            agreed[seen[0].point] = seen.iter().any(|o| self.mounted(o.camera).on != first);
+        }
+        agreed
     }
 
     /// Number of points that each camera sees.

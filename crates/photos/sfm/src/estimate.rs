@@ -1,6 +1,6 @@
 //! Cameras of photos without any other information.
 
-use crate::bundle::{Bundle, Observation};
+use crate::bundle::{Bundle, Mounted, Observation};
 use crate::features::Features;
 use crate::lenses::Taken;
 use crate::locate::{SceneOfSome, locate};
@@ -84,7 +84,7 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> Estimate {
 /// [`EstimateOptions::keypoints`] says.
 ///
 /// # Panics
-/// If there are not as many as photos.
+/// If there are not as many as photos, or photos of a rig do not follow one another.
 ///
 /// ```
 /// use weaver_procedural::{ProceduralOptions, scene};
@@ -104,6 +104,11 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> Estimate {
 pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &EstimateOptions) -> Estimate {
     assert_eq!(photos.len(), features.len(), "features of each photo");
     let taken: Vec<Taken> = photos.iter().map(Taken::of).collect();
+    for (i, mounted) in taken.iter().enumerate().filter_map(|(i, taken)| Some((i, taken.mounted?))) {
+        let follows = mounted.on == i || i > 0 && taken[i - 1].mounted.is_some_and(|before| before.on == mounted.on);
+        assert!(follows, "photos of a rig follow one another: {i} on {}", mounted.on);
+        assert_eq!(photos[i].located, photos[mounted.on].located, "photos of a rig are located together: {i}");
+    }
     // Photos that are only located take no part while the others are found.
     let numbers: Vec<usize> = (0..photos.len()).filter(|i| !photos[*i].located).collect();
     let of_those = if numbers.len() == photos.len() {
@@ -112,7 +117,11 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
         Cow::Owned(numbers.iter().map(|i| features[*i].clone()).collect())
     };
     let photos_of_those: Vec<&Photo<'_>> = numbers.iter().map(|i| &photos[*i]).collect();
-    let taken_of_those: Vec<Taken> = numbers.iter().map(|i| taken[*i]).collect();
+    let renumbered = |taken: Taken| {
+        let mounted = taken.mounted.map(|m| Mounted { on: numbers.partition_point(|i| *i < m.on), ..m });
+        Taken { mounted, ..taken }
+    };
+    let taken_of_those: Vec<Taken> = numbers.iter().map(|i| renumbered(taken[*i])).collect();
     let Scene { found, pairs, rival, untied, one_place } =
         Search::new(&taken_of_those, &photos_of_those, &of_those, settings).scene();
     let pairs = pairs.renumbered(&numbers);
@@ -191,7 +200,7 @@ fn without_cameras(features: &[Features], pairs: &Pairs, placed: &[bool]) -> Est
 
 impl Estimate {
     /// Makes the first camera the origin, and the mean distance from it to the points 1.
-    fn normalize(&mut self) {
+    pub(crate) fn normalize(&mut self) {
         let Some(origin) = self.cameras.iter().find_map(|c| c.ok()) else { return };
         let center = origin.pose.center();
         let mut distances: Vec<f64> = self.points.iter().map(|p| p.distance(center)).collect();

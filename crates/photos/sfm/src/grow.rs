@@ -49,9 +49,10 @@ impl Grown {
     /// Two photos with their relative pose. `bundle` has a camera for each photo; their poses are ignored.
     pub fn new(mut bundle: Bundle, [a, b]: [usize; 2], pose: &Pose) -> Self {
         let mut placed = vec![false; bundle.cameras.len()];
-        (placed[a], placed[b]) = (true, true);
-        (bundle.cameras[a].pose, bundle.cameras[b].pose) = (Pose::IDENTITY, *pose);
-        bundle.fixed[a] = true;
+        bundle.together(a).chain(bundle.together(b)).for_each(|photo| placed[photo] = true);
+        bundle.put(a, Pose::IDENTITY);
+        bundle.put(b, *pose);
+        bundle.together(a).for_each(|photo| bundle.fixed[photo] = true);
         Self { bundle, placed, support: 0.0 }
     }
 
@@ -92,20 +93,23 @@ impl Grown {
         self.support = explained(&self.bundle);
     }
 
-    /// The same without a photo that has a place; `None` where it has none, or too few are left.
+    /// The same without a photo that has a place, and without the others of its rig; `None` where it has none, or too
+    /// few are left.
     pub fn without(&self, photo: usize) -> Option<Self> {
         let mut rest = self.clone();
-        rest.placed[photo] = false;
+        self.bundle.together(photo).for_each(|photo| rest.placed[photo] = false);
         let first = rest.placed.iter().position(|placed| *placed)?;
-        if std::mem::take(&mut rest.bundle.fixed[photo]) {
-            rest.bundle.fixed[first] = true;
+        if self.bundle.fixed[photo] {
+            self.bundle.together(photo).for_each(|photo| rest.bundle.fixed[photo] = false);
+            self.bundle.together(first).for_each(|first| rest.bundle.fixed[first] = true);
         }
-        (self.placed[photo] && rest.placed.iter().filter(|placed| **placed).count() > 1).then_some(rest)
+        let left = (0..rest.placed.len()).filter(|i| rest.placed[*i] && self.bundle.leads(*i)).count();
+        (self.placed[photo] && left > 1).then_some(rest)
     }
 
-    /// Places a photo anew.
+    /// Places a photo anew, with its rig.
     pub fn rejoin(&mut self, evidence: &Evidence<'_>, photo: usize) {
-        let absent: Vec<bool> = (0..self.placed.len()).map(|i| i != photo).collect();
+        let absent: Vec<bool> = (0..self.placed.len()).map(|i| !self.bundle.together(photo).contains(&i)).collect();
         self.join(&Evidence { absent: &absent, ..*evidence });
     }
 
@@ -141,6 +145,7 @@ fn lost(bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
     let agreed = bundle.agreed();
     let mut seen = vec![0; placed.len()];
     bundle.observations.iter().filter(|o| agreed[o.point]).for_each(|o| seen[o.camera] += 1);
+    let seen = bundle.summed(seen);
     (0..placed.len()).filter(|i| placed[*i] && seen[*i] < LOST).collect()
 }
 
@@ -150,7 +155,8 @@ fn contradicted(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> Ve
         let [agree, all] = tally(evidence, bundle, placed, &bundle.cameras[*photo].pose, *photo);
         placed[*photo] && (agree as f64) < MOST * all as f64
     };
-    (0..placed.len()).filter(wrong).collect()
+    let first = (0..placed.len()).filter(|photo| bundle.leads(*photo));
+    first.filter(wrong).flat_map(|photo| bundle.together(photo)).collect()
 }
 
 /// Support: the exactly fitting part of the observations, less the cost of an unexpected focal length.
@@ -162,7 +168,7 @@ pub(crate) fn explained(bundle: &Bundle) -> f64 {
     bundle.observations.iter().zip(bundle.fits(EXACT)).map(value).sum::<f64>() - prior
 }
 
-/// Places cameras that see enough points; returns which.
+/// Places cameras that see enough points, a rig as one; returns which.
 fn join(
     evidence: &Evidence<'_>,
     bundle: &mut Bundle,
@@ -178,7 +184,7 @@ fn join(
     seen.iter_mut().for_each(|seen| seen.sort_by(|a, b| by_pixel(a.pixel, b.pixel)));
     let mut found: Vec<Option<Place>> = vec![None; placed.len()];
     parallel::for_chunks(&mut found, 1, |photo, found| {
-        if !placed[photo] && !refused[photo] {
+        if bundle.leads(photo) && !placed[photo] && !refused[photo] {
             found[0] = place(evidence, bundle, placed, &seen, photo);
         }
     });
@@ -189,8 +195,8 @@ fn join(
     let mut joined = Vec::new();
     for (photo, found) in found.into_iter().enumerate() {
         if let Some(Place { pose, .. }) = found.filter(|f| f.count as f64 >= together * most as f64) {
-            bundle.cameras[photo].pose = pose;
-            joined.push(photo);
+            bundle.put(photo, pose);
+            joined.extend(bundle.together(photo));
         }
     }
     joined

@@ -1,7 +1,8 @@
 //! The lenses that photos were taken with, and their focal lengths before any matching.
 
-use crate::bundle::{Bundle, Lens};
+use crate::bundle::{Bundle, Lens, Mounted};
 use crate::photo::{EstimateOptions, Photo};
+use weaver_geometry::glam::DMat3;
 use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_kernels::order::median_high;
 
@@ -13,11 +14,13 @@ pub(crate) struct Taken {
     /// As in [`Photo`].
     pub focal: Option<f64>,
     pub lens: usize,
+    /// Its place in a rig, by the numbers of all photos that are looked at together.
+    pub mounted: Option<Mounted>,
 }
 
 impl Taken {
     pub fn of(photo: &Photo<'_>) -> Self {
-        Self { size: photo.size, focal: photo.focal, lens: photo.lens }
+        Self { size: photo.size, focal: photo.focal, lens: photo.lens, mounted: photo.mounted }
     }
 
     /// Its camera with a focal length, pixels, without a pose.
@@ -99,8 +102,9 @@ impl EstimateOptions {
         };
         let told_by_others = |lens: usize| {
             let other = |(p, of): (&Taken, &usize)| Some(p.focal? / p.longer() * lenses.ratio(lens, *of));
-            median(each().filter_map(other))
+            median(each().filter(|(photo, _)| photo.mounted.is_none()).filter_map(other))
         };
+        let calibrated = |lens: usize| each().any(|(photo, of)| *of == lens && photo.mounted.is_some());
         let known = |lens: usize| {
             let of = |focal: f64, expected: f64, deviation: f64| {
                 let free_focal = deviation > 0.0;
@@ -108,7 +112,7 @@ impl EstimateOptions {
                 (focal, Lens { expected, weight, free_focal, ..Lens::default() })
             };
             if let Some(told) = told_by(lens) {
-                of(told, 0.0, self.focal_deviation)
+                of(told, 0.0, if calibrated(lens) { 0.0 } else { self.focal_deviation })
             } else if let Some(told) = told_by_others(lens) {
                 of(told, 0.0, UNKNOWN)
             } else {
@@ -123,9 +127,23 @@ impl EstimateOptions {
             lenses: known,
             fixed: vec![false; photos.len()],
             lens_of: lenses.of,
+            rig: rig(photos),
             ..Bundle::default()
         }
     }
+}
+
+/// True for two photos of one rig: they were taken in one place, so that matches between them tell no depth.
+pub(crate) fn is_one_rig(photos: &[Taken], pair: &[usize; 2]) -> bool {
+    let [a, b] = pair.map(|photo| photos[photo].mounted.map(|mounted| mounted.on));
+    a.is_some() && a == b
+}
+
+/// The place of each photo in a rig; empty if all stand alone.
+fn rig(photos: &[Taken]) -> Vec<Mounted> {
+    let alone = |on: usize| Mounted { on, rotation: DMat3::IDENTITY };
+    let mounted = photos.iter().enumerate().map(|(i, photo)| photo.mounted.unwrap_or(alone(i)));
+    if photos.iter().any(|photo| photo.mounted.is_some()) { mounted.collect() } else { Vec::new() }
 }
 
 impl Bundle {
@@ -159,6 +177,7 @@ impl Bundle {
             }
         }
         all.fixed = vec![false; photos.len()];
+        all.rig = rig(photos);
         all.observations = self.observations;
         all.observations.iter_mut().for_each(|o| o.camera = numbers[o.camera]);
         all.points = self.points;

@@ -7,6 +7,7 @@
 //! - [`two_view`]: the relative pose of two cameras, from matches.
 //! - [`Bundle`]: cameras, lenses and points adjusted to all observations.
 //! - [`estimate()`]: all of it for photos without any other information.
+//! - [`estimate_fisheye`]: the same for photos of a fisheye, whose lens is found, too.
 //! - [`refine`]: all of it for cameras that are nearly right.
 //!
 //! The same bits at any number of threads.
@@ -19,6 +20,7 @@ mod epipolar;
 mod estimate;
 mod evidence;
 mod features;
+mod fisheye;
 mod focal;
 mod grow;
 mod lenses;
@@ -41,12 +43,13 @@ mod turning;
 mod two_view;
 mod uncertainty;
 
-pub use bundle::{Bundle, Covariance, Lens, Observation, Solved};
+pub use bundle::{Bundle, Covariance, Lens, Mounted, Observation, Solved};
 pub use confidence::Confidence;
 pub use descriptor::DESCRIPTOR;
 pub use epipolar::Epipolar;
 pub use estimate::{Estimate, LeftOut, estimate, estimate_from};
 pub use features::{Features, Keypoint};
+pub use fisheye::{FisheyeLens, estimate_fisheye};
 pub use matching::{Match, matches, matches_along};
 pub use photo::{EstimateOptions, Find, Photo};
 pub use refine::{RefineSettings, Refined, View, carried, refine};

@@ -8,7 +8,6 @@ use crate::lenses::{Taken, tau};
 use crate::pairs::{self, Pairs, linked};
 use crate::passes::{Pass, compared, near};
 use crate::photo::EstimateOptions;
-use crate::retrieval::candidates;
 
 /// Largest error of a place by pairs alone, in deviations of keypoints.
 const ASTRAY: f64 = 32.0;
@@ -39,7 +38,7 @@ pub(crate) fn locate(
         return (bundle, placed, pairs);
     }
     let others: Vec<bool> = (0..taken.len()).map(|i| numbers.binary_search(&i).is_ok()).collect();
-    let mut with_located = candidates(features, &others, settings.candidates, settings.sequence);
+    let mut with_located = pairs::compared(features, taken, &others, settings);
     with_located.retain(|pair| pair.iter().any(|photo| !others[*photo]));
     let cameras: Vec<_> = (0..taken.len()).map(|i| bundle.camera(i)).collect();
     let matched = pairs::matched(features, &with_located);

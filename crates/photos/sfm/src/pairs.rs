@@ -1,7 +1,10 @@
 //! Pairs of photos that show the same things, and their relative poses.
 
 use crate::features::Features;
+use crate::lenses::Taken;
 use crate::matching::{Match, matches};
+use crate::photo::EstimateOptions;
+use crate::retrieval::candidates;
 use crate::tracks::{Track, joined};
 use crate::two_view::{TwoView, judge, rotation_only, turns, two_view};
 use weaver_geometry::glam::{DVec2, DVec3};
@@ -21,6 +24,38 @@ const FEWEST: usize = 12;
 pub(crate) fn linked(features: &[Features], pairs: &[Pair]) -> Vec<Track> {
     let counts: Vec<usize> = features.iter().map(|f| f.keypoints.len()).collect();
     joined(&counts, pairs.iter().map(|pair| (pair.photos, &pair.matches[..])))
+}
+
+/// Rigs of a sequence whose photos of the same side are compared: so many behind each.
+const RIGS: [usize; 4] = [1, 2, 4, 8];
+
+/// Pairs of photos that are compared. Photos of one rig are not: from one place nothing tells a depth.
+pub(crate) fn compared(
+    features: &[Features],
+    taken: &[Taken],
+    present: &[bool],
+    settings: &EstimateOptions,
+) -> Vec<[usize; 2]> {
+    let EstimateOptions { candidates: most, sequence, .. } = *settings;
+    let first = |photo: usize| taken[photo].mounted.map(|mounted| mounted.on);
+    if taken.iter().all(|taken| taken.mounted.is_none()) {
+        return candidates(features, present, most, sequence);
+    }
+    let mut pairs = candidates(features, present, most, false);
+    if sequence {
+        let mut firsts: Vec<usize> = (0..taken.len()).filter(|photo| first(*photo) == Some(*photo)).collect();
+        firsts.dedup();
+        for photo in (0..taken.len()).filter(|photo| first(*photo).is_some()) {
+            let on = first(photo).unwrap_or(photo);
+            let rig = firsts.partition_point(|first| *first < on);
+            let behind = RIGS.iter().filter_map(|step| firsts.get(rig + step)).map(|other| other + photo - on);
+            pairs.extend(behind.filter(|other| *other < taken.len()).map(|other| [photo, other]));
+        }
+        pairs.sort_unstable();
+        pairs.dedup();
+    }
+    pairs.retain(|[a, b]| first(*a).is_none() || first(*a) != first(*b));
+    pairs
 }
 
 /// Matches of each pair of photos that has enough.

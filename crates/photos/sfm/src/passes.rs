@@ -136,9 +136,12 @@ impl Bundle {
         for scales in [&ALL[..], &NARROW, &LAST] {
             let mut tried = locating.clone();
             scales.iter().for_each(|scale| _ = tried.adjust(*scale, STEPS));
+            // By all observations of a rig.
             let mut explained = vec![0.0; most.len()];
-            tried.observations.iter().zip(tried.fits(EXACT)).for_each(|(o, fit)| explained[o.camera] += fit);
-            for (camera, explained) in explained.into_iter().enumerate() {
+            let fits = tried.observations.iter().zip(tried.fits(EXACT));
+            fits.for_each(|(o, fit)| explained[self.mounted(o.camera).on] += fit);
+            for camera in 0..most.len() {
+                let explained = explained[self.mounted(camera).on];
                 if explained > most[camera] {
                     (most[camera], self.cameras[camera]) = (explained, tried.cameras[camera]);
                 }

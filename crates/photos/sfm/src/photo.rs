@@ -1,5 +1,6 @@
 //! Photos to estimate cameras of, and the settings.
 
+use crate::bundle::Mounted;
 use crate::features::{Features, gray};
 use std::borrow::Cow;
 
@@ -21,12 +22,16 @@ pub struct Photo<'a> {
     pub lens: usize,
     /// True if the other cameras and the points are found without it: it is then located in their scene.
     pub located: bool,
+    /// Its place in a rig of photos, as the faces of a panorama; `None` if it stands alone. Photos of a rig follow one
+    /// another, the first of them mounted on itself, and have one lens, which no other photo has. Their focal lengths
+    /// are exact, if they are given, and all of a rig are [located](Self::located) or none.
+    pub mounted: Option<Mounted>,
 }
 
 impl<'a> Photo<'a> {
     /// A photo in sRGB, `[height, width, 3]`, without any other information.
     pub fn new(rgb: impl Into<Cow<'a, [u8]>>, size: [usize; 2]) -> Self {
-        Self { rgb: rgb.into(), size, mask: None, focal: None, lens: 0, located: false }
+        Self { rgb: rgb.into(), size, mask: None, focal: None, lens: 0, located: false, mounted: None }
     }
 
     /// Its [`Features`], at most so many.

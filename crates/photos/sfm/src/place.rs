@@ -37,7 +37,7 @@ pub(crate) struct Place {
     pub share: f64,
 }
 
-/// The pose of a photo and its inlier count: of points or, if it sees too few, of matches with placed photos. The
+/// The pose of a photo that stands alone or leads its rig, and the inlier count of all of it: of points or, if it sees too few, of matches with placed photos. The
 /// observations `seen` of each photo are in the order of pixels.
 pub(crate) fn place(
     evidence: &Evidence<'_>,
@@ -47,22 +47,25 @@ pub(crate) fn place(
     photo: usize,
 ) -> Option<Place> {
     let (mut turned, mut apart) = (Vec::new(), Vec::new());
-    for pair in evidence.pairs.iter().filter(|pair| pair.photos.contains(&photo)) {
-        let other = pair.photos[usize::from(pair.photos[0] == photo)];
-        if placed[other] {
-            let (turn, far) = suggested(bundle, &seen[other], evidence, pair, photo);
-            turned.push(turn);
-            apart.extend(far);
+    let rig = bundle.together(photo);
+    for pair in evidence.pairs {
+        for (this, other) in [(pair.photos[0], pair.photos[1]), (pair.photos[1], pair.photos[0])] {
+            if rig.contains(&this) && placed[other] {
+                let (turn, far) = suggested(bundle, &seen[other], evidence, pair, this);
+                turned.push(bundle.pose_of_first(this, turn));
+                apart.extend(far.map(|far| bundle.pose_of_first(this, far)));
+            }
         }
     }
+    let points: usize = seen[rig].iter().map(Vec::len).sum();
     let Trust { fewest, share, matches_alone } = evidence.trust;
-    let enough = |count: usize| count >= fewest && count as f64 >= share * seen[photo].len() as f64;
+    let enough = |count: usize| count >= fewest && count as f64 >= share * points as f64;
     let with_share = |(pose, count): (Pose, usize)| {
         let [agree, all] = tally(evidence, bundle, placed, &pose, photo);
         Place { pose, count, share: agree as f64 / all.max(1) as f64 }
     };
     let of_matches = || by_matches(evidence, bundle, placed, &apart, photo).filter(|_| matches_alone).map(with_share);
-    by_points(bundle, &seen[photo], &[&apart[..], &turned].concat(), photo)
+    by_points(bundle, seen, &[&apart[..], &turned].concat(), photo)
         .filter(|(_, count)| enough(*count))
         .map(with_share)
         .filter(|place| place.share >= ENOUGH)
@@ -70,31 +73,37 @@ pub(crate) fn place(
 }
 
 /// The candidate that fits the points best, adjusted to them.
-fn by_points(bundle: &Bundle, seen: &[Observation], suggestions: &[Pose], photo: usize) -> Option<(Pose, usize)> {
+fn by_points(bundle: &Bundle, seen: &[Vec<Observation>], suggestions: &[Pose], photo: usize) -> Option<(Pose, usize)> {
     let Lens { k1, k2, .. } = bundle.lenses[bundle.lens_of[photo]];
     let lens = Lens { k1, k2, ..Lens::default() };
+    let rig: Vec<usize> = bundle.together(photo).collect();
+    let seen = || rig.iter().enumerate().flat_map(|(camera, photo)| seen[*photo].iter().map(move |o| (camera, o)));
     let mut alone = Bundle {
-        cameras: vec![bundle.camera(photo)],
+        cameras: rig.iter().map(|photo| bundle.camera(*photo)).collect(),
         lenses: vec![lens],
-        lens_of: vec![0],
-        fixed: vec![false],
-        points: seen.iter().map(|o| bundle.points[o.point]).collect(),
+        lens_of: vec![0; rig.len()],
+        rig: bundle.rig_of(&rig),
+        fixed: vec![false; rig.len()],
+        points: seen().map(|(_, o)| bundle.points[o.point]).collect(),
         fixed_points: true,
-        observations: (seen.iter().enumerate()).map(|(point, o)| Observation { camera: 0, point, ..*o }).collect(),
+        observations: seen().enumerate().map(|(point, (camera, o))| Observation { camera, point, ..*o }).collect(),
         ..Bundle::default()
     };
-    let sight = |o: &Observation| Sight { point: bundle.points[o.point], pixel: o.pixel, within: FITS * o.deviation };
-    let sights: Vec<Sight> = seen.iter().map(sight).collect();
-    let resected = resected(&sights, &alone.cameras[0]);
+    let sight = |(camera, o): (usize, &Observation)| {
+        let (point, within) = (bundle.points[o.point], FITS * o.deviation);
+        Sight { point, camera, pixel: o.pixel, within }
+    };
+    let sights: Vec<Sight> = seen().map(sight).collect();
+    let resected = resected(&sights, &alone);
     let mut tried: Vec<(f64, Pose)> = Vec::new();
     for pose in resected.iter().chain(suggestions) {
-        alone.cameras[0].pose = *pose;
+        alone.put(0, *pose);
         tried.push((fitting(&alone, LOCATING[0]).0, *pose));
     }
     tried.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut best: Option<(f64, Pose, usize)> = None;
     for (_, pose) in tried.into_iter().take(TRIED) {
-        alone.cameras[0].pose = pose;
+        alone.put(0, pose);
         LOCATING.iter().for_each(|scale| alone.adjust_roughly(*scale, 2 * STEPS));
         let (value, count) = fitting(&alone, FITS);
         if best.is_none_or(|best| value > best.0) {
@@ -117,7 +126,8 @@ fn by_matches(
     (best.1 >= evidence.trust.fewest).then_some(best)
 }
 
-/// Number of a photo's matches with placed ones that agree with a pose, and of all.
+/// Number of matches with placed photos that agree with the pose of a photo that leads its rig or stands alone, and of
+/// all.
 pub(crate) fn tally(
     evidence: &Evidence<'_>,
     bundle: &Bundle,
@@ -125,9 +135,13 @@ pub(crate) fn tally(
     pose: &Pose,
     photo: usize,
 ) -> [usize; 2] {
-    let here = Camera { pose: *pose, ..bundle.camera(photo) };
-    let camera = |i: usize| if i == photo { here } else { bundle.camera(i) };
-    let with = |pair: &&Pair| pair.photos.contains(&photo) && pair.photos.iter().any(|p| *p != photo && placed[*p]);
+    let rig = bundle.together(photo);
+    let here = |i: usize| Camera { pose: bundle.pose_by_first(i, pose), ..bundle.camera(i) };
+    let camera = |i: usize| if rig.contains(&i) { here(i) } else { bundle.camera(i) };
+    let with = |pair: &&Pair| {
+        let [a, b] = pair.photos;
+        rig.contains(&a) && placed[b] || rig.contains(&b) && placed[a]
+    };
     evidence.pairs.iter().filter(with).fold([0, 0], |[agree, all], pair| {
         [agree + agreeing(evidence.features, pair, &pair.photos.map(camera)), all + pair.matches.len()]
     })

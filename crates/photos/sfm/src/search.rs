@@ -12,7 +12,6 @@ use crate::lenses::{Taken, USUAL, tau};
 use crate::pairs::{self, Pair, Pairs, linked};
 use crate::photo::{EstimateOptions, Photo};
 use crate::place::agreeing;
-use crate::retrieval::candidates;
 use crate::ties::untied;
 use crate::turning::turning;
 
@@ -84,7 +83,7 @@ impl<'a> Search<'a> {
         features: &'a [Features],
         settings: &'a EstimateOptions,
     ) -> Self {
-        let candidates = candidates(features, &vec![true; taken.len()], settings.candidates, settings.sequence);
+        let candidates = pairs::compared(features, taken, &vec![true; taken.len()], settings);
         let matched = pairs::matched(features, &candidates);
         let pairs = Pairs { matched, posed: Vec::new() };
         Self { taken, features, photos, settings, pairs, found: Vec::new(), given_up: 0.0 }
@@ -110,14 +109,15 @@ impl<'a> Search<'a> {
             return Scene { one_place: true, ..Scene::none(self.pairs) };
         }
         // The last passes may have left a camera with too few observations.
-        placed.iter_mut().zip(bundle.seen()).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
+        let seen = bundle.summed(bundle.seen());
+        placed.iter_mut().zip(seen).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
         bundle.observations.retain(|o| placed[o.camera]);
         if !placed.contains(&true) {
             return self.without_cameras();
         }
         bundle.finish();
         let agreeing = |pair: &Pair| agreeing(self.features, pair, &pair.photos.map(|photo| bundle.camera(photo)));
-        let untied = untied(&self.pairs.posed, &placed, agreeing);
+        let untied = untied(&self.pairs.posed, &placed, |photo| bundle.mounted(photo).on, agreeing);
         Scene { found: Some((bundle, placed)), rival, untied, ..Scene::none(self.pairs) }
     }
 

@@ -29,13 +29,19 @@ type Part = (Vec<usize>, f64);
 ///
 /// Where things repeat, photos of different ones match, and a part of a scene that is consistent in itself can stand in
 /// a wrong place. Pairs with the rest that show the same thing then contradict it. Parts are single photos, and the
-/// photos joined to them by ties, the strongest first. `agreeing` counts the matches of a pair that agree with the
+/// photos joined to them by ties, the strongest first. Photos of a rig count as the first of them, which `first_of`
+/// names. `agreeing` counts the matches of a pair that agree with the
 /// cameras of the scene.
-pub(crate) fn untied(pairs: &[Pair], placed: &[bool], agreeing: impl Fn(&Pair) -> usize) -> Vec<usize> {
+pub(crate) fn untied(
+    pairs: &[Pair],
+    placed: &[bool],
+    first_of: impl Fn(usize) -> usize,
+    agreeing: impl Fn(&Pair) -> usize,
+) -> Vec<usize> {
     let tie = |pair: &Pair| {
         let (agree, all) = (agreeing(pair) as f64, pair.matches.len() as f64);
         Tie {
-            photos: pair.photos,
+            photos: pair.photos.map(&first_of),
             holds: if agree >= HOLDS * all { agree } else { 0.0 },
             contradicts: if agree < CONTRADICTS * all { all - agree } else { 0.0 },
         }
@@ -43,7 +49,7 @@ pub(crate) fn untied(pairs: &[Pair], placed: &[bool], agreeing: impl Fn(&Pair) -
     let of_placed = |pair: &&Pair| pair.certain(TIED) && pair.photos.iter().all(|photo| placed[*photo]);
     let mut ties: Vec<Tie> = pairs.iter().filter(of_placed).map(tie).collect();
     ties.sort_by(|a, b| b.holds.total_cmp(&a.holds));
-    let photos: Vec<usize> = (0..placed.len()).filter(|photo| placed[*photo]).collect();
+    let photos: Vec<usize> = (0..placed.len()).filter(|photo| placed[*photo] && first_of(*photo) == *photo).collect();
     let mut part: Vec<usize> = (0..placed.len()).collect();
     let mut parts: Vec<Part> = photos.iter().map(|photo| smaller(&ties, &photos, &part, *photo)).collect();
     for tie in ties.iter().filter(|tie| tie.holds > 0.0) {
@@ -109,7 +115,7 @@ mod tests {
             pair([2, 5], 100, 0.9),
             pair([4, 5], 100, 0.9),
         ];
-        let named = |placed: [bool; 6]| untied(&pairs, &placed, |pair| pair.matches.len());
+        let named = |placed: [bool; 6]| untied(&pairs, &placed, |photo| photo, |pair| pair.matches.len());
         assert_eq!(named([true, true, true, true, true, false]), [3, 4], "5 has no place and ties nothing");
         assert_eq!(named([true; 6]), [0; 0]);
         assert_eq!(named([false, false, true, true, false, false]), [3], "of two the second");
@@ -131,10 +137,15 @@ mod tests {
         ];
         // The part of the matches of the last pair that agrees.
         let named = |agrees: f64| {
-            untied(&pairs, &[true; 5], |pair| match pair.photos {
-                [0, 4] => (agrees * 60.0) as usize,
-                _ => pair.matches.len(),
-            })
+            untied(
+                &pairs,
+                &[true; 5],
+                |photo| photo,
+                |pair| match pair.photos {
+                    [0, 4] => (agrees * 60.0) as usize,
+                    _ => pair.matches.len(),
+                },
+            )
         };
         assert_eq!(named(1.0), [0; 0]);
         assert_eq!(named(0.6), [0; 0], "neither holds nor contradicts");

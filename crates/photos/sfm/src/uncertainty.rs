@@ -56,7 +56,8 @@ impl Uncertainty {
         let noise = bundle.covariance(1.0)?.sigma;
         // Parameters held fixed may yet be off, and the rest with them.
         let mut freed = bundle.clone();
-        for lens in &mut freed.lenses {
+        let uncertain = freed.lenses.iter_mut().zip(bundle.calibrated()).filter(|(_, calibrated)| !calibrated);
+        for (lens, _) in uncertain {
             (lens.free_shift, lens.shift_weight) = (true, (noise / OFF_CENTER).powi(2));
             if !lens.free_k1 {
                 (lens.free_k1, lens.distortion_weight) = (true, (noise / UNSEEN).powi(2));
@@ -121,11 +122,13 @@ fn left_out(bundle: &Bundle) -> LeftOut {
     let n = bundle.cameras.len();
     let plenty = bundle.has_plenty();
     let bundle: &Bundle = &bundle.by_some(1.0, STEPS);
-    let groups = n.min(GROUPS);
+    // A rig is left out as a whole.
+    let bodies = bundle.bodies();
+    let groups = bodies.last().map_or(0, |last| last + 1).min(GROUPS);
     let mut without: Vec<Option<Ended>> = vec![None; groups];
     parallel::for_chunks(&mut without, 1, |group, without| {
         let mut rest = bundle.clone();
-        rest.observations.retain(|o| o.camera % groups != group);
+        rest.observations.retain(|o| bodies[o.camera] % groups != group);
         let agreed = rest.agreed();
         rest.observations.retain(|o| agreed[o.point]);
         if plenty {
@@ -140,7 +143,7 @@ fn left_out(bundle: &Bundle) -> LeftOut {
     for (group, (cameras, lenses)) in without.into_iter().flatten().enumerate() {
         let lenses = lenses.iter().zip(&bundle.lenses).map(|(a, b)| (a.log_focal - b.log_focal).powi(2));
         squares.focal.iter_mut().zip(lenses).for_each(|(sum, square)| *sum += square);
-        let kept: Vec<usize> = (0..n).filter(|i| i % groups != group).collect();
+        let kept: Vec<usize> = (0..n).filter(|i| bodies[*i] % groups != group).collect();
         let poses = |of: &[Camera]| -> Vec<Pose> { kept.iter().map(|i| of[*i].pose).collect() };
         let (from, to) = (poses(&cameras), poses(&bundle.cameras));
         let Some(onto) = Similarity::fit_poses(&from, &to) else { continue };
@@ -181,6 +184,7 @@ impl Bundle {
             cameras: kept.iter().map(|i| self.cameras[*i]).collect(),
             lenses: (0..self.lenses.len()).map(lens).collect(),
             lens_of: kept.iter().map(|i| self.lens_of[*i]).collect(),
+            rig: self.rig_of(&kept),
             fixed: vec![false; kept.len()],
             points: self.points.clone(),
             observations: observations.collect(),
@@ -200,6 +204,7 @@ impl Bundle {
         };
         let mut used = vec![false; self.lenses.len()];
         self.lens_of.iter().zip(placed).for_each(|(lens, placed)| used[*lens] |= placed);
+        used.iter_mut().zip(self.calibrated()).for_each(|(used, calibrated)| *used &= !calibrated);
         if find != Find::Told {
             self.free([first, second], &used);
             return true;

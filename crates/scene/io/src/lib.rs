@@ -58,6 +58,7 @@ pub use pictures::color::{false_color, label_color};
 pub use pictures::exif::focal_35mm;
 pub use pictures::heif::{HeifPhoto, Turned};
 pub use pictures::image::{Background, Image};
+pub use pictures::panorama::{Panorama, jpeg_of_panorama};
 pub use pictures::photo_file::{PhotoFile, list_photos, photos_at};
 pub use pictures::photo_folder::PhotoFolder;
 pub use pictures::place::{PhotoPlace, photo_place};

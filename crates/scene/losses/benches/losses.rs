@@ -3,7 +3,7 @@
 use criterion::Criterion;
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::Input;
-use weaver_losses::{Perceptual, Photometric, error_regression, mse, ssim};
+use weaver_losses::{Perceptual, Photometric, error_regression, laplacian_log_depth, mse, ssim};
 
 fn losses(criterion: &mut Criterion) {
     let image =
@@ -21,6 +21,14 @@ fn losses(criterion: &mut Criterion) {
         bencher.iter(|| {
             let (a, b) = (tape.leaf(&render, [6, 3, 48, 64]), tape.constant(&target, [6, 3, 48, 64]));
             ssim(a, b).mean().backward();
+            tape.reset();
+        });
+    });
+    criterion.bench_function("Laplacian of depth of 4 x 64 x 48, forward and backward", |bencher| {
+        bencher.iter(|| {
+            let pixels = 4 * 48 * 64;
+            let [l, u] = [&render, &target].map(|x| tape.leaf(&x[..pixels], [4, 48, 64]));
+            laplacian_log_depth(l, u, tape.constant(&target[..pixels], [4, 48, 64])).backward();
             tape.reset();
         });
     });

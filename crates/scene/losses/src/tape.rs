@@ -16,7 +16,7 @@ mod relative_pose;
 mod ssim;
 
 pub use budget::{global_budget, share_budget};
-pub use depth::{masked_depth_mse, sparse_log_depth_l1};
+pub use depth::{laplacian_log_depth, masked_depth_mse, sparse_log_depth_l1};
 pub use error_regression::{error_regression, error_target};
 pub use lpips::Lpips;
 pub use masked::{inside_of, masked_mse};

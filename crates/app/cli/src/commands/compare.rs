@@ -1,11 +1,8 @@
 //! `splatweaver compare`: one file of Gaussians against the photos of a capture.
 
-use crate::flags::LENSES;
 use clap::Args;
 use std::path::PathBuf;
-use weaver_command::{
-    Console, ConsoleObserver, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Threads, choice, device,
-};
+use weaver_command::{Console, ConsoleObserver, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Threads, device};
 use weaver_data::capture::posed::{Lenses, PosedOptions};
 use weaver_fit::Judge;
 use weaver_reconstruct::{ComparedScene, SceneComparison};
@@ -34,10 +31,10 @@ pub struct Compare {
     /// photo, or its alpha
     #[arg(long)]
     pub masks: bool,
-    /// Lenses that bend straight lines: keep draws through them, undistort undoes them [default: keep from 120 degrees
-    /// on]
-    #[arg(long, value_parser = choice(&LENSES))]
-    pub lens: Option<Lenses>,
+    /// Undoes the distortion of lenses; =false draws the scene through them, and loses nothing of the photos [default:
+    /// below 120 degrees]
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    pub undistort: Option<bool>,
     /// Also LPIPS, with the weights in this safetensors file
     #[arg(long, value_name = "WEIGHTS")]
     pub lpips: Option<PathBuf>,
@@ -62,7 +59,7 @@ pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     let masks = arguments.masks;
     // Devices draw pinholes.
     let chosen = device::name(&arguments.device).map_or(Lenses::Auto, |_| Lenses::Undistort);
-    let lenses = arguments.lens.unwrap_or(chosen);
+    let lenses = arguments.undistort.map_or(chosen, Lenses::from);
     let options = PosedOptions { long_side, background, masks, lenses, held_out_only: true, ..PosedOptions::default() };
     let compared = ComparedScene { file: scene, gaussians: &gaussians, settings };
     let by = (&judge, &mut renderer);

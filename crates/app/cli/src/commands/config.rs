@@ -27,7 +27,7 @@ pub fn run(arguments: &Config, console: &mut Console) -> Result<(), Failure> {
         return console.print(&weaver_run::settings::annotate(&weaver_fit::FitSettings::default())?);
     }
     let registry = methods::models();
-    let entry = registry.find(arguments.model.as_deref())?;
+    let entry = registry.find_for(arguments.model.as_deref(), arguments.preset.as_deref())?;
     let preset = arguments.preset.as_deref().unwrap_or(entry.presets()[0]);
     console.print(&entry.annotated(preset)?)
 }

@@ -6,7 +6,7 @@ mod outcome;
 pub use outcome::{conclude, print};
 
 use super::convert::scene_format;
-use crate::flags::{CameraChoice, CompleteFlag, LENSES, MASKED, MatchingFlags, level, minutes};
+use crate::flags::{CameraChoice, CompleteFlag, MASKED, MatchingFlags, level, minutes};
 use crate::processes::{network, together};
 use clap::Args;
 use initial::Start;
@@ -73,7 +73,7 @@ pub struct Fit {
     #[arg(long, value_name = "S", help_heading = RUN)]
     pub seed: Option<u64>,
     /// Goes on with this run, with its own settings
-    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "invert_masks", "masked", "lens", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run", "if_complete"])]
+    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "invert_masks", "masked", "undistort", "background", "strategy", "hold_out", "max_photos", "formats", "compress", "settings", "config", "dry_run", "if_complete"])]
     pub resume: Option<PathBuf>,
     /// Prints the memory of the run, measures a few seconds of it, and writes nothing
     #[arg(long, help_heading = RUN, conflicts_with = "live")]
@@ -111,10 +111,10 @@ pub struct Fit {
     /// Meaning of masked pixels: unknown, or empty space [default: unknown]
     #[arg(long, value_parser = choice(&MASKED), requires = "masks", help_heading = PHOTOS)]
     pub masked: Option<Masked>,
-    /// Lenses that bend straight lines: keep draws through them, undistort undoes them [default: keep from 120 degrees
-    /// on]
-    #[arg(long, value_parser = choice(&LENSES), help_heading = PHOTOS)]
-    pub lens: Option<Lenses>,
+    /// Undoes the distortion of lenses; =false draws the scene through them, and loses nothing of the photos [default:
+    /// below 120 degrees]
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = PHOTOS)]
+    pub undistort: Option<bool>,
     /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: the mean
     /// color of the photos; white where photos are transparent]
     #[arg(long, value_name = "COLOR", value_parser = background, help_heading = PHOTOS)]
@@ -263,7 +263,7 @@ fn request(arguments: &Fit, initial: &Start) -> Result<FitRequest, Failure> {
         masks: arguments.masks,
         invert_masks: arguments.invert_masks,
         masked: arguments.masked.unwrap_or_default(),
-        lenses: arguments.lens.unwrap_or(Lenses::Auto),
+        lenses: arguments.undistort.map_or(Lenses::Auto, Lenses::from),
         focal: arguments.refine_focal,
         by_photos,
         init: initial.kind(),

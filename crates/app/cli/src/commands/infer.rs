@@ -143,11 +143,13 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     check_prediction_folder(&out, &images)?;
     out.check([VIEW, FIGURES])?;
     let built_in = arguments.run.is_none() && arguments.weights.is_none();
-    let estimating = asked || built_in && arguments.cameras.is_none();
+    let opened = opened(arguments)?;
+    let needs_points = matches!(&opened, Opened::Own(predictor, _) if predictor.needs_points());
+    let estimating = asked || arguments.cameras.is_none() && (built_in || needs_points);
     if estimating {
         match EstimatedCameras::beside(&photos, &arguments.matching.into(), &out, &mut observer) {
             Ok((found, file)) => (images, cameras) = (found.photos, Some(file)),
-            Err(error) if asked => return Err(error.into()),
+            Err(error) if asked || needs_points => return Err(error.into()),
             Err(error) => {
                 let reason = Failure::from(error).line().unwrap_or_default();
                 observer.warning(&format!(
@@ -164,9 +166,8 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
         arguments.matching.check_unused("other ones")?;
     }
     drop(observer);
-    let of_run = arguments.weights.as_deref().map(is_of_run).transpose()?.unwrap_or(false);
-    let report = match &arguments.weights {
-        Some(weights) if !of_run => {
+    let report = match opened {
+        Opened::Published(weights) => {
             let refused = [
                 (arguments.masks, "--masks: expected weights of a run, found a published checkpoint"),
                 (
@@ -183,7 +184,9 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
             }
             published(weights, &images, (cameras, rasterizer), (arguments, &out), console, interrupt)?
         }
-        _ => own(&images, (cameras, rasterizer), (arguments, &out), console)?,
+        Opened::Own(predictor, seed) => {
+            own((predictor, seed), &images, (cameras, rasterizer), (arguments, &out), console)?
+        }
     };
     for remark in &report.remarks {
         console.note(remark);
@@ -205,29 +208,46 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     console.print(&format!("{text}\noverview: {overview}{looks}{look}"))
 }
 
-/// Runs the network of a run, of a file of a run's weights, or the one that comes with the program.
+/// The network that is asked for.
+enum Opened<'a> {
+    /// A published checkpoint, which opens when it runs.
+    Published(&'a Path),
+    /// The network of a run, of a file of a run's weights, or the one that comes with the program, and its seed.
+    Own(Box<dyn Predictor>, u64),
+}
+
+fn opened(arguments: &Infer) -> Result<Opened<'_>, Failure> {
+    if let Some(run) = &arguments.run {
+        let folder = RunFolder::at(run);
+        let run = methods::models().open_run(&folder)?;
+        return Ok(Opened::Own(run.predictor, run.seed));
+    }
+    let Some(weights) = &arguments.weights else {
+        return Ok(Opened::Own(Box::new(SplatWeaverPredictor::built_in()?), 0));
+    };
+    if !is_of_run(weights)? {
+        return Ok(Opened::Published(weights));
+    }
+    let run = methods::models().open_weights(weights)?;
+    Ok(Opened::Own(run.predictor, arguments.seed.unwrap_or(run.seed)))
+}
+
+/// Runs a network that is no published one.
 fn own(
+    (mut predictor, seed): (Box<dyn Predictor>, u64),
     images: &[PathBuf],
     (cameras, rasterizer): (Option<PathBuf>, Arc<dyn FitRasterizer>),
     (arguments, out): (&Infer, &OutputFolder),
     console: &mut Console,
 ) -> Result<PredictReport, Failure> {
-    let published = arguments.size.is_some() || arguments.keep_aspect || arguments.geometry || arguments.bf16_products;
-    if published {
-        let message = "--size, --keep-aspect, --geometry, --bf16-products: expected a published checkpoint, found weights of a run";
+    if arguments.keep_aspect || arguments.geometry || arguments.bf16_products {
+        let message =
+            "--keep-aspect, --geometry, --bf16-products: expected a published checkpoint, found weights of a run";
         return Err(Failure::Usage(message.into()));
     }
-    let (mut predictor, seed): (Box<dyn Predictor>, u64) = match (&arguments.run, &arguments.weights) {
-        (Some(run), _) => {
-            let run = methods::models().open_run(&RunFolder::at(run))?;
-            (run.predictor, run.seed)
-        }
-        (None, Some(weights)) => {
-            let run = methods::models().open_weights(weights)?;
-            (run.predictor, arguments.seed.unwrap_or(run.seed))
-        }
-        (None, None) => (Box::new(SplatWeaverPredictor::built_in()?), 0),
-    };
+    if let Some(photo) = images.first() {
+        predictor.take_size(photo, arguments.size)?;
+    }
     *predictor.renderer() = Renderer::new(rasterizer.clone());
     let density: Density = arguments.density.into();
     if let Some(remark) = predictor.remark(density) {

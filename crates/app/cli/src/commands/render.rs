@@ -44,7 +44,7 @@ pub struct Render {
     #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(2..=100_000), requires = "path")]
     pub pictures: u32,
     /// Lens of the pictures: pinhole, equirectangular (the whole sphere), or fisheye:DEGREES, a full angle
-    #[arg(long, value_name = "LENS", default_value = "pinhole", value_parser = projection)]
+    #[arg(long, value_name = "equirectangular|pinhole|fisheye:DEGREES", default_value = "pinhole", value_parser = projection)]
     pub projection: Projection,
     /// Folder for the pictures
     #[arg(short, long, value_name = "DIR", required_unless_present = "film", value_parser = Output::folder())]

@@ -130,7 +130,7 @@ fn run_in(
             (entry, entry.read(folder)?)
         }
         None => {
-            let entry = registry.find(arguments.model.as_deref())?;
+            let entry = registry.find_for(arguments.model.as_deref(), arguments.preset.as_deref())?;
             (entry, entry.resolve(&source(arguments))?)
         }
     };

@@ -4,8 +4,8 @@ use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use weaver_command::{Failure, choice, number};
 use weaver_data::capture::MaskOptions;
-use weaver_data::posed::{Lenses, Masked};
-use weaver_data::{EstimatePhotosOptions, Find, Placing};
+use weaver_data::posed::Masked;
+use weaver_data::{EstimatePhotosOptions, Find, Placing, Projection, SphereOptions};
 
 /// Heading of these flags.
 const MATCHING: &str = "Estimated cameras";
@@ -15,6 +15,22 @@ const DISTORTIONS: [(&str, Find, &str); 3] = [
     ("off", Find::Off, "None: lines stay straight"),
     ("k1", Find::K1, "The first coefficient"),
     ("k1k2", Find::K1K2, "Two"),
+];
+
+/// Lenses of photos.
+const LENSES: [(&str, bool, &str); 2] = [
+    ("usual", false, "Straight lines stay straight, but for a radial distortion"),
+    (
+        "fisheye",
+        true,
+        "One fisheye, to 180 degrees and beyond: its focal length, principal point and k1 to k4 are found",
+    ),
+];
+
+/// Projections of photos.
+const PROJECTIONS: [(&str, Projection, &str); 2] = [
+    ("equirectangular", Projection::Equirectangular, "Panoramas of the whole sphere: each becomes six photos"),
+    ("pinhole", Projection::Pinhole, "Photos of a usual lens, whatever their files say"),
 ];
 
 /// Flags of clips.
@@ -52,12 +68,32 @@ pub struct MatchingFlags {
     /// Longest side of the photos while they are matched
     #[arg(long, value_name = "PIXELS", default_value_t = 640, value_parser = clap::value_parser!(u32).range(64..=8192), help_heading = MATCHING)]
     pub match_size: u32,
+    /// The lens of all photos [default: usual]
+    #[arg(long, value_parser = choice(&LENSES), conflicts_with_all = ["distortion", "own_focal"], help_heading = MATCHING)]
+    pub lens: Option<bool>,
+    /// Projection of photos and clips that are twice as wide as high [default: what the files tell: Photo Sphere XMP,
+    /// spherical clips, Insta360, Ricoh]
+    #[arg(long, value_parser = choice(&PROJECTIONS), help_heading = MATCHING)]
+    pub projection: Option<Projection>,
+    /// Leaves out what is so near to straight down in panoramas, degrees; 0 keeps all [default: what is the same in
+    /// all of them, as a tripod or a logo is]
+    #[arg(long, value_name = "DEGREES", value_parser = number(0.0..=80.0, "expected degrees from 0 to 80, as in 20"), help_heading = MATCHING)]
+    pub nadir: Option<f64>,
 }
 
 impl Default for MatchingFlags {
     fn default() -> Self {
         let EstimatePhotosOptions { long_side, focal, exif, shared, .. } = EstimatePhotosOptions::default();
-        Self { focal, no_exif: !exif, own_focal: !shared, distortion: None, match_size: long_side as u32 }
+        Self {
+            focal,
+            no_exif: !exif,
+            own_focal: !shared,
+            distortion: None,
+            match_size: long_side as u32,
+            lens: None,
+            projection: None,
+            nadir: None,
+        }
     }
 }
 
@@ -70,6 +106,8 @@ impl From<MatchingFlags> for EstimatePhotosOptions {
             shared: !flags.own_focal,
             sequence: false,
             distortion: flags.distortion.unwrap_or_default(),
+            spheres: SphereOptions { projection: flags.projection, nadir: flags.nadir },
+            fisheye: flags.lens.unwrap_or(false),
         }
     }
 }
@@ -80,7 +118,7 @@ impl MatchingFlags {
     /// # Errors
     /// When a flag is given; `found` names the source of cameras.
     pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
-        let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size";
+        let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size, --lens, --projection, --nadir";
         unused(self, flags, "estimated cameras", found)
     }
 }
@@ -89,12 +127,6 @@ impl MatchingFlags {
 pub const MASKED: [(&str, Masked, &str); 2] = [
     ("unknown", Masked::Unknown, "Anything may stand there: these pixels do not count"),
     ("empty", Masked::Empty, "Nothing stands there: these pixels show the background"),
-];
-
-/// Treatments of lenses.
-pub const LENSES: [(&str, Lenses, &str); 2] = [
-    ("keep", Lenses::Keep, "The scene is drawn through the photo's own lens: no pixel of it is lost"),
-    ("undistort", Lenses::Undistort, "Photos become a pinhole's, at most about 145 degrees wide"),
 ];
 
 /// Masks of photos.

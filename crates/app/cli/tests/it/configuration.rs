@@ -21,7 +21,7 @@ fn refused_with(code: u8, arguments: &[&str], parts: &[&str]) {
 fn models_are_found_by_name() {
     let registry = weaver_cli::models();
     let names: Vec<&str> = registry.iter().map(|entry| entry.name()).collect();
-    assert_eq!(names, ["splatweaver", "two-experts", "wild"]);
+    assert_eq!(names, ["splatweaver", "photo", "two-experts", "wild"]);
     for entry in registry.iter() {
         for preset in entry.presets() {
             assert!(entry.annotated(preset).unwrap().contains("architecture"), "{preset}");

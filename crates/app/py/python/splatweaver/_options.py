@@ -83,8 +83,7 @@ class FitOptions(_Matching, total=False):
     invert_masks: bool
     #: "unknown" or "empty".
     masked: str
-    #: "keep" or "undistort".
-    lens: str
+    undistort: bool
     background: Color
     exposure: bool
     cameras: str

@@ -7,6 +7,8 @@ use weaver_io::Observe;
 
 /// Logarithm of the factor on a given focal length from which on the given length counts as wrong.
 const WRONG_FOCAL: f64 = 0.1;
+/// Factor on the distance of a corner from the axis below which a lens is likely a fisheye.
+const BARREL: f64 = 0.8;
 /// Photos with a reason each, at most.
 const NAMED: usize = 8;
 
@@ -22,6 +24,15 @@ pub fn remark(found: &EstimatedPhotos, shared: bool, observe: &mut dyn Observe) 
     observe.note(&format!("cameras: {}", sureness(found)));
     if let Some(Distortion::Radial { k: [k1, k2, ..], .. }) = e.distortion.iter().flatten().next() {
         observe.note(&format!("cameras: the lens bends lines: radial distortion k1 {k1:+.4}, k2 {k2:+.4}"));
+        let corner = found.corner();
+        if 1.0 + corner * (k1 + corner * k2) < BARREL {
+            observe.note("cameras: it bends them as a fisheye does; --lens fisheye finds k1 to k4 of one");
+        }
+    }
+    if let Some((degrees, [k1, k2, k3, k4])) = found.fisheye() {
+        observe.note(&format!(
+            "cameras: a fisheye of {degrees:.0} degrees across the longer side: k1 {k1:+.5}, k2 {k2:+.5}, k3 {k3:+.5}, k4 {k4:+.5}"
+        ));
     }
     if (e.focal_factor.ln()).abs() > WRONG_FOCAL {
         let percent = 100.0 * (e.focal_factor - 1.0);

@@ -40,6 +40,8 @@ fn run(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Evaluation, Error> {
     let Options { context_views: context, cameras, targets, seed, step, .. } = *options;
+    let points = options.points || cameras == CameraMode::Given && predictor.needs_points();
+    let options = &Options { points, ..options.clone() };
     let density = predictor.density(options.density)?;
     let measure = Measure { experts: predictor.max_per_pixel() + 1, lpips };
     if options.points && options.matching.is_none() && cameras == CameraMode::Predicted {

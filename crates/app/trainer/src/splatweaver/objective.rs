@@ -1,12 +1,11 @@
 //! SplatWeaver's loss of one step.
 
-use super::{BudgetForm, SplatWeaverRecipe};
+use super::SplatWeaverRecipe;
+use super::routing::Routed;
 use crate::losses::{ImageNetworks, PoseCodes, camera_constants, photo_constants};
 use crate::{CameraMode, Example, StageConfig, Terms};
-use weaver_autograd::Var;
 use weaver_kernels::random::Stream;
-use weaver_losses as losses;
-use weaver_model::{Dense, PredictedGaussians, SplatWeaver};
+use weaver_model::{PredictedGaussians, SplatWeaver};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_router::{Allocation, Masked};
@@ -80,13 +79,15 @@ impl Objective<'_> {
         let truth = cx.tape.constant(&example.images[..shown * 3 * height * width], image.shape());
         weights.image.add(terms, share, self.networks, [image, truth], example.inside_of(shown));
         weights.depth.add_rendered(terms, cx, share, || rendered.depth, example);
-        self.routing_terms(
-            terms,
-            cx,
-            (&dense, &predicted),
-            [image.slice(0, 0, views), photos],
-            example.inside_of(views),
-        );
+        let routed = Routed {
+            logits: dense.logits,
+            energy: dense.energy,
+            choice: predicted.choice,
+            own: image.slice(0, 0, views),
+            photos,
+            inside: example.inside_of(views),
+        };
+        weights.router.add(terms, share, self.ranking, &routed);
     }
 
     fn render<'t>(
@@ -112,49 +113,5 @@ impl Objective<'_> {
         let op = Rasterize::new(config.width, config.height, settings, self.workspaces);
         let op = if self.stage.losses.depth.rendered == 0.0 { op.without_depth() } else { op };
         op.apply(&predicted.gaussians, &CameraVars { viewmats, intrinsics }, background)
-    }
-
-    fn routing_terms<'t>(
-        &self,
-        terms: &mut Terms<'t>,
-        cx: Context<'t, '_, f32>,
-        (dense, predicted): (&Dense<'t>, &PredictedGaussians<'t>),
-        [own, photos]: [Var<'t, f32>; 2],
-        inside: Option<&[bool]>,
-    ) {
-        let among: Option<Vec<u32>> =
-            inside.map(|inside| (0..).zip(inside).filter(|(_, inside)| **inside).map(|(pixel, _)| pixel).collect());
-        let counted = |rows: Var<'t, f32>| among.as_ref().map_or(rows, |among| rows.gather_rows(among));
-        let share = 1.0 / self.stage.tuples as f64;
-        let weights = &self.stage.losses.router;
-        if self.ranking {
-            terms.add("rank", weights.rank, share, || {
-                losses::ranking_cross_entropy(
-                    counted(dense.logits),
-                    counted(dense.energy),
-                    &weights.rank_quantiles,
-                    weights.label_smoothing,
-                )
-            });
-        }
-        if let Some(choice) = predicted.choice.map(counted) {
-            terms.add("budget", weights.budget, share, || {
-                let shares = match weights.budget_form {
-                    BudgetForm::Shares => true,
-                    BudgetForm::Limit => false,
-                    BudgetForm::SharesThenLimit => self.ranking,
-                };
-                if shares {
-                    losses::share_budget(choice, &weights.budget_shares)
-                } else {
-                    losses::global_budget(choice, weights.budget_limit)
-                }
-            });
-        }
-        terms.add("error_regression", weights.error_regression, share, || {
-            let score = dense.logits.slice(1, 1, 1) - dense.logits.slice(1, 0, 1);
-            let error = cx.tape.without_gradient(|| (own.detach() - photos).square().mean_axis(1));
-            losses::error_regression(score.reshape(error.shape()), error.detach(), among.as_deref())
-        });
     }
 }

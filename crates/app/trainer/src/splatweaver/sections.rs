@@ -1,13 +1,13 @@
 //! SplatWeaver's sections of a stage's configuration.
 
 use crate::losses::{DepthLosses, ImageLosses, PoseLosses};
-use crate::{CameraMode, LossSection};
+use crate::{CameraMode, Error, LossSection};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
-use weaver_router::{AllocationKind, TrainingMix};
+use weaver_router::{Allocation, AllocationKind, QuadtreeMix, TrainingMix};
 
 /// Settings of a stage of SplatWeaver.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -76,6 +76,24 @@ impl StageAllocation {
     /// True if the router itself chooses each pixel's expert, so that losses on its choice reach it.
     pub fn is_routed(self) -> bool {
         matches!(self, Self::Kind(AllocationKind::Sampled | AllocationKind::Argmax))
+    }
+
+    /// The allocation of a step: a mix draws `dense` steps with equal counts and, but for cells, from these `budgets`;
+    /// an allocation of evaluation has this `budget`. For a model of so many experts, the one that makes nothing
+    /// included.
+    pub(crate) fn allocation(
+        self,
+        dense: f64,
+        budget: f64,
+        budgets: &[f64],
+        experts: usize,
+    ) -> Result<Box<dyn Allocation<f32>>, Error> {
+        Ok(match self {
+            Self::Mix => Box::new(TrainingMix { dense, budgets: budgets.to_vec(), ..TrainingMix::default() }),
+            Self::QuadtreeMix => Box::new(QuadtreeMix { dense, ..QuadtreeMix::default() }),
+            Self::QuadtreeGridMix => Box::new(QuadtreeMix { grid: true, dense, ..QuadtreeMix::default() }),
+            Self::Kind(kind) => kind.allocation(budget, experts).map_err(|e| Error::Input(e.to_string()))?,
+        })
     }
 }
 

@@ -8,6 +8,7 @@ mod augmentation;
 mod capture;
 #[path = "../../../../scene/io/tests/it/mutations.rs"]
 mod mutations;
+mod photo;
 mod ranks;
 mod resuming;
 mod same_bits;

@@ -1,6 +1,6 @@
 //! Checks of settings: the key that is wrong, the expected and the found value.
 
-use super::{BackboneConfig, CameraConfig, ModelConfig, ParametrizationConfig, RasterConfig};
+use super::{BackboneConfig, CameraConfig, GaussianConfig, ModelConfig, ParametrizationConfig, RasterConfig};
 use std::fmt::Display;
 use weaver_kernels::nearest_neighbors::MAX_NEIGHBORS;
 
@@ -115,7 +115,7 @@ impl ModelConfig {
     }
 
     fn check_sizes(&self) -> Result<(), String> {
-        let (b, d, g) = (&self.backbone, &self.dense, &self.gaussians);
+        let (b, d) = (&self.backbone, &self.dense);
         let s = d.stereo.unwrap_or_default();
         let at_least_one = [
             ("dense.features", d.features),
@@ -126,23 +126,12 @@ impl ModelConfig {
             ("dense.stereo.channels", s.channels),
             ("dense.stereo.hidden", s.hidden),
             ("dense.stereo.depths", s.depths),
-            ("gaussians.router_hidden", g.router_hidden),
-            ("gaussians.projector", g.projector),
-            ("gaussians.predictor", g.predictor),
         ];
         for (key, value) in at_least_one.into_iter().chain(d.out_channels.map(|n| ("dense.out_channels", n))) {
             ensure((1..=MAX_SIZE).contains(&value), key, format_args!("1 to {MAX_SIZE}"), value)?;
         }
-        let bounded = [
-            ("dense.depth_features", d.depth_features.unwrap_or(0), MAX_SIZE),
-            ("gaussians.sh_degree", g.sh_degree, 4),
-            ("gaussians.neighbors", g.neighbors, MAX_NEIGHBORS),
-        ];
-        for (key, value, most) in bounded {
-            ensure(value <= most, key, format_args!("0 to {most}"), value)?;
-        }
-        // Assignments hold the number of a pixel's Gaussians as a byte.
-        ensure((1..=255).contains(&g.max_per_pixel), "gaussians.max_per_pixel", "1 to 255", g.max_per_pixel)?;
+        let depth_features = d.depth_features.unwrap_or(0);
+        ensure(depth_features <= MAX_SIZE, "dense.depth_features", format_args!("0 to {MAX_SIZE}"), depth_features)?;
         for layer in d.layers {
             ensure(layer < b.rounds, "dense.layers", format_args!("rounds below {}", b.rounds), layer)?;
         }
@@ -157,7 +146,6 @@ impl ModelConfig {
     }
 
     fn check_numbers(&self) -> Result<(), String> {
-        let g = &self.gaussians;
         self.dense.log_depth_limit.map_or(Ok(()), |limit| positive("dense.log_depth_limit", limit))?;
         if let Some(stereo) = self.dense.stereo {
             ensure(stereo.depths >= 2, "dense.stereo.depths", "at least 2", stereo.depths)?;
@@ -168,22 +156,47 @@ impl ModelConfig {
                 stereo.reach,
             )?;
         }
-        positive("gaussians.temperature", g.temperature)?;
-        not_negative("gaussians.expert_gain", g.expert_gain)?;
+        self.gaussians.check()?;
+        self.raster.check()
+    }
+}
+
+impl GaussianConfig {
+    /// Checks that every setting is in its range.
+    ///
+    /// # Errors
+    /// As [`ensure`].
+    pub fn check(&self) -> Result<(), String> {
+        let at_least_one = [
+            ("gaussians.router_hidden", self.router_hidden),
+            ("gaussians.projector", self.projector),
+            ("gaussians.predictor", self.predictor),
+        ];
+        for (key, value) in at_least_one {
+            ensure((1..=MAX_SIZE).contains(&value), key, format_args!("1 to {MAX_SIZE}"), value)?;
+        }
+        for (key, value, most) in
+            [("gaussians.sh_degree", self.sh_degree, 4), ("gaussians.neighbors", self.neighbors, MAX_NEIGHBORS)]
+        {
+            ensure(value <= most, key, format_args!("0 to {most}"), value)?;
+        }
+        // Assignments hold the number of a pixel's Gaussians as a byte.
+        ensure((1..=255).contains(&self.max_per_pixel), "gaussians.max_per_pixel", "1 to 255", self.max_per_pixel)?;
+        positive("gaussians.temperature", self.temperature)?;
+        not_negative("gaussians.expert_gain", self.expert_gain)?;
         let parametrization = |key: &str| format!("gaussians.parametrization.{key}");
-        match g.parametrization {
+        match self.parametrization {
             ParametrizationConfig::Published { offset_reach, scale_multiplier, scale_max } => {
                 not_negative(&parametrization("offset_reach"), offset_reach)?;
                 positive(&parametrization("scale_multiplier"), scale_multiplier)?;
-                positive(&parametrization("scale_max"), scale_max)?;
+                positive(&parametrization("scale_max"), scale_max)
             }
             ParametrizationConfig::Footprint { offset_reach, scale }
             | ParametrizationConfig::Patch { offset_reach, scale } => {
                 not_negative(&parametrization("offset_reach"), offset_reach)?;
-                positive(&parametrization("scale"), scale)?;
+                positive(&parametrization("scale"), scale)
             }
         }
-        self.raster.check()
     }
 }
 

@@ -110,6 +110,12 @@ fn beside<'a>(photos: impl Iterator<Item = (&'a Path, Place, Option<PathBuf>)>) 
 }
 
 impl Mask {
+    /// A mask in a file, whose white counts.
+    pub fn at(file: PathBuf) -> Self {
+        let place = Place::of_capture(file.parent().unwrap_or(Path::new("")));
+        Self { file: Some(file), inverted: false, place }
+    }
+
     /// The same mask where black counts in its file, or white.
     pub fn with_inverted(&self, inverted: bool) -> Self {
         Self { inverted, ..self.clone() }

@@ -55,7 +55,8 @@ impl Photo {
     pub fn lens(&self, camera: Camera) -> Result<Option<Undistortion>, Error> {
         let Some(distortion) = self.frame.distortion else { return Ok(None) };
         let lens = Undistortion::new(camera, distortion).ok_or_else(|| {
-            let expected = "one that leaves a photo without blank borders; --lens keep draws photos through their lens";
+            let expected =
+                "one that leaves a photo without blank borders; --undistort=false draws photos through their lens";
             Error::unexpected(&self.frame.path, "lens distortion", expected, format!("{distortion:?}"))
         })?;
         Ok(Some(lens))

@@ -39,6 +39,13 @@ pub enum Lenses {
     Undistort,
 }
 
+impl From<bool> for Lenses {
+    /// Undone, or kept.
+    fn from(undistort: bool) -> Self {
+        if undistort { Self::Undistort } else { Self::Keep }
+    }
+}
+
 /// Options of loading photos with their cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PosedOptions {

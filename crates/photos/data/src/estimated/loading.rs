@@ -3,6 +3,7 @@
 use super::EstimatePhotosOptions;
 use crate::Error;
 use crate::capture::Mask;
+use crate::spheres::Face;
 use crate::unreadable::Fault;
 use std::path::Path;
 use weaver_geometry::glam::DVec2;
@@ -89,8 +90,18 @@ const SAME_FOCAL: f64 = 0.05;
 /// not, and of the same given focal length have one; else each has its own.
 ///
 /// Photos without a focal length have the lens of the others of their proportions where these have one, else one of
-/// their own.
-pub(super) fn lenses_of(photos: &[Loaded], focals: &[Option<f64>], shared: bool) -> Vec<usize> {
+/// their own. Faces of panoramas have the last number, which no other photo has.
+pub(super) fn lenses_of(photos: &[Loaded], focals: &[Option<f64>], faces: &[Option<Face>], shared: bool) -> Vec<usize> {
+    let usual: Vec<usize> = (0..photos.len()).filter(|i| faces[*i].is_none()).collect();
+    let (own, own_focals): (Vec<&Loaded>, Vec<Option<f64>>) = usual.iter().map(|i| (&photos[*i], focals[*i])).unzip();
+    let lenses = lenses_of_usual(&own, &own_focals, shared);
+    let last = lenses.iter().max().map_or(0, |last| last + 1);
+    let mut all = vec![last; photos.len()];
+    usual.into_iter().zip(lenses).for_each(|(photo, lens)| all[photo] = lens);
+    all
+}
+
+fn lenses_of_usual(photos: &[&Loaded], focals: &[Option<f64>], shared: bool) -> Vec<usize> {
     if !shared {
         return (0..photos.len()).collect();
     }

@@ -4,7 +4,8 @@ use super::EstimatedPhotos;
 use super::masks::PhotoMask;
 use crate::Error;
 use crate::capture::MASKS;
-use std::collections::BTreeSet;
+use crate::spheres::Face;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use weaver_geometry::Camera;
 use weaver_io::colmap::{Model, Point};
@@ -43,7 +44,16 @@ impl EstimatedPhotos {
                 Some(name) => (name.clone(), folder.join(name)),
             };
             let (mask, distortion) = (mask.map(Into::into), self.estimate.distortion[number]);
-            frames.push((number, Frame { path, mask, distortion, ..Frame::new(name, camera) }));
+            let extras = match &self.faces[number] {
+                Some(Face { panorama, side, .. }) => {
+                    let panorama = std::path::absolute(panorama).unwrap_or_else(|_| panorama.clone());
+                    let text = |text: &str| serde_json::Value::from(text).to_string();
+                    let panorama = ("panorama".into(), text(&relative_path(folder, &panorama)?));
+                    BTreeMap::from([panorama, ("face".into(), text(side))])
+                }
+                None => BTreeMap::new(),
+            };
+            frames.push((number, Frame { path, mask, distortion, extras, ..Frame::new(name, camera) }));
         }
         Ok(frames)
     }

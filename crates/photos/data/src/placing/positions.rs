@@ -43,7 +43,8 @@ impl Target {
                     continue;
                 };
                 places.push((pose.center(), place.position));
-                if let Some(up) = place.up.filter(|_| !found.ambiguous[i]) {
+                // A panorama has no axes that a gimbal holds.
+                if let Some(up) = place.up.filter(|_| !found.ambiguous[i] && found.faces[i].is_none()) {
                     target.ups.push(pose.rotation.transpose() * up);
                 }
             }

@@ -14,6 +14,7 @@ mod quality;
 mod real_captures;
 mod sampler;
 mod scene;
+mod spheres;
 mod unreadable;
 
 /// A folder for results.

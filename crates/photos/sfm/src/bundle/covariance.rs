@@ -162,7 +162,7 @@ struct Inner<'a> {
 
 impl<'a> Inner<'a> {
     fn new(descent: &'a Descent<'a>, bundle: &'a Bundle) -> Self {
-        let free = (0..bundle.cameras.len()).filter(|i| descent.blocks.of_camera[*i] != NONE);
+        let free = (0..bundle.cameras.len()).filter(|i| descent.blocks.of_camera[*i] != NONE && bundle.leads(*i));
         let centers: Vec<DVec3> = free.map(|i| bundle.cameras[i].pose.center()).collect();
         let n = centers.len().max(1) as f64;
         let middle = centers.iter().sum::<DVec3>() / n;
@@ -207,12 +207,16 @@ impl<'a> Inner<'a> {
     fn gauge(&self) -> Vec<Vec<f64>> {
         let Descent { blocks, reduced, .. } = self.descent;
         let mut all: Vec<Vec<f64>> = vec![vec![0.0; BLOCK * blocks.count]; GAUGE];
-        for (camera, block) in self.bundle.cameras.iter().zip(&blocks.of_camera).filter(|(_, block)| **block != NONE) {
+        for (number, camera) in self.bundle.cameras.iter().enumerate() {
+            let block = blocks.of_camera[number];
+            if block == NONE || !self.bundle.leads(number) {
+                continue;
+            }
             let turn = camera.pose.rotation;
             // From the middle, in coordinates of the camera.
             let to = (camera.pose.translation + turn * self.middle) / self.size;
             let mut put = |number: usize, v: DVec3, w: DVec3| {
-                let at = &mut all[number][BLOCK * *block as usize..][..BLOCK];
+                let at = &mut all[number][BLOCK * block as usize..][..BLOCK];
                 at.copy_from_slice(&[v.x, v.y, v.z, w.x, w.y, w.z]);
             };
             for (k, axis) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().enumerate() {

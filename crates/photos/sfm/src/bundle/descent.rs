@@ -224,7 +224,11 @@ impl<'a> Descent<'a> {
             let (camera, lens) = (blocks.of_camera[i], bundle.lens_of[i]);
             if camera != NONE {
                 let [a, b, c, d, e, f, ..] = step[camera as usize];
-                tried.poses[i] = se3::exp(DVec3::new(a, b, c), DVec3::new(d, e, f)).compose(&state.poses[i]);
+                let (mut v, mut w) = (DVec3::new(a, b, c), DVec3::new(d, e, f));
+                if let Some(turn) = bundle.turned(i) {
+                    (v, w) = (turn * v, turn * w);
+                }
+                tried.poses[i] = se3::exp(v, w).compose(&state.poses[i]);
             }
             if camera != NONE || blocks.of_lens[lens] != NONE {
                 tried.views[i] = View::new(bundle, blocks, i, &tried.poses[i], &tried.lenses[lens]);

@@ -31,6 +31,8 @@ pub(super) struct View {
     optics: [f64; OPTICS],
     /// True if the lens is adjusted.
     wide: bool,
+    /// The rotation of a camera that is turned from the first of its rig.
+    turn: Option<[[f64; 3]; 3]>,
 }
 
 /// Numbers of [`View::optics`]: focal lengths, principal point, distortion; then the factors of derivatives, by the
@@ -55,6 +57,7 @@ impl View {
             rows: [row(0), row(1), row(2)],
             optics: [k.fx * factor, k.fy * factor, center.x, center.y, lens.k1, lens.k2, moves, focal, k1, k2, x, y],
             wide: blocks.of_lens[bundle.lens_of[camera]] != NONE,
+            turn: bundle.turned(camera).map(|turn| turn.transpose().to_cols_array_2d()),
         }
     }
 
@@ -267,8 +270,23 @@ impl Batch {
             row[k] = if N == WIDE || k < BLOCK { self.rows[i][k][l] } else { 0.0 };
         }
         row[N - 1] = self.rows[i][DIFFERENCE][l];
+        if let Some(turn) = &view.turn {
+            by_first(&mut row, turn);
+        }
         let by_point = [self.by_point[i][0][l], self.by_point[i][1][l], self.by_point[i][2][l]];
         (row, view.outward::<FUSED>(&by_point))
+    }
+}
+
+/// Makes the derivatives by the twist of a camera those by the twist of the first camera of its rig: with rotation Q
+/// between both, the first one's twist (v, w) moves the camera by (Q v, Q w).
+#[inline(always)]
+fn by_first(row: &mut [f64], turn: &[[f64; 3]; 3]) {
+    for half in row[..BLOCK].chunks_exact_mut(3) {
+        let by = [half[0], half[1], half[2]];
+        for k in 0..3 {
+            half[k] = (0..3).map(|j| by[j] * turn[j][k]).sum();
+        }
     }
 }
 

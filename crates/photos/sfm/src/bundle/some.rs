@@ -33,25 +33,28 @@ impl Bundle {
     ///
     /// Source of the factor: Knuth, The art of computer programming, volume 3, 1973, section 6.4.
     pub(super) fn some(&self) -> Option<Vec<Observation>> {
-        let seen = self.seen();
-        let moving = (0..seen.len()).filter(|camera| !self.fixed[*camera] && seen[*camera] > 0).count();
+        let seen = self.summed(self.seen());
+        let moving = |camera: &usize| !self.fixed[*camera] && seen[*camera] > 0 && self.leads(*camera);
+        let moving = (0..seen.len()).filter(moving).count();
         if moving <= LARGE || self.fixed_points {
             return None;
         }
         let points = self.observations.chunk_by(|a, b| a.point == b.point).filter(|seen| seen.len() > 1);
         let mut points: Vec<&[Observation]> = points.collect();
         points.sort_by_key(|seen| (seen.len() < SEVERAL, (seen[0].point as u32).wrapping_mul(SCATTER)));
+        // Of a rig, the first camera counts for all.
+        let first = |o: &Observation| self.mounted(o.camera).on;
         let mut counts = vec![0; seen.len()];
         let mut some = Vec::new();
         for seen in points {
-            if seen.iter().all(|o| counts[o.camera] >= ENOUGH) {
+            if seen.iter().all(|o| counts[first(o)] >= ENOUGH) {
                 continue;
             }
             // The cameras that have fewest, so that none is left with few.
             let mut seen = seen.to_vec();
-            seen.sort_by_key(|o| counts[o.camera]);
+            seen.sort_by_key(|o| counts[first(o)]);
             seen.truncate(OF_POINT);
-            seen.iter().for_each(|o| counts[o.camera] += 1);
+            seen.iter().for_each(|o| counts[first(o)] += 1);
             some.extend(seen);
         }
         some.sort_unstable_by_key(|o| (o.point, o.camera));

@@ -43,8 +43,13 @@ impl Blocks {
         };
         let of_lens: Vec<u32> = bundle.lenses.iter().zip(&used).map(|lens| number(adjusted(lens))).collect();
         let expected = |i: usize| bundle.expected.get(i).is_some_and(|(_, weights)| weights.iter().any(|w| *w > 0.0));
-        let moves = |i: usize| !bundle.fixed[i] && (seeing[i] || expected(i));
-        let of_camera: Vec<u32> = (0..seeing.len()).map(|i| number(moves(i))).collect();
+        let moves = |i: usize| !bundle.fixed[i] && (bundle.together(i).any(|i| seeing[i]) || expected(i));
+        let mut of_camera: Vec<u32> = Vec::with_capacity(seeing.len());
+        for i in 0..seeing.len() {
+            // The cameras of a rig move as the first one does.
+            let first = bundle.mounted(i).on;
+            of_camera.push(if first == i { number(moves(i)) } else { of_camera[first] });
+        }
         let lenses = of_lens.iter().filter(|b| **b != NONE).count();
         Self { of_camera, of_lens, count: count as usize, lenses }
     }

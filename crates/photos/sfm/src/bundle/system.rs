@@ -72,9 +72,10 @@ impl System {
                 self.right[*block as usize][i] -= weight * off;
             }
         }
-        for ((pose, expected), block) in poses.iter().zip(&bundle.expected).zip(&blocks.of_camera) {
-            if *block != NONE {
-                self.expect(*block as usize, pose, expected);
+        for (camera, (pose, expected)) in poses.iter().zip(&bundle.expected).enumerate() {
+            let block = blocks.of_camera[camera];
+            if block != NONE && bundle.leads(camera) {
+                self.expect(block as usize, pose, expected);
             }
         }
         for (diagonal, matrix) in self.diagonal.iter_mut().zip(&self.matrix) {
@@ -125,9 +126,11 @@ impl System {
 pub(super) fn expectations(bundle: &Bundle, blocks: &Blocks, poses: &[Pose], lenses: &[Lens]) -> f64 {
     let lenses = lenses.iter().zip(&blocks.of_lens).filter(|(_, block)| **block != NONE);
     let of_lenses: f64 = lenses.flat_map(|(lens, _)| lens.priors()).map(|(weight, off)| weight * off * off).sum();
-    let cameras = poses.iter().zip(&bundle.expected).zip(&blocks.of_camera).filter(|(_, block)| **block != NONE);
-    let of_camera = |((pose, (expected, weights)), _): ((&Pose, &(Pose, [f64; TWIST])), _)| -> f64 {
-        apart(pose, expected).iter().zip(weights).map(|(x, weight)| weight * x * x).sum()
+    let moves = |camera: &usize| blocks.of_camera[*camera] != NONE && bundle.leads(*camera);
+    let cameras = (0..bundle.expected.len()).filter(moves);
+    let of_camera = |camera: usize| -> f64 {
+        let (expected, weights) = &bundle.expected[camera];
+        apart(&poses[camera], expected).iter().zip(weights).map(|(x, weight)| weight * x * x).sum()
     };
     of_lenses + cameras.map(of_camera).sum::<f64>()
 }

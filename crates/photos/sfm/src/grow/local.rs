@@ -124,14 +124,17 @@ impl<'a> Growth<'a> {
     /// Finds the points of these photos and adjusts them with the cameras that see most of them; the others stay.
     fn adjust_with(&mut self, joined: &[usize]) {
         self.find(&self.tracks(joined));
+        // Of a rig, the first photo counts for all.
         let mut shared = vec![0; self.placed.len()];
         for track in self.tracks(joined).into_iter().filter(|track| self.points[*track as usize].is_some()) {
-            self.seeing(track).for_each(|photo| shared[photo] += 1);
+            self.seeing(track).for_each(|photo| shared[self.bundle.mounted(photo).on] += 1);
         }
+        let joined: Vec<usize> = joined.iter().copied().filter(|photo| self.bundle.leads(*photo)).collect();
         joined.iter().for_each(|photo| shared[*photo] = usize::MAX);
         let mut moving: Vec<usize> = (0..shared.len()).filter(|photo| shared[*photo] > 0).collect();
         moving.sort_by_key(|photo| (Reverse(shared[*photo]), *photo));
         moving.truncate(joined.len() + (BESIDE[0] * joined.len()).max(BESIDE[1]));
+        let moving: Vec<usize> = moving.into_iter().flat_map(|photo| self.bundle.together(photo)).collect();
         let tracks = self.tracks(&moving);
         let mut moves = vec![false; self.placed.len()];
         moving.iter().for_each(|photo| moves[*photo] = true);
@@ -185,6 +188,7 @@ impl<'a> Growth<'a> {
             cameras: self.bundle.cameras.clone(),
             lenses: self.bundle.lenses.clone(),
             lens_of: self.bundle.lens_of.clone(),
+            rig: self.bundle.rig.clone(),
             fixed: (0..self.placed.len()).map(stays).collect(),
             points,
             observations,
@@ -201,6 +205,7 @@ impl<'a> Growth<'a> {
         let agreed = part.agreed();
         let mut seen = vec![0; self.placed.len()];
         part.observations.iter().filter(|o| agreed[o.point]).for_each(|o| seen[o.camera] += 1);
+        let seen = part.summed(seen);
         tracks.retain(|track| self.points[*track as usize].is_some());
         for ((track, point), agreed) in tracks.iter().zip(&part.points).zip(agreed) {
             self.points[*track as usize] = agreed.then_some(*point);
@@ -215,16 +220,17 @@ impl<'a> Growth<'a> {
 
     /// Places some of the photos that see the most points; returns which.
     fn join(&mut self) -> Vec<usize> {
-        let sees =
-            |photo: usize| self.tracks_of[photo].iter().filter(|track| self.points[**track as usize].is_some()).count();
+        let of = |photo: usize| self.bundle.together(photo).flat_map(|photo| &self.tracks_of[photo]);
+        let sees = |photo: usize| of(photo).filter(|track| self.points[**track as usize].is_some()).count();
         let grown =
             |photo: usize, now: usize| self.tried[photo].is_none_or(|then| now as f64 > (1.0 + AGAIN) * then as f64);
-        let waiting = (0..self.placed.len()).filter(|photo| !self.placed[*photo] && !self.refused[*photo]);
+        let waits = |photo: &usize| !self.placed[*photo] && !self.refused[*photo] && self.bundle.leads(*photo);
+        let waiting = (0..self.placed.len()).filter(waits);
         let mut waiting: Vec<(usize, usize)> = waiting.map(|photo| (photo, sees(photo))).collect();
         waiting.retain(|(photo, sees)| grown(*photo, *sees));
         waiting.sort_by_key(|(photo, sees)| (Reverse(*sees), *photo));
         for some in waiting.chunks(TRIED) {
-            let photos: Vec<usize> = some.iter().map(|(photo, _)| *photo).collect();
+            let photos: Vec<usize> = some.iter().flat_map(|(photo, _)| self.bundle.together(*photo)).collect();
             some.iter().for_each(|(photo, sees)| self.tried[*photo] = Some(*sees));
             let mut refused = vec![true; self.placed.len()];
             photos.iter().for_each(|photo| refused[*photo] = false);

@@ -1,8 +1,9 @@
 //! Poses of a photo from the points that it sees, three at a time.
 
+use crate::bundle::Bundle;
 use crate::minimal::three_points;
+use weaver_geometry::Pose;
 use weaver_geometry::glam::{DVec2, DVec3};
-use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
 
 /// Most and fewest samples of three points.
@@ -15,28 +16,30 @@ const DRAWS: u64 = 8;
 /// Candidate poses that are kept.
 const KEPT: usize = 2;
 
-/// A point, its pixel in a photo without distortion, and the largest residual, pixels.
+/// A point, the camera that sees it, its pixel there without distortion, and the largest residual, pixels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight {
     pub point: DVec3,
+    pub camera: usize,
     pub pixel: DVec2,
     pub within: f64,
 }
 
-/// The poses of a camera that most sights support, the best first.
+/// The poses of a camera, or of the first of a rig, that most sights support, the best first.
 ///
 /// Source: Fischler and Bolles, "Random sample consensus" (1981).
-pub(super) fn resected(sights: &[Sight], camera: &Camera) -> Vec<Pose> {
+pub(super) fn resected(sights: &[Sight], rig: &Bundle) -> Vec<Pose> {
     let n = sights.len();
     if n < 4 {
         return Vec::new();
     }
-    let k = &camera.intrinsics;
-    let rays: Vec<DVec3> = sights.iter().map(|s| k.unproject(s.pixel, 1.0).normalize()).collect();
+    let turns: Vec<_> = (0..rig.cameras.len()).map(|camera| rig.mounted(camera).rotation).collect();
+    let ray = |s: &Sight| turns[s.camera].transpose() * rig.cameras[s.camera].intrinsics.unproject(s.pixel, 1.0);
+    let rays: Vec<DVec3> = sights.iter().map(|s| ray(s).normalize()).collect();
     let support = |pose: &Pose| -> (f64, usize) {
         sights.iter().fold((0.0, 0), |(sum, count), s| {
-            let p = pose.apply(s.point);
-            let far = k.project(p).distance_squared(s.pixel) / (s.within * s.within);
+            let p = turns[s.camera] * pose.apply(s.point);
+            let far = rig.cameras[s.camera].intrinsics.project(p).distance_squared(s.pixel) / (s.within * s.within);
             if p.z > 0.0 && far < 1.0 { (sum + 1.0 - far, count + 1) } else { (sum, count) }
         })
     };

@@ -8,7 +8,7 @@ use crate::bundle::{Bundle, LARGE};
 use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
 use crate::grow::{Grown, beginnings};
-use crate::lenses::tau;
+use crate::lenses::{is_one_rig, tau};
 use crate::pairs::{self, Pair, linked};
 use crate::place::agreeing;
 use crate::retrieval::expansion;
@@ -95,7 +95,8 @@ impl Search<'_> {
         let verified = posed.iter().filter(|pair| pair.certain(CERTAIN[0]));
         let verified: Vec<([usize; 2], usize)> = verified.map(|pair| (pair.photos, pair.matches.len())).collect();
         let tried: Vec<[usize; 2]> = self.pairs.matched.iter().map(|(photos, _)| *photos).collect();
-        let more = expansion(&vec![true; self.taken.len()], &verified, &tried, MORE);
+        let mut more = expansion(&vec![true; self.taken.len()], &verified, &tried, MORE);
+        more.retain(|pair| !is_one_rig(self.taken, pair));
         let matched = pairs::matched(self.features, &more);
         let posed = pairs::posed(self.features, &bundle.cameras, &matched, tau);
         self.pairs.matched.extend(matched);

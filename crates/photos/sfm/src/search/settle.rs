@@ -99,6 +99,11 @@ impl Search<'_> {
         bundle.finish();
     }
 
+    /// True for a photo that stands alone, or is the first of its rig.
+    fn leads(&self, photo: usize) -> bool {
+        self.taken[photo].mounted.is_none_or(|mounted| mounted.on == photo)
+    }
+
     /// Takes photo after photo out, and places it anew by the others if the support grows by that.
     ///
     /// The first photos of a scene were never placed by the others, and one photo with a small wrong rotation bends
@@ -111,7 +116,7 @@ impl Search<'_> {
         let evidence = Evidence { features, pairs, tracks: &tracks, absent: &absent, trust: Trust::POINTS };
         let free: Vec<bool> = grown.bundle.lenses.iter().map(|lens| lens.free_focal).collect();
         grown.bundle.free_focal(&free, &grown.placed);
-        for photo in 0..self.taken.len() {
+        for photo in (0..self.taken.len()).filter(|photo| self.leads(*photo)) {
             if let Some(mut other) = grown.without(photo) {
                 other.adjust(&evidence);
                 other.rejoin(&evidence, photo);

@@ -5,5 +5,6 @@ mod estimate;
 mod features;
 mod one_place;
 mod refine;
+mod rigs;
 mod tracks;
 mod two_view;

@@ -3,7 +3,7 @@
 use crate::files::folder::followed;
 use crate::files::unfinished::kind;
 use crate::files::written::{RECORD, entry};
-use crate::{Advice, Error, Result, check_writable, list_photos};
+use crate::{Advice, Error, Result, atomic_write, check_writable, is_taken, list_photos, read_bytes};
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions, TryLockError};
@@ -146,6 +146,29 @@ impl OutputFolder {
         let folder = if name.ends_with('/') { Some(path.as_path()) } else { path.parent() };
         folder.map_or(Ok(()), crate::create_folder)?;
         Ok(path)
+    }
+
+    /// Writes a file, and returns its name: the given one or, where a file of other content has it or it is among those
+    /// `taken`, one with a number behind it. Files that earlier results name thus stay until
+    /// [`remove_others`](Self::remove_others).
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn keep(&self, name: &str, bytes: &[u8], taken: &[String]) -> Result<String> {
+        let (stem, extension) = name.rsplit_once('.').unwrap_or((name, ""));
+        let names = std::iter::once(name.to_string()).chain((2..).map(|i| format!("{stem}-{i}.{extension}")));
+        for name in names.filter(|name| !taken.contains(name)) {
+            let path = self.path.join(&name);
+            if !is_taken(&path) {
+                atomic_write(self.file(&name)?, |w| w.write_all(bytes))?;
+                return Ok(name);
+            }
+            // A link that leads nowhere is somebody's, too.
+            if path.is_file() && read_bytes(&path)? == bytes {
+                return Ok(name);
+            }
+        }
+        unreachable!("one of infinitely many names is free")
     }
 
     /// The path of a folder in it, into which files of these names are about to be written, as [`file`](Self::file)

@@ -31,6 +31,16 @@ impl Bitmap {
         atomic_write(path, |w| encode_png(w, self.width, self.height, &self.pixels))
     }
 
+    /// An 8-bit RGB PNG file in memory.
+    ///
+    /// # Errors
+    /// When the image has no pixels.
+    pub fn to_png(&self) -> std::io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        encode_png(&mut bytes, self.width, self.height, &self.pixels)?;
+        Ok(bytes)
+    }
+
     /// A baseline JPEG file in memory, of a quality from 1 to 100 as libjpeg counts it.
     ///
     /// # Errors

@@ -15,6 +15,11 @@ pointwise!(
     LogDepthError { scale: f64 }, 2, |l, t| if t.value > T::ZERO { (l - (t * scale).ln()).abs() } else { 0.0.into() }
 );
 
+pointwise!(
+    /// |l - ln t| / e^u + u where the depth t is known (positive), else 0.
+    LaplacianError, 3, |l, u, t| if t.value > T::ZERO { (l - t.ln()).abs() / u.exp() + u } else { 0.0.into() }
+);
+
 /// The mean squared difference of depths at the pixels where the teacher is confident, a scalar.
 ///
 /// The mask of view v holds the pixels whose confidence is above (strictly) the `q`-quantile of the confidences of that
@@ -61,4 +66,29 @@ pub fn sparse_log_depth_l1<'t, T: Real>(log_depth: Var<'t, T>, target: Var<'t, T
     assert!(scale > 0.0, "sparse_log_depth_l1: expected a positive scale, found {scale}");
     let known = target.value().iter().filter(|t| **t > T::ZERO).count();
     apply_pointwise(LogDepthError { scale }, [log_depth, target.detach()]).sum() * (1.0 / (known + 1) as f64)
+}
+
+/// The negative log likelihood of known depth under a Laplacian of log depth at each pixel, a scalar: the spread that
+/// it rewards is the mean absolute error.
+///
+/// It is the sum over known pixels of |l - ln t| / b + ln b, with l the `log_depth` and ln b the `log_spread`, divided
+/// by the number of known pixels plus 1; the constant ln 2 is left out. All arguments are `[V, H, W]`; a `target` of 0
+/// means unknown. Differentiable in `log_depth`, with derivative 0 where it is right, and in `log_spread`. Source:
+/// Kendall and Gal, What uncertainties do we need in Bayesian deep learning for computer vision?, 2017, section 3.
+///
+/// ```
+/// use weaver_autograd::Tape;
+/// let tape = Tape::<f64>::new();
+/// let [l, spread, target] = [[0.5, 0.0], [0.0, 7.0], [1.0, 0.0]].map(|x| tape.constant(&x, [1, 1, 2]));
+/// // One known pixel, half a unit off at a spread of 1.
+/// assert_eq!(weaver_losses::laplacian_log_depth(l, spread, target).item(), 0.25);
+/// ```
+#[track_caller]
+pub fn laplacian_log_depth<'t, T: Real>(
+    log_depth: Var<'t, T>,
+    log_spread: Var<'t, T>,
+    target: Var<'t, T>,
+) -> Var<'t, T> {
+    let known = target.value().iter().filter(|t| **t > T::ZERO).count();
+    apply_pointwise(LaplacianError, [log_depth, log_spread, target.detach()]).sum() * (1.0 / (known + 1) as f64)
 }

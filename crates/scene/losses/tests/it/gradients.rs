@@ -27,6 +27,18 @@ proptest! {
         let mut sparse = image(seed, [v, h, w]).constant();
         sparse.data.iter_mut().step_by(3).for_each(|t| *t = 0.0);
         gradcheck(&[Input::normal(seed, [v, h, w]), sparse], |x| vec![sparse_log_depth_l1(x[0], x[1], 1.7)]);
+        let mut known = image(seed ^ 2, [v, h, w]).constant();
+        known.data.iter_mut().step_by(3).for_each(|t| *t = 0.0);
+        let predicted = [Input::normal(seed, [v, h, w]), Input::normal(!seed, [v, h, w]), known.clone()];
+        gradcheck(&predicted, |x| vec![laplacian_log_depth(x[0], x[1], x[2])]);
+        // The loss itself, pixel by pixel.
+        let (mut sum, mut count) = (0.0, 1.0);
+        for ((l, u), t) in predicted[0].data.iter().zip(&predicted[1].data).zip(&known.data).filter(|(_, t)| **t > 0.0) {
+            (sum, count) = (sum + (l - t.ln()).abs() * (-u).exp() + u, count + 1.0);
+        }
+        let tape = Tape::<f64>::new();
+        let [l, u, t] = predicted.each_ref().map(|x| tape.constant(&x.data, [v, h, w]));
+        prop_assert!((laplacian_log_depth(l, u, t).item() - sum / count).abs() < 1e-9);
     }
 
     #[test]

@@ -64,7 +64,7 @@ fn features() -> Vec<Features> {
 
 /// The best scene that a way to search finds.
 fn found(features: &[Features], run: impl Fn(&mut Search<'_>)) -> Grown {
-    let taken = vec![Taken { size: SIZE, focal: Some(FOCAL), lens: 0 }; PHOTOS];
+    let taken = vec![Taken { size: SIZE, focal: Some(FOCAL), lens: 0, mounted: None }; PHOTOS];
     let settings = EstimateOptions::default();
     // Observations are drawn, so nothing is looked up in photos.
     let blank = Photo::new(vec![0; 3 * SIZE[0] * SIZE[1]], SIZE);

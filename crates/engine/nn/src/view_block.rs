@@ -1,11 +1,11 @@
-//! A transformer block without biases, whose attention may depend on positions and cameras.
+//! A transformer block for the tokens of views: without biases, its attention may depend on positions and cameras.
 
-use super::positions::Positions;
+use crate::{
+    Builder, Context, LayerNorm, Linear, Positions, Projections, RmsNorm, WeightInit, projective_attention,
+    turned_attention,
+};
 use weaver_autograd::ops::{self, Activation};
 use weaver_autograd::{Real, Var};
-use weaver_nn::{
-    Builder, Context, LayerNorm, Linear, Projections, RmsNorm, WeightInit, projective_attention, turned_attention,
-};
 
 /// Added to variances and mean squares.
 const EPSILON: f64 = 1e-5;
@@ -22,10 +22,24 @@ pub enum Known<'a, 't, T: Real> {
     Cameras(Positions, &'a Projections<'t, T>),
 }
 
-/// x += attn(ln1 x), then x += mlp(ln2 x); parameters `ln1`, `attn.{to_qkv, q_norm, k_norm, c_proj}`, `ln2`,
-/// `mlp.{c_fc, c_proj}`.
+/// A transformer block for the tokens of views: x += attn(ln1 x), then x += mlp(ln2 x), without biases.
+///
+/// Parameters `ln1`, `attn.{to_qkv, q_norm, k_norm, c_proj}`, `ln2`, `mlp.{c_fc, c_proj}`. Source: MVP, arXiv
+/// 2512.07806.
+///
+/// ```
+/// use weaver_autograd::{Params, Tape};
+/// use weaver_nn::{Builder, Context, Known, Positions, ViewBlock};
+/// let mut params = Params::<f32>::new();
+/// let block = ViewBlock::new(Builder::new(&mut params, 0), 16, 8, 2);
+/// let tape = Tape::new();
+/// let tokens = tape.constant(&[0.5; 2 * 6 * 16], [2, 6, 16]);
+/// let positions = Positions { registers: 0, grid: [2, 3], views: 1 };
+/// let y = block.forward(Context::new(&tape, &params), tokens, Known::Positions(positions));
+/// assert_eq!(y.shape().dims(), [2, 6, 16]);
+/// ```
 #[derive(Clone, Copy, Debug)]
-pub struct Block {
+pub struct ViewBlock {
     ln1: LayerNorm,
     to_qkv: Linear,
     q_norm: RmsNorm,
@@ -38,8 +52,8 @@ pub struct Block {
     head: usize,
 }
 
-impl Block {
-    /// A block for tokens of `width` numbers.
+impl ViewBlock {
+    /// A block for tokens of `width` numbers, a multiple of `head`, the numbers of an attention head: a multiple of 8.
     pub fn new<T: Real>(mut b: Builder<'_, T>, width: usize, head: usize, mlp_ratio: usize) -> Self {
         let hidden = mlp_ratio * width;
         Self {
@@ -55,7 +69,8 @@ impl Block {
         }
     }
 
-    /// Applies the block to tokens `[B, n, D]`, which attend within their batch entry.
+    /// Applies the block to tokens `[B, n, D]`, which attend within their batch entry. Differentiable in x, the cameras
+    /// and the parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>, known: Known<'_, 't, T>) -> Var<'t, T> {
         cx.layer(self.ln1.weight, "ln1.weight", || {
             let x = x + self.attend(cx, self.ln1.forward(cx, x), known);

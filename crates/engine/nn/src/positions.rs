@@ -8,11 +8,13 @@ use weaver_autograd::{Real, Tape};
 const BASE: f64 = 100.0;
 
 /// The tokens of some views: in each, registers at (0, 0), then patches at (column + 1, row + 1), row by row.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Positions {
+    /// Registers of each view.
     pub registers: usize,
     /// Rows and columns of patches.
     pub grid: [usize; 2],
+    /// Number of views.
     pub views: usize,
 }
 
