@@ -138,7 +138,7 @@ const GATE_STAGE: &str = "gate";
 
 /// Parts of experts for groups of abnormal videos.
 pub(crate) fn expert_parts(groups: &[(String, Vec<usize>)]) -> impl Iterator<Item = Part> {
-    let groups = groups.to_vec().into_iter().enumerate();
+    let groups = groups.iter().cloned().enumerate();
     groups.map(|(number, (name, videos))| Part::Expert { number, name, videos })
 }
 

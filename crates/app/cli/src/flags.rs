@@ -5,7 +5,6 @@ mod complete;
 mod density;
 mod estimate;
 mod light;
-mod projection;
 mod refine;
 
 pub use cameras::CameraChoice;
@@ -13,7 +12,6 @@ pub use complete::{CompleteFlag, IfComplete};
 pub use density::DensityFlags;
 pub use estimate::{ClipFlags, EstimateFlags, MASKED, MaskedFlag, MatchingFlags};
 pub use light::LightFlags;
-pub use projection::{Projection, projection};
 pub use refine::RefineFlags;
 
 use clap::builder::TypedValueParser;

@@ -23,7 +23,6 @@ pub use request::Request;
 use clap::CommandFactory;
 use command_line::CommandLine;
 use std::ffi::OsString;
-use weaver_command::Failure;
 
 /// Runs one command line, whose first argument is the program's name, and returns the exit code: 0 for success, 1 for
 /// an error, 2 for wrong usage.
@@ -60,12 +59,6 @@ pub struct Refusal {
     pub kind: FailureKind,
     /// The message in one line; `None` where standard output was closed.
     pub line: Option<String>,
-}
-
-impl Refusal {
-    fn of(failure: &Failure) -> Self {
-        Self { kind: FailureKind::of(failure), line: failure.line() }
-    }
 }
 
 /// The definition that the command line is parsed by.

@@ -58,6 +58,7 @@ impl Request {
     /// # Errors
     /// The reason that the program prints.
     pub fn run(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Refusal> {
-        self.carry_out(console, interrupt).map_err(|failure| Refusal::of(&failure))
+        let refusal = |failure: Failure| Refusal { kind: FailureKind::of(&failure), line: failure.line() };
+        self.carry_out(console, interrupt).map_err(refusal)
     }
 }

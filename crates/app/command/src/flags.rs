@@ -70,6 +70,15 @@ pub fn rows_and_columns(text: &str) -> Result<[usize; 2], String> {
 }
 
 /// A parser of numbers in a range; `expected` is the sentence about any other text.
+///
+/// ```
+/// use clap::{Arg, Command};
+/// use weaver_command::number;
+/// let parser = number(0.2..=20.0, "expected a number from 0.2 to 20");
+/// let command = Command::new("fit").arg(Arg::new("focal").value_parser(parser));
+/// assert!(command.clone().try_get_matches_from(["fit", "0.75"]).is_ok());
+/// assert!(command.try_get_matches_from(["fit", "75"]).unwrap_err().to_string().contains("from 0.2 to 20"));
+/// ```
 pub fn number(
     range: impl RangeBounds<f64> + Clone + Send + Sync + 'static,
     expected: impl Into<String>,

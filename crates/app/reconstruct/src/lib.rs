@@ -2,6 +2,8 @@
 //!
 //! - [`reconstruct()`] makes a scene from photos, clips or a capture: cameras, size of the photos, fit and results.
 //! - [`cameras()`] estimates cameras alone, [`fit()`] fits a capture, and [`resume`] goes on with a fit.
+//! - [`align_photos`] finds the cameras of further photos of a finished scene; [`SceneComparison`] judges a scene by
+//!   the photos of a capture.
 //! - [`Run`] is a fit of a capture on disk, [`RunSettings`] its settings, [`plan`](fn@plan) its memory.
 //! - [`blocks`] cuts a large capture into captures that are fitted apart, and joins their fits; [`partition`] is the
 //!   geometry of that.

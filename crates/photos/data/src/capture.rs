@@ -67,6 +67,11 @@ pub enum HoldOut {
 }
 
 /// `listed`, `none`, or a number N from 2 for every N-th photo.
+///
+/// ```
+/// use weaver_data::capture::HoldOut;
+/// assert_eq!(["none", "8"].map(str::parse), [Ok(HoldOut::Nothing), Ok(HoldOut::Every(8))]);
+/// ```
 impl FromStr for HoldOut {
     type Err = String;
 

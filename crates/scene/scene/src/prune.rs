@@ -26,6 +26,12 @@ pub enum Region {
 }
 
 /// Six numbers with commas between, two corners of a box, or four, the center and the radius of a sphere.
+///
+/// ```
+/// use weaver_scene::Region;
+/// assert_eq!("0,0,2,1.5".parse(), Ok(Region::Sphere { center: [0.0, 0.0, 2.0], radius: 1.5 }));
+/// assert!("1,2,3".parse::<Region>().is_err());
+/// ```
 impl FromStr for Region {
     type Err = String;
 

@@ -2,12 +2,10 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{Console, ConsoleObserver, DrawingOptions, Failure, Output, memory, positive};
 use weaver_geometry::Similarity;
-use weaver_geometry::geodesy::{Geographic, Origin};
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_io::{Conversion, ConvertError, ConvertedCameras, Drawing, Keep, SCENE_FORMATS, SceneFormat, Score};
 use weaver_io::{convert, convert_cameras, is_cameras};
@@ -182,23 +180,12 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
 fn convert_one(from: &Path, arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
     arguments.check_cameras()?;
     let to = &arguments.to;
-    let moved = arguments.movement();
-    let ConvertedCameras { photos, points, origin } =
-        convert_cameras(from, to, moved, &mut ConsoleObserver::new(console))?;
-    let to = to.display();
-    if !arguments.json {
-        return console.print(&format!("cameras of {photos} photos, {points} points: {to}"));
+    let converted = convert_cameras(from, to, arguments.movement(), &mut ConsoleObserver::new(console))?;
+    if arguments.json {
+        return console.print(&serde_json::to_string_pretty(&converted.json(from, to))?);
     }
-    let origin = match origin {
-        None => Value::Null,
-        Some(Origin::Local { offset }) => json!({ "offset": offset }),
-        Some(Origin::Geographic(Geographic { latitude, longitude, altitude })) => {
-            json!({ "latitude": latitude, "longitude": longitude, "altitude": altitude })
-        }
-    };
-    let (inputs, output) = ([from.display().to_string()], to.to_string());
-    let report = json!({"inputs": inputs, "output": output, "photos": photos, "points": points, "origin": origin});
-    console.print(&serde_json::to_string_pretty(&report)?)
+    let ConvertedCameras { photos, points, .. } = converted;
+    console.print(&format!("cameras of {photos} photos, {points} points: {}", to.display()))
 }
 
 /// Longest side of the pictures: a Gaussian that shows at this size shows at any.

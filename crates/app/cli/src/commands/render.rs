@@ -1,12 +1,12 @@
 //! `splatweaver render`.
 
-use crate::flags::{Projection, projection};
 use clap::{ArgGroup, Args};
 use std::path::{Path, PathBuf};
 use weaver_clip::{Film, Gif, PictureSink, VIDEOS, Video, WebP};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{
-    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Threads, choice, device, memory, rate,
+    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Projection, Threads, choice, device,
+    memory, projection, rate,
 };
 use weaver_io::{Image, OutputFolder, SceneFile, read_scene};
 use weaver_scene::{CameraPath, Frame, Gaussians, middle};
@@ -61,7 +61,8 @@ pub struct Render {
     /// Pictures of the video, GIF or WebP per second
     #[arg(long, value_name = "F", default_value = "30", value_parser = rate(), requires = "film")]
     pub fps: f64,
-    /// Width in pixels; intrinsics follow [default: the cameras', 640 for an orbit, 2048 for a sphere, 1024 for a fisheye]
+    /// Width in pixels; intrinsics follow [default: the cameras', 640 for an orbit, 2048 for a sphere, 1024 for a
+    /// fisheye]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub width: Option<u32>,
     /// Height in pixels; intrinsics follow [default: the cameras' aspect ratio, 3/4 of the width for an orbit, half of

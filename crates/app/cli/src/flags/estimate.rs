@@ -147,11 +147,6 @@ impl MaskFlags {
         let folder = self.masks.clone()?;
         Some(MaskOptions { folder, inverted: self.invert_masks })
     }
-
-    /// The folder of masks, if one was named.
-    pub fn folder(&self) -> Option<PathBuf> {
-        self.masks.clone().flatten()
-    }
 }
 
 /// The meaning of masked pixels.
@@ -234,7 +229,7 @@ impl EstimateFlags {
 
     /// The files and folders that are read beside the photos.
     pub fn files(&self) -> impl Iterator<Item = PathBuf> {
-        self.masks.folder().into_iter().chain(self.placing.files())
+        self.masks.masks.clone().flatten().into_iter().chain(self.placing.files())
     }
 }
 

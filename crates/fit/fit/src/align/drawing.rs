@@ -23,6 +23,11 @@ pub struct Scene<'a, T> {
 
 /// The largest coordinate of a camera's center from the middle of all, the [unit](Scene::unit) of 2Xplat; 1 of a single
 /// camera.
+///
+/// ```
+/// use weaver_fit::align::unit;
+/// assert_eq!(unit([[0.0; 3], [4.0, 0.0, 2.0]].map(Into::into).into_iter()), 2.0);
+/// ```
 pub fn unit(centers: impl Iterator<Item = DVec3> + Clone) -> f64 {
     let middle = centers.clone().sum::<DVec3>() / centers.clone().count().max(1) as f64;
     let largest = centers.map(|center| (center - middle).abs().max_element()).fold(0.0, f64::max);

@@ -4,10 +4,11 @@ use super::colmap::{CAMERA_ID, ImageRecord, Model, model_folder};
 use super::project::{Project, ProjectKind};
 use super::transforms::Transforms;
 use crate::{Observe, OutputFolder, Result, relative_path};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_geometry::Similarity;
-use weaver_geometry::geodesy::Origin;
+use weaver_geometry::geodesy::{Geographic, Origin};
 use weaver_geometry::glam::DVec3;
 use weaver_scene::Frame;
 
@@ -31,6 +32,26 @@ pub struct ConvertedCameras {
     pub points: usize,
     /// Origin of their world; `None` where the input has none, and of cameras that were moved.
     pub origin: Option<Origin>,
+}
+
+impl ConvertedCameras {
+    /// The conversion of a file or folder to another as JSON.
+    pub fn json(&self, from: &Path, to: &Path) -> Value {
+        let origin = match self.origin {
+            None => Value::Null,
+            Some(Origin::Local { offset }) => json!({ "offset": offset }),
+            Some(Origin::Geographic(Geographic { latitude, longitude, altitude })) => {
+                json!({ "latitude": latitude, "longitude": longitude, "altitude": altitude })
+            }
+        };
+        json!({
+            "inputs": [from.display().to_string()],
+            "output": to.display().to_string(),
+            "photos": self.photos,
+            "points": self.points,
+            "origin": origin,
+        })
+    }
 }
 
 /// True for a file or folder of cameras, which [`convert_cameras`] reads.

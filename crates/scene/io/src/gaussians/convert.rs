@@ -39,6 +39,12 @@ pub enum Keep {
     Share(f64),
 }
 
+/// A whole number, or a share above 0 up to 1.0 with a point.
+///
+/// ```
+/// use weaver_io::Keep;
+/// assert_eq!(["1", "1.0"].map(str::parse), [Ok(Keep::Count(1)), Ok(Keep::Share(1.0))]);
+/// ```
 impl FromStr for Keep {
     type Err = String;
 

@@ -1,7 +1,7 @@
 //! `--projection`: the lens that pictures are drawn through.
 
-use weaver_command::Failure;
-use weaver_command::camera_files::Size;
+use crate::Failure;
+use crate::camera_files::Size;
 use weaver_geometry::lens::{self, Lens};
 use weaver_geometry::{Camera, Pose};
 use weaver_scene::Model;
