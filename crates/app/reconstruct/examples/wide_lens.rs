@@ -158,8 +158,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             let (s, t) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
             for c in 0..3 {
                 let value = |dx: f64, dy: f64| plane[3 * (clamp(y.floor() + dy) * side + clamp(x.floor() + dx)) + c];
-                let (top, bottom) =
-                    ((1.0 - s) * value(0.0, 0.0) + s * value(1.0, 0.0), (1.0 - s) * value(0.0, 1.0) + s * value(1.0, 1.0));
+                let (top, bottom) = (
+                    (1.0 - s) * value(0.0, 0.0) + s * value(1.0, 0.0),
+                    (1.0 - s) * value(0.0, 1.0) + s * value(1.0, 1.0),
+                );
                 bent[3 * at + c] = (1.0 - t) * top + t * bottom;
             }
         }
