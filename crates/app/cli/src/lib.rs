@@ -4,7 +4,6 @@
 
 mod command_line;
 mod commands;
-mod failure_kind;
 mod flags;
 mod methods;
 mod old_names;
@@ -15,7 +14,6 @@ mod units;
 
 pub use weaver_command::{Console, Interrupt, Value, printable};
 
-pub use failure_kind::FailureKind;
 pub use methods::models;
 pub use old_names::{OLD, current};
 pub use request::Request;
@@ -30,7 +28,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
     let (arguments, notes) = old_names::current(arguments.into_iter().collect());
     notes.iter().for_each(|note| console.note(note));
     let result = match Request::of_words(arguments) {
-        Ok(request) => request.carry_out(console, interrupt),
+        Ok(request) => request.run(console, interrupt),
         Err(error) if error.use_stderr() => {
             console.note(error.render().to_string().trim_end());
             return 2;
@@ -50,15 +48,6 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
 pub fn leave() {
     weaver_clip::end_all();
     weaver_io::remove_unfinished();
-}
-
-/// Reason why a request was not carried out.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refusal {
-    /// Kind of the failure.
-    pub kind: FailureKind,
-    /// The message in one line; `None` where standard output was closed.
-    pub line: Option<String>,
 }
 
 /// The definition that the command line is parsed by.

@@ -1,7 +1,7 @@
 //! A command with its settings, given as words or by name.
 
 use crate::command_line::CommandLine;
-use crate::{FailureKind, Refusal, units};
+use crate::units;
 use clap::CommandFactory;
 use std::ffi::OsString;
 use weaver_command::{Console, Failure, Interrupt, Paths, Value, fewer_threads, words_of};
@@ -30,13 +30,12 @@ impl Request {
     ///
     /// # Errors
     /// Wrong usage in the words of the command line, in one line and without the help.
-    pub fn of_settings(command: &str, settings: impl IntoIterator<Item = (String, Value)>) -> Result<Self, Refusal> {
+    pub fn of_settings(command: &str, settings: impl IntoIterator<Item = (String, Value)>) -> Result<Self, String> {
         let words = words_of(&CommandLine::command(), command, settings);
         Self::of_words(words).map_err(|error| {
             let text = error.render().to_string();
             let told = text.split("\n\n").next().unwrap_or_default().trim_start_matches("error: ");
-            let line = told.split_whitespace().collect::<Vec<_>>().join(" ");
-            Refusal { kind: FailureKind::Input, line: Some(line) }
+            told.split_whitespace().collect::<Vec<_>>().join(" ")
         })
     }
 
@@ -46,19 +45,13 @@ impl Request {
     }
 
     /// Runs the command, with its output on the console.
-    pub(crate) fn carry_out(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    ///
+    /// # Errors
+    /// The reason that the program prints.
+    pub fn run(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
         simd::requested_level().map_err(Failure::Usage)?;
         self.0.paths.check()?;
         fewer_threads(self.0.threads).iter().for_each(|note| console.note(note));
         units::run(&self.0.command, &self.0.settings, console, interrupt)
-    }
-
-    /// Runs the command, for programs that have no exit code.
-    ///
-    /// # Errors
-    /// The reason that the program prints.
-    pub fn run(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Refusal> {
-        let refusal = |failure: Failure| Refusal { kind: FailureKind::of(&failure), line: failure.line() };
-        self.carry_out(console, interrupt).map_err(refusal)
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::events::{Event, Lines, Voice};
 use crate::failed::Failed;
+use crate::failure_kind::FailureKind;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -11,7 +12,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-use weaver_cli::{Console, FailureKind, Interrupt, Refusal, Request, Value};
+use weaver_cli::{Console, Interrupt, Request, Value};
+use weaver_command::Failure;
 
 /// Time between looks for Ctrl-C.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -37,7 +39,7 @@ pub fn run_command(
 ) -> PyResult<String> {
     let given = settings.iter().filter(|(_, value)| !value.is_none());
     let given = given.map(|(name, value)| Ok((name.extract()?, setting(&value)?))).collect::<PyResult<Vec<_>>>()?;
-    let request = Request::of_settings(command, given).map_err(Failed::from)?;
+    let request = Request::of_settings(command, given).map_err(Failed::input)?;
     let work = Work::begin(request, callback.is_some())?;
     let mut listener = Listener { work: &work, log, callback, reason: None };
     loop {
@@ -164,12 +166,12 @@ impl Listener<'_, '_> {
         Err(error.unwrap_or_else(stopped))
     }
 
-    fn end(self, result: Result<String, Refusal>) -> PyResult<String> {
+    fn end(self, result: Result<String, Failure>) -> PyResult<String> {
         match (result, self.reason.flatten()) {
             (_, Some(error)) => Err(error),
             (Ok(text), None) => Ok(text),
-            (Err(Refusal { line: None, .. }), None) => Err(PyKeyboardInterrupt::new_err("interrupted")),
-            (Err(refusal), None) => Err(Failed::from(refusal).into()),
+            (Err(failure), None) if failure.line().is_none() => Err(PyKeyboardInterrupt::new_err("interrupted")),
+            (Err(failure), None) => Err(Failed::from(failure).into()),
         }
     }
 }

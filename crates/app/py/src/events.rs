@@ -5,8 +5,7 @@ use std::panic;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, SyncSender, sync_channel};
-use weaver_cli::Refusal;
-use weaver_command::Part;
+use weaver_command::{Failure, Part};
 
 /// An event of the work.
 pub enum Event {
@@ -15,7 +14,7 @@ pub enum Event {
     /// A part that is done; the work waits for the answer.
     Part(Part, SyncSender<()>),
     /// The end, with the standard output.
-    End(Result<String, Refusal>),
+    End(Result<String, Failure>),
 }
 
 /// The end of abandoned work, as the payload of an unwinding thread.

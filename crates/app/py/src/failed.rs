@@ -1,10 +1,11 @@
 //! Failures as exceptions of the package.
 
+use crate::failure_kind::FailureKind;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use std::fmt::Display;
 use std::path::Path;
-use weaver_cli::{FailureKind, Refusal};
+use weaver_command::Failure;
 use weaver_splat::RasterError;
 
 /// A failure that becomes an exception of `splatweaver`.
@@ -41,9 +42,9 @@ impl From<RasterError> for Failed {
     }
 }
 
-impl From<Refusal> for Failed {
-    fn from(Refusal { kind, line }: Refusal) -> Self {
-        Self { kind, message: line.unwrap_or_default() }
+impl From<Failure> for Failed {
+    fn from(failure: Failure) -> Self {
+        Self { kind: FailureKind::of(&failure), message: failure.line().unwrap_or_default() }
     }
 }
 

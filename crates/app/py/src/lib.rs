@@ -8,6 +8,7 @@ mod camera;
 mod command;
 mod events;
 mod failed;
+mod failure_kind;
 mod kept;
 mod rasterize;
 mod scene;

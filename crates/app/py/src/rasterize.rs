@@ -2,12 +2,12 @@
 
 use crate::arrays::{AnyArrays, Arrays, Scalar, Settings, slice_mut};
 use crate::failed::Failed;
+use crate::failure_kind::FailureKind;
 use crate::kept::{Drawing, Kept, Shelved};
 use crate::threads::compute;
 use numpy::{Element, PyReadwriteArrayDyn};
 use pyo3::prelude::*;
 use std::sync::Mutex;
-use weaver_cli::FailureKind;
 use weaver_splat::{Images, Session, Workspace};
 
 type Write<'py, T> = Option<PyReadwriteArrayDyn<'py, T>>;

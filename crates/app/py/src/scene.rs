@@ -3,6 +3,7 @@
 use crate::arrays::{checked, slice};
 use crate::camera::Camera;
 use crate::failed::{Failed, check_ending};
+use crate::failure_kind::FailureKind;
 use crate::kept::shaped;
 use crate::rasterize::check_memory;
 use crate::threads::compute;
@@ -96,8 +97,8 @@ impl SceneData {
         compute(py, || {
             let file = read_scene(&path)?;
             let beside = DrawingOptions::default().beside(&path, file.drawing);
-            let (background, settings) = beside
-                .map_err(|failure| Failed::new(weaver_cli::FailureKind::File, failure.line().unwrap_or_default()))?;
+            let (background, settings) =
+                beside.map_err(|failure| Failed::new(FailureKind::File, failure.line().unwrap_or_default()))?;
             Ok(Self { gaussians: file.gaussians, settings, background })
         })
     }

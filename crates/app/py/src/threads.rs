@@ -1,10 +1,10 @@
 //! The threads that everything is computed on.
 
 use crate::failed::Failed;
+use crate::failure_kind::FailureKind;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::{Arc, Mutex, PoisonError};
-use weaver_cli::FailureKind;
 use weaver_command::{cores, pool_size};
 
 /// The pool in use. A process that was forked has none of its parent's threads, and makes a pool of its own.

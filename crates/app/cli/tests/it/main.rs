@@ -15,7 +15,6 @@ mod convert;
 mod device;
 mod divergence;
 mod dynamic;
-mod failures;
 mod few_photos;
 mod figures;
 mod fit;

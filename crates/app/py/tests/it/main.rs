@@ -3,6 +3,11 @@
 //! The environment variable `WEAVER_PYTHON` names an interpreter with numpy, pytest and mypy, and with torch for the
 //! tests that need it.
 
+// Python imports the library; this module of it needs no interpreter.
+#[path = "../../src/failure_kind.rs"]
+mod failure_kind;
+mod failures;
+
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,6 +1,6 @@
 //! Kinds of failures.
 
-use weaver_cli::FailureKind;
+use crate::failure_kind::FailureKind;
 use weaver_command::Failure;
 
 #[test]
