@@ -2,8 +2,8 @@
 
 use weaver_geometry::glam::{DVec2, DVec3};
 
-/// Numbers of a lens that are adjusted: the logarithm of the focal length, the principal point over the longer side, and
-/// k1 to k4.
+/// Numbers of a lens that are adjusted: the logarithm of the focal length, the principal point over the longer side,
+/// and k1 to k4.
 pub(super) const NUMBERS: usize = 7;
 /// Derivatives of a coordinate of a pixel: by the point in camera coordinates, and by the numbers of the lens.
 type Row = ([f64; 3], [f64; NUMBERS]);

@@ -47,8 +47,7 @@ fn photos(lens: &FisheyeLens, count: usize) -> (Vec<Photo<'static>>, Vec<Pose>) 
 
 /// From a focal length that is eight percent off, and no distortion.
 ///
-/// Promise (photos): `--lens fisheye` finds the focal length, the principal point and the distortion of a fisheye of 180
-/// degrees from photos alone.
+/// Promise (photos): `--lens fisheye` finds focal length, principal point and distortion of a fisheye of 180 degrees.
 #[test]
 fn a_fisheye_of_180_degrees_is_found() {
     let k = [0.03, -0.012, 0.004, -0.0008];
