@@ -1,8 +1,8 @@
 //! Cameras of fisheye photos whose lens is not known.
 //!
-//! A photo of a fisheye that is known roughly is five photos of pinhole cameras in one place, the sides of a cube. Their
-//! cameras are found as those of any rig. All observations then adjust the cameras and the lens at once, in pixels of
-//! the fisheye, and the better lens makes better sides.
+//! A photo of a fisheye that is known roughly is five photos of pinhole cameras in one place, the sides of a cube. They
+//! are found as any rig is. All observations then adjust the cameras and the lens at once, in pixels of the fisheye, and
+//! the better lens makes better sides.
 
 mod adjust;
 mod lens;
@@ -21,7 +21,7 @@ const FIELDS: [f64; 5] = [100.0, 125.0, 155.0, 190.0, 230.0];
 /// Sides that each is compared with while fields of view are tried, and keypoints of a photo then.
 const CANDIDATES: usize = 8;
 const FEWER: usize = 1500;
-/// Keypoints of a photo, over those of a photo that shows a fifth of it.
+/// Keypoints of a photo, over the usual number: it shows more.
 const MORE: usize = 2;
 /// Most rounds after the field of view is chosen, and the change of the focal length, in the logarithm, that ends them.
 const ROUNDS: usize = 3;
