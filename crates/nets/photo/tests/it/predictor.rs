@@ -110,7 +110,7 @@ fn equal_and_even_photos_give_a_scene() {
     assert_eq!(made.remarks, Vec::<String>::new());
 }
 
-/// What masks leave out gets no Gaussians.
+/// Masked pixels get no Gaussians.
 #[test]
 fn masked_pixels_get_no_gaussians() {
     let drawn = Drawn::new(1, [48, 64], 3);
