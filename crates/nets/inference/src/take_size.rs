@@ -24,7 +24,9 @@ impl dyn Predictor + '_ {
             (None, None) => Ok(()),
             (None, Some([h, w])) => {
                 let found = format!("{w}x{h} for one of {width}x{height}");
-                Err(Error::Input(format!("size: expected a network for photos of any size, found {found}")))
+                Err(Error::Input(format!(
+                    "size: expected a published checkpoint or a network for photos of any size, found {found}"
+                )))
             }
         }
     }
