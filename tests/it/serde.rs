@@ -1,5 +1,6 @@
 //! Scene types through a format of serde, by the feature of that name.
 
+use weaver_geometry::lens::Lens;
 use weaver_geometry::{Camera, Distortion, Intrinsics, Pose, Similarity};
 use weaver_scene::{Frame, Gaussians, Photo, PointCloud, Region};
 
@@ -15,7 +16,13 @@ fn scene_types_come_back_from_json() {
     back(&Similarity { scale: 2.5, rotation: camera.pose.rotation, translation: camera.pose.translation });
     let distortion = Some(Distortion::Radial { k: [0.1, -0.01, 0.0, 0.0, 0.0, 0.0], p: [0.0; 2] });
     back(&Frame { distortion, time: Some(0.5), ..Frame::new("a.jpg", camera) });
-    back(&Photo { name: "a.jpg".into(), camera, rgb: vec![1, 2, 3].into(), mask: Some(vec![true]), lens: None });
+    back(&Photo {
+        name: "a.jpg".into(),
+        camera,
+        rgb: vec![1, 2, 3].into(),
+        mask: Some(vec![true]),
+        lens: Some(Lens::Equirectangular),
+    });
     back(&PointCloud { positions: vec![[0.5, -1.0, 2.0]], colors: vec![[255, 0, 7]] });
     back(&Region::Sphere { center: [0.0, 1.0, 2.0], radius: 0.1 });
     back(&Gaussians {

@@ -63,15 +63,20 @@ enum Reason {
 impl Fit {
     /// Removes Gaussians that no photo needs, by the photos alone: those that no photo shows, those without which the
     /// photos are met better or as well, and those that one photo needs although the others see through their place.
+    /// Photos that are drawn through a lens say nothing; without others nothing is removed.
     ///
     /// # Errors
     /// When the rasterizer refuses.
     pub fn clean(&mut self, rules: &CleaningRules) -> Result<Cleaned, FitError> {
         self.fetch()?;
-        let witnesses: Vec<Witness> = (0..self.photos()).map(|photo| self.witness(photo)).collect();
+        let pinholes = (0..self.photos()).filter(|photo| self.photo(*photo).lens.is_none());
+        let witnesses: Vec<Witness> = pinholes.map(|photo| self.witness(photo)).collect();
+        if witnesses.is_empty() {
+            return Ok(Cleaned::default());
+        }
         let mut cleaned = Cleaned::default();
         let mut found = self.evidence(&witnesses)?;
-        let bound = (1.0 + rules.rise) * found.error;
+        let mut bound = (1.0 + rules.rise) * found.error;
         for round in 1..=ROUNDS {
             // What rises is shared by the rounds.
             let allowed = found.error + (bound - found.error) / (ROUNDS + 1 - round) as f64;
@@ -89,6 +94,7 @@ impl Fit {
                 break;
             }
             found = after;
+            bound = bound.min((1.0 + rules.rise) * found.error);
             for reason in reasons.into_iter().flatten() {
                 match reason {
                     Reason::Unseen => cleaned.unseen += 1,
@@ -132,7 +138,7 @@ impl Fit {
 }
 
 /// The Gaussians to remove in a round, `[N]`: those with the most against them first, as long as the error rises by no
-/// more than `rise`.
+/// more than `rise`. Others are unneeded only beside those that stay: they wait for a round without anything else.
 fn reasons(found: &Evidence, rise: f64, rules: &CleaningRules) -> Vec<Option<Reason>> {
     let Evidence { rise: rises, most, photos, .. } = found;
     let reason = |i: usize| {
@@ -147,6 +153,9 @@ fn reasons(found: &Evidence, rise: f64, rules: &CleaningRules) -> Vec<Option<Rea
     let mut order: Vec<(f64, usize, Reason)> =
         (0..rises.len()).filter_map(|i| reason(i).map(|(against, reason)| (against, i, reason))).collect();
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    if order.first().is_some_and(|(.., reason)| *reason != Reason::Unneeded) {
+        order.retain(|(.., reason)| *reason != Reason::Unneeded);
+    }
     let mut reasons = vec![None; rises.len()];
     let (mut sum, mut taken) = (0.0, 0);
     for (_, i, reason) in order {

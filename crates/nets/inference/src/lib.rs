@@ -19,10 +19,10 @@ mod predictor;
 mod pretrained;
 pub mod published;
 mod refined;
-mod resizable;
 mod run_folder;
 mod scene_network;
 mod splatweaver;
+mod take_size;
 mod view_opacity;
 mod weights;
 
@@ -35,11 +35,11 @@ pub use looks::Looks;
 pub use pixel_aligned::{PixelAligned, PixelAlignedNetwork, PixelAlignedPredictor, of_pixels, one_for_each};
 pub use predict_to_folder::{PredictOptions, PredictReport, check_prediction_folder, predict_to_folder};
 pub use predictor::{
-    CameraSource, Density, Joint, JointPrediction, Lights, Look, LookPrediction, Photos, Prediction, Predictor, planar,
+    CameraSource, Density, Joint, JointPrediction, Lights, Look, LookPrediction, Photos, Prediction, Predictor,
+    Resizable, planar,
 };
 pub use pretrained::{Network, Pretrained, cameras_of};
 pub use refined::{Effort, Refined};
-pub use resizable::Resizable;
 pub use run_folder::RunFolder;
 pub use scene_network::{LitNetwork, SceneNetwork};
 pub use splatweaver::SplatWeaverPredictor;

@@ -1,6 +1,6 @@
 //! The interface of every trained model: photos to Gaussians, and Gaussians to pictures.
 
-use crate::{Error, Resizable, ViewOpacity};
+use crate::{Error, ViewOpacity};
 use std::borrow::Cow;
 use std::fmt;
 use weaver_data::SparsePoints;
@@ -299,6 +299,12 @@ pub trait Joint {
         density: Density,
         stream: Stream,
     ) -> Result<JointPrediction, Error>;
+}
+
+/// A model that takes photos of any size.
+pub trait Resizable {
+    /// Takes photos of this height and width from now on.
+    fn resize(&mut self, size: [usize; 2]);
 }
 
 /// A model of light. By default, [`Predictor::predict`] shows a place in the light of the first photo.

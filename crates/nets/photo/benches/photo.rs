@@ -5,6 +5,8 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use weaver_autograd::{Params, Tape};
+use weaver_data::View;
+use weaver_geometry::Camera;
 use weaver_inference::{Photos, planar};
 use weaver_kernels::random::Stream;
 use weaver_nn::Context;
@@ -16,7 +18,9 @@ fn photo(c: &mut Criterion) {
     let scene = varied_scene(3, &options);
     let planes = planar(scene.views.iter().map(|view| &view.image));
     let photos = Photos { planes: &planes, inside: None, height: 96, width: 128 };
-    let cameras: Vec<_> = scene.views.iter().map(|view| view.camera).collect();
+    let first = scene.views[0].camera.pose;
+    let relative = |view: &View| Camera { pose: view.camera.pose.relative_to(&first), ..view.camera };
+    let cameras: Vec<Camera> = scene.views.iter().map(relative).collect();
     let depth: Vec<f32> = scene.views.iter().flat_map(|view| view.depth.clone().unwrap_or_default()).collect();
     let points = scene.points_seen(&[0, 1, 2, 3], 1.0);
     let mut group = c.benchmark_group("photo");

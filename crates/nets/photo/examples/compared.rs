@@ -3,6 +3,8 @@
 //! `cargo run --release -p weaver-photo --example compared`
 
 use std::time::Instant;
+use weaver_data::View;
+use weaver_geometry::Camera;
 use weaver_inference::{Density, Photos, planar};
 use weaver_kernels::random::Stream;
 use weaver_photo::{Comparison, PhotoConfig, PhotoPredictor};
@@ -21,7 +23,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         done("scene");
         let planes = planar(scene.views.iter().map(|view| &view.image));
         let photos = Photos { planes: &planes, inside: None, height: 96, width: 128 };
-        let cameras: Vec<_> = scene.views.iter().map(|view| view.camera).collect();
+        let first = scene.views[0].camera.pose;
+        let relative = |view: &View| Camera { pose: view.camera.pose.relative_to(&first), ..view.camera };
+        let cameras: Vec<Camera> = scene.views.iter().map(relative).collect();
         let truth: Vec<f32> = scene.views.iter().flat_map(|view| view.depth.clone().unwrap_or_default()).collect();
         let real = Comparison::of(photos, &cameras, &scene.points_seen(&[0, 1, 2, 3], 1.0))?;
         done("comparison");

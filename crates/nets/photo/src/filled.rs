@@ -19,7 +19,7 @@ struct Level {
     width: usize,
     /// Means of the known values below each pixel.
     values: Vec<f32>,
-    /// How much is known below each pixel, 0 to 1.
+    /// Part of what lies below each pixel that is known, 0 to 1.
     weights: Vec<f32>,
 }
 

@@ -58,7 +58,7 @@ impl DepthMaps<'_> {
         self.log_spread[at].exp().min(WIDEST)
     }
 
-    /// How badly a photo shows the place of its pixel.
+    /// The size of a pixel at its depth, larger where the depth is unsure: the smallest shows a place best.
     fn badness(&self, at: usize, view: usize) -> f32 {
         self.log_depth[at].exp() / self.cameras[view].intrinsics.fx as f32 * (1.0 + self.spread(at) / SAME)
     }

@@ -178,7 +178,7 @@ impl<'a> Transfer<'a> {
     pub fn pixel(&self, at: usize, log_depth: f32) -> Option<Seen> {
         let (width, height) = (self.from.width, self.from.height);
         let center = DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
-        let local = self.between.apply(self.from.unproject(center, f64::from(log_depth).exp()));
+        let local = self.between.apply(self.from.intrinsics.unproject(center, f64::from(log_depth).exp()));
         if local.z <= 0.0 {
             return None;
         }

@@ -33,7 +33,7 @@ const WRONG: f64 = 0.1;
 /// Points of a photo for each hundred pixels of its width; they need one other photo that sees them.
 const POINTS: f64 = 60.0;
 
-/// What all photos of a scene share.
+/// The photos of a scene, and the draws that they share.
 struct Scene<'a> {
     photos: Photos<'a>,
     cameras: &'a [Camera],
@@ -45,7 +45,7 @@ struct Scene<'a> {
 }
 
 impl Comparison {
-    /// What comparison would find of V photos whose true depth `[V, H, W]` is known, 0 where it is infinite or unknown:
+    /// Depth that comparison would find of V photos whose true depth `[V, H, W]` is known, 0 where it is infinite or unknown:
     /// the depth, with a small error, where two other photos see a place with some texture, away from edges; and points
     /// that one other photo sees. In some scenes blobs of it are missing, a few have a wrong depth, or only points are
     /// left, so that a network learns to complete and to doubt. The same stream gives the same bits.
@@ -116,7 +116,7 @@ impl Scene<'_> {
         }
     }
 
-    /// How many other photos see the point of a pixel.
+    /// The number of other photos that see the point of a pixel.
     fn witnesses(&self, at: usize, z: f32, others: &[(usize, Transfer<'_>)]) -> usize {
         if z <= 0.0 {
             return 0;

@@ -25,6 +25,7 @@
 mod by_name;
 mod crop;
 mod dtu;
+mod lenses;
 mod masks;
 mod nerf;
 mod photo;

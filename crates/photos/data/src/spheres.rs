@@ -116,8 +116,8 @@ impl PhotoSet {
         }
     }
 
-    /// The same with all panoramas cut into faces, which are written to the folder `faces` of a result, with their masks
-    /// in `faces/masks`; `originals` are the files that the paths were made of.
+    /// The same with all panoramas cut into faces, which are written to the folder `faces` of a result, with their
+    /// masks in `faces/masks`; `originals` are the files that the paths were made of.
     ///
     /// A face is a side of a cube around the place of the camera, 95 degrees wide, so that things on an edge are whole
     /// in one of them. It has as many pixels for an angle as the middle of the panorama. Masks leave out the part of a
@@ -309,5 +309,5 @@ fn unwritten(photo: &Path) -> impl Fn(std::io::Error) -> weaver_io::Error {
     move |source| weaver_io::Error::Io { path: photo.into(), source }
 }
 
-/// The number of faces must be that of their names.
+/// Each face has a name.
 const _: () = assert!(NAMES.len() == FACES);

@@ -1,8 +1,8 @@
 //! Draws panoramas along a street: `panoramas OUT [COUNT [WIDTH [STEP]]]` writes OUT/photos with Photo Sphere records,
 //! and OUT/truth.json with the exact cameras of the faces that `splatweaver cameras` cuts them into.
 //!
-//! `panoramas OUT COUNT WIDTH STEP DEGREES` writes photos of a fisheye with this field of view across their width, three
-//! quarters as high, and OUT/truth.json with their cameras.
+//! `panoramas OUT COUNT WIDTH STEP DEGREES` writes photos of a fisheye with this field of view across their width,
+//! three quarters as high, and OUT/truth.json with their cameras.
 
 use rayon::prelude::*;
 use std::error::Error;

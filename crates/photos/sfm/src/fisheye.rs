@@ -1,8 +1,8 @@
 //! Cameras of fisheye photos whose lens is not known.
 //!
-//! A photo of a fisheye that is known roughly is five photos of pinhole cameras in one place, the sides of a cube. Their
-//! cameras are found as those of any rig. All observations then adjust the cameras and the lens at once, in pixels of
-//! the fisheye, and the better lens makes better sides.
+//! A photo of a fisheye that is known roughly is five photos of pinhole cameras in one place, the sides of a cube. They
+//! are found as any rig is. All observations then adjust the cameras and the lens at once, in pixels of the fisheye, and
+//! the better lens makes better sides.
 
 mod adjust;
 mod lens;
@@ -18,9 +18,10 @@ use weaver_geometry::{Camera, Distortion, Intrinsics};
 
 /// Fields of view across the longer side that are tried, degrees: an adjustment reaches the ones between.
 const FIELDS: [f64; 5] = [100.0, 125.0, 155.0, 190.0, 230.0];
-/// Photos that each is compared with while fields of view are tried.
+/// Sides that each is compared with while fields of view are tried, and keypoints of a photo then.
 const CANDIDATES: usize = 8;
-/// Keypoints of a photo, over those of a photo that shows a fifth of it.
+const FEWER: usize = 1500;
+/// Keypoints of a photo, over the usual number: it shows more.
 const MORE: usize = 2;
 /// Most rounds after the field of view is chosen, and the change of the focal length, in the logarithm, that ends them.
 const ROUNDS: usize = 3;
@@ -54,27 +55,24 @@ pub fn estimate_fisheye(photos: &[Photo<'_>], settings: &EstimateOptions) -> Est
         let first = *all.first()?;
         all.iter().all(|focal| *focal == first).then_some(first)
     });
-    let round = |lens: FisheyeLens, settings: &EstimateOptions| Found::new(photos, &features, lens, settings);
+    let fewer: Vec<Features> = features.iter().map(|features| features.largest(FEWER)).collect();
     let trial = EstimateOptions { candidates: CANDIDATES, ..*settings };
     let begin: Vec<FisheyeLens> = match given {
         Some(focal) => vec![FisheyeLens::new(size, focal)],
         None => FIELDS.iter().map(|degrees| FisheyeLens::across(size, *degrees)).collect(),
     };
-    let tried = begin.into_iter().map(|lens| round(lens, &trial));
+    let tried = begin.into_iter().map(|lens| Found::new(photos, &fewer, lens, &trial));
     let Some(mut best) = tried.reduce(|best, next| if next.value() > best.value() { next } else { best }) else {
         return Found::new(photos, &features, FisheyeLens::new(size, 1.0), settings).estimate;
     };
-    for _ in 0..ROUNDS {
-        if best.adjusted.is_none() {
-            break;
-        }
-        let next = round(best.lens, settings);
-        let settled = (next.lens.focal / best.lens.focal).ln().abs() < SETTLED;
-        // A round that explains less would be a step back.
-        if next.value() >= best.value() || next.adjusted.is_some() && best.trial(settings) {
+    for number in 0..ROUNDS {
+        let next = Found::new(photos, &features, best.lens, settings);
+        let settled = number > 0 && (next.lens.focal / best.lens.focal).ln().abs() < SETTLED;
+        // A round that explains less would be a step back; the first one has all keypoints.
+        if number == 0 || next.value() >= best.value() {
             best = next;
         }
-        if settled {
+        if settled || best.adjusted.is_none() {
             break;
         }
     }
@@ -87,7 +85,6 @@ struct Found {
     estimate: Estimate,
     /// The cameras of the photos and the points, adjusted to pixels of the fisheye; `None` if there are too few.
     adjusted: Option<Adjustment>,
-    candidates: usize,
 }
 
 impl Found {
@@ -97,19 +94,13 @@ impl Found {
         let mut adjustment = sides.adjustment(&estimate, photos.len());
         let adjusted = adjustment.run();
         let lens = if adjusted { adjustment.lens } else { lens };
-        let candidates = settings.candidates;
-        Self { lens, estimate: sides.of_photos(estimate), adjusted: adjusted.then_some(adjustment), candidates }
+        Self { lens, estimate: sides.of_photos(estimate), adjusted: adjusted.then_some(adjustment) }
     }
 
     /// Photos with a place, then what the cameras explain.
     fn value(&self) -> (usize, f64) {
         let placed = self.estimate.cameras.iter().filter(|camera| camera.is_ok()).count();
         (placed, self.adjusted.as_ref().map_or(0.0, Adjustment::support))
-    }
-
-    /// True if it was found with other settings than these.
-    fn trial(&self, settings: &EstimateOptions) -> bool {
-        self.candidates != settings.candidates
     }
 
     /// The cameras and points in pixels of the photos.

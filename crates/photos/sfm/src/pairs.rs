@@ -41,7 +41,8 @@ pub(crate) fn compared(
     if taken.iter().all(|taken| taken.mounted.is_none()) {
         return candidates(features, present, most, sequence);
     }
-    let mut pairs = candidates(features, present, most, false);
+    // Half as many of each side, since a rig has several.
+    let mut pairs = candidates(features, present, most.div_ceil(2), false);
     if sequence {
         let mut firsts: Vec<usize> = (0..taken.len()).filter(|photo| first(*photo) == Some(*photo)).collect();
         firsts.dedup();

@@ -37,8 +37,8 @@ pub(crate) struct Place {
     pub share: f64,
 }
 
-/// The pose of a photo that stands alone or leads its rig, and the inlier count of all of it: of points or, if it sees too few, of matches with placed photos. The
-/// observations `seen` of each photo are in the order of pixels.
+/// The pose of a photo that stands alone or leads its rig, and the inlier count of all of it: of points or, if it sees
+/// too few, of matches with placed photos. The observations `seen` of each photo are in the order of pixels.
 pub(crate) fn place(
     evidence: &Evidence<'_>,
     bundle: &Bundle,

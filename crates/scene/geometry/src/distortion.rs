@@ -51,9 +51,9 @@ pub enum Distortion {
         /// w, radians, above 0 and below pi.
         omega: f64,
     },
-    /// COLMAP's RAD_TAN_THIN_PRISM_FISHEYE, the lens of Project Aria. With (x, y) the direction times `b = a (1 + k0 a^2
-    /// + .. + k5 a^12)`, a the angle to the axis, a point goes to `(x + p0 (b^2 + 2 x^2) + 2 p1 x y + s0 b^2 + s1 b^4,
-    /// y + p1 (b^2 + 2 y^2) + 2 p0 x y + s2 b^2 + s3 b^4)`.
+    /// COLMAP's RAD_TAN_THIN_PRISM_FISHEYE, the lens of Project Aria. With (x, y) the direction times `b = a (1 + k0
+    /// a^2 + .. + k5 a^12)`, a the angle to the axis, a point goes to `(x + p0 (b^2 + 2 x^2) + 2 p1 x y + s0 b^2 + s1
+    /// b^4, y + p1 (b^2 + 2 y^2) + 2 p0 x y + s2 b^2 + s3 b^4)`.
     RadTanThinPrism {
         /// k0 to k5.
         k: [f64; 6],
@@ -156,9 +156,23 @@ impl Distortion {
         Some(Self::Radial { k, p: p.map(|p| p * factor) })
     }
 
+    /// The formula by angles; `None` for functions of x / z and y / z.
+    pub(crate) fn angles(&self) -> Option<Angles> {
+        let plain = Angles::EQUIDISTANT;
+        let of = |[k1, k2, k3, k4]: [f64; 4]| [k1, k2, k3, k4, 0.0, 0.0];
+        Some(match *self {
+            Self::Radial { .. } => return None,
+            Self::Fisheye { k } => Angles { k: of(k), ..plain },
+            Self::ThinPrismFisheye { k, p, s: [s1, s2] } => Angles { k: of(k), p, s: [s1, 0.0, s2, 0.0], ..plain },
+            Self::Fov { omega } => Angles { omega: Some(omega), ..plain },
+            // Its p0 is the p2 of the others.
+            Self::RadTanThinPrism { k, p: [p0, p1], s } => Angles { k, p: [p1, p0], s, after: true, ..plain },
+        })
+    }
+
     /// The formula by angles of models that have no other here.
     fn angles_alone(&self) -> Option<Angles> {
-        if matches!(self, Self::Radial { .. } | Self::Fisheye { .. }) { None } else { Angles::of(self) }
+        self.angles().filter(|_| !matches!(self, Self::Fisheye { .. }))
     }
 
     fn tangential(&self) -> [f64; 2] {

@@ -48,7 +48,7 @@ impl Lens {
         match self {
             Self::Equirectangular => Projection { lens: self, angles: None, last: PI },
             Self::Distorted(distortion) => {
-                let angles = Angles::of(&distortion);
+                let angles = distortion.angles();
                 let last = angles.map_or_else(|| distortion.last_angle(), |angles| angles.last_angle());
                 Projection { lens: self, angles, last }
             }

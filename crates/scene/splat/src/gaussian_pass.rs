@@ -18,7 +18,7 @@ use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes, Row};
 use weaver_kernels::simd::prefetch;
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
-/// How a kind of camera projects shapes, and the derivative of it.
+/// Projection of shapes by a kind of camera, and its derivative.
 pub(crate) trait Projector<T: Real>: Sync {
     /// Sums over pixels for each shape.
     const SUMS: usize;

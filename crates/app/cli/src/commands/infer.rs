@@ -246,7 +246,11 @@ fn own(
         return Err(Failure::Usage(message.into()));
     }
     if let Some(photo) = images.first() {
-        predictor.take_size(photo, arguments.size)?;
+        let wrong = |error: weaver_inference::Error| match arguments.size {
+            Some(_) => Failure::Usage(format!("--{error}")),
+            None => error.into(),
+        };
+        predictor.take_size(photo, arguments.size).map_err(wrong)?;
     }
     *predictor.renderer() = Renderer::new(rasterizer.clone());
     let density: Density = arguments.density.into();

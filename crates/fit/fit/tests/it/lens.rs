@@ -79,7 +79,7 @@ fn photos_of_a_fisheye_are_met_on_all_sides() {
         })
     };
     let (before, after, gaussians) = fitted(1);
-    assert!(after > before + 6.0, "from {before} to {after} dB");
+    assert!(after > before + 4.0, "from {before} to {after} dB");
     assert_eq!(gaussians, fitted(2).2, "the same bits at any number of threads");
 }
 

@@ -20,7 +20,7 @@ fn places_are_kept_once() {
         for at in (0..log_depth.len()).filter(|at| drawn.depth[*at] > 0.0 && !kept[*at]) {
             let camera = &drawn.cameras[at / pixels];
             let center = DVec2::new((at % width) as f64 + 0.5, (at / width % height) as f64 + 0.5);
-            let world = camera.pose.inverse().apply(camera.unproject(center, f64::from(drawn.depth[at])));
+            let world = camera.unproject(center, f64::from(drawn.depth[at]));
             // Around where another photo shows the place, a pixel of about its depth is kept.
             let found = (0..4).filter(|other| *other != at / pixels).any(|other| {
                 let local = drawn.cameras[other].pose.apply(world);

@@ -25,7 +25,7 @@ impl Drawn {
         let scene = varied_scene(seed, &ProceduralOptions { width, height, views });
         Self {
             planes: planar(scene.views.iter().map(|view| &view.image)),
-            cameras: scene.views.iter().map(|view| view.camera).collect(),
+            cameras: relative(&scene),
             depth: scene.views.iter().flat_map(|view| view.depth.clone().unwrap()).collect(),
             scene,
             size: [height, width],
@@ -39,4 +39,10 @@ impl Drawn {
     fn pixels(&self) -> usize {
         self.size[0] * self.size[1]
     }
+}
+
+/// The cameras of a scene in the frame of the first, as its points are.
+fn relative(scene: &Scene) -> Vec<Camera> {
+    let first = scene.views[0].camera.pose;
+    scene.views.iter().map(|view| Camera { pose: view.camera.pose.relative_to(&first), ..view.camera }).collect()
 }

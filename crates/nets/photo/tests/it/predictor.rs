@@ -4,7 +4,7 @@ use crate::Drawn;
 use weaver_data::SparsePoints;
 use weaver_inference::{CameraSource, Density, Photos, Prediction, Predictor};
 use weaver_kernels::random::Stream;
-use weaver_photo::{PhotoConfig, PhotoPredictor};
+use weaver_photo::{Comparison, PhotoConfig, PhotoPredictor};
 use weaver_router::AllocationKind;
 
 fn predictor() -> PhotoPredictor {
@@ -52,7 +52,8 @@ fn a_budget_bounds_the_gaussians() {
         assert!(made.gaussians.opacities.len() as f64 <= budget * made.depth.len() as f64 * 1.2);
         counts.push(made.gaussians.opacities.len());
     }
-    assert!(counts[0] * 2 < counts[1], "{counts:?}");
+    // Ragged borders of what is kept need cells of their own, so that a small budget may be exceeded.
+    assert!(counts[0] * 3 < counts[1] * 2, "{counts:?}");
     let density = Density { budget: Some(9.0), ..Density::default() };
     assert!(predictor().predict(drawn.photos(), source, density, Stream::new(0, 0, "")).is_err());
 }
@@ -100,17 +101,25 @@ fn equal_and_even_photos_give_a_scene() {
     all.visible[1] = all.visible[0].clone();
     let made = predict(&drawn, drawn.photos(), &all).unwrap();
     assert!(made.gaussians.means.iter().all(|x| x.is_finite()) && !made.gaussians.opacities.is_empty());
-    // Even photos agree about nothing, which the prediction says.
     let gray = vec![0.5; drawn.planes.len()];
     let made = predict(&drawn, Photos { planes: &gray, ..drawn.photos() }, &all).unwrap();
     assert!(made.gaussians.means.iter().all(|x| x.is_finite()) && !made.gaussians.opacities.is_empty());
-    assert!(made.remarks[0].contains("agree about little"), "{:?}", made.remarks);
-    let clear = Drawn::new(1, [48, 64], 4);
-    let made = predict(&clear, clear.photos(), &points(&clear)).unwrap();
-    assert_eq!(made.remarks, Vec::<String>::new());
 }
 
-/// What masks leave out gets no Gaussians.
+/// A prediction says when photos agree about nothing, and says nothing when they agree.
+#[test]
+fn unsure_depth_is_announced() {
+    let drawn = Drawn::new(1, [48, 64], 3);
+    let remarks = |depth: Vec<f32>| {
+        let (density, stream) = (Density::default(), Stream::new(0, 0, ""));
+        let made = predictor().predict_compared(drawn.photos(), &drawn.cameras, &Comparison { depth }, density, stream);
+        made.unwrap().remarks
+    };
+    assert!(remarks(vec![0.0; drawn.depth.len()])[0].contains("agree about little"));
+    assert_eq!(remarks(drawn.depth.clone()), Vec::<String>::new());
+}
+
+/// Masked pixels get no Gaussians.
 #[test]
 fn masked_pixels_get_no_gaussians() {
     let drawn = Drawn::new(1, [48, 64], 3);

@@ -7,7 +7,7 @@ use weaver_geometry::geodesy::Origin;
 use weaver_geometry::{Camera, Intrinsics, Undistortion};
 use weaver_io::{Bitmap, PhotoFile};
 
-use super::posed::Lenses;
+use super::lenses::Lenses;
 use std::f64::consts::PI;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;

@@ -1,5 +1,6 @@
 //! Photos at their own size with their cameras: the part of a capture for fitting a scene, or judging one.
 
+pub use super::lenses::Lenses;
 use super::masks::{self, Mask};
 use super::photo::{self, Photos, straight, straight_camera};
 use super::visible::visible_points;
@@ -24,26 +25,6 @@ pub enum Masked {
     Unknown,
     /// That nothing stands there: they show the background, as transparent pixels do.
     Empty,
-}
-
-/// Treatment of photos whose lens bends straight lines.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Lenses {
-    /// Photos of at least 120 degrees keep their lens; of others the distortion is undone.
-    Auto,
-    /// Photos keep their lens: nothing of them is lost, and scenes are drawn through it.
-    Keep,
-    /// Distortion is undone: a photo then shows what a pinhole sees, at most about 145 degrees.
-    #[default]
-    Undistort,
-}
-
-impl From<bool> for Lenses {
-    /// Undone, or kept.
-    fn from(undistort: bool) -> Self {
-        if undistort { Self::Undistort } else { Self::Keep }
-    }
 }
 
 /// Options of loading photos with their cameras.

@@ -34,7 +34,7 @@ pub(super) fn focal() -> f64 {
     0.5 / (0.5 * FOV.to_radians()).tan()
 }
 
-/// Rotation from the axes of the front face to those of a face: x right, y down, z ahead.
+/// Rotation from the axes of the front face to a face's: x right, y down, z ahead.
 pub(super) fn rotation(side: usize) -> DMat3 {
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
     let (right, down) = [(x, y), (-z, y), (-x, y), (z, y), (x, z), (x, -z)][side];

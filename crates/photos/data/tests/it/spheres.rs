@@ -10,7 +10,7 @@ use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::{Bitmap, Image, Observe, PhotoFile, Transforms, jpeg_of_panorama};
 use weaver_procedural::{ProceduralOptions, Walk};
 
-/// What an observer was told.
+/// An observer that keeps notes.
 #[derive(Default)]
 struct Told(Vec<String>);
 

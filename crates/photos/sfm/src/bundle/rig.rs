@@ -5,7 +5,8 @@ use std::ops::Range;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DMat3;
 
-/// The place of a camera in a rig: its axes are turned from those of the rig's first camera, and its center is the same.
+/// The place of a camera in a rig: its axes are turned from the axes of the rig's first camera, and its center is the
+/// same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mounted {
     /// Number of the first camera of the rig.

@@ -10,11 +10,11 @@ use weaver_kernels::order::median_high;
 
 /// Scales of the robust loss, in deviations, one adjustment after the other; observations off by more than `FARTHEST`
 /// times a scale are then left out.
-const SCALES: [f64; 4] = [8.0, 4.0, 2.0, 1.0];
+const SCALES: [f64; 3] = [8.0, 2.0, 1.0];
 const FARTHEST: f64 = 3.0;
 /// Steps of an adjustment, the relative fall of the cost that ends it, and the damping of its first step.
-const STEPS: usize = 30;
-const CONVERGED: f64 = 1e-7;
+const STEPS: usize = 20;
+const CONVERGED: f64 = 1e-5;
 const DAMPING: f64 = 1e-5;
 /// The most damping: beyond, no step lowers the cost.
 const LARGEST: f64 = 1e9;
@@ -48,10 +48,12 @@ pub(super) struct Adjustment {
 struct Equations {
     matrix: Vec<f64>,
     right: Vec<f64>,
-    /// For each point the inverse of its damped matrix, its right side, and its couplings: a place among the unknowns,
-    /// and rows of three.
-    points: Vec<(DMat3, DVec3, Vec<(usize, DVec3)>)>,
+    points: Vec<Eliminated>,
 }
+
+/// A point that is eliminated: the inverse of its damped matrix, its right side, and its couplings with places among
+/// the unknowns.
+type Eliminated = (DMat3, DVec3, Vec<(usize, DVec3)>);
 
 impl Adjustment {
     /// Adjusts all; `false`, and nothing is changed, if there are too few photos or observations.
@@ -210,11 +212,12 @@ impl Adjustment {
                     own += outer(by_world, by_world * weight);
                     own_right -= by_world * (weight * off[i]);
                     let twist = [by_camera, p.cross(by_camera)];
-                    let row: Vec<(usize, f64)> = (0..NUMBERS)
-                        .map(|k| (k, by_lens[k]))
-                        .chain((camera..coupling.len()).map(|k| (k, twist[(k - camera) / 3][(k - camera) % 3])))
-                        .collect();
-                    for (a, value) in &row {
+                    let mut row = [(0, 0.0); NUMBERS + TWIST];
+                    (0..NUMBERS).for_each(|k| row[k] = (k, by_lens[k]));
+                    let moves = coupling.len() - camera;
+                    (0..moves).for_each(|k| row[NUMBERS + k] = (camera + k, twist[k / 3][k % 3]));
+                    let row = &row[..NUMBERS + moves];
+                    for (a, value) in row {
                         coupling[*a].1 += by_world * (weight * value);
                         let at_a = coupling[*a].0;
                         right[at_a] -= weight * off[i] * value;

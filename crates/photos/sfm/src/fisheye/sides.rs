@@ -17,7 +17,7 @@ const HALF: f64 = 1.0;
 /// A step of this length, pixels, by which magnification is measured.
 const STEP: f64 = 0.5;
 
-/// Rotation from the axes of the photo to those of a side.
+/// Rotation from the axes of the photo to a side's.
 fn rotation(side: usize) -> DMat3 {
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
     let (right, down) = [(x, y), (-z, y), (z, y), (x, z), (x, -z)][side];
@@ -107,7 +107,7 @@ impl Sides {
         Adjustment { lens: self.lens, poses, points: estimate.points.clone(), sights }
     }
 
-    /// An estimate of the sides as one of the photos; observations are those of sides.
+    /// An estimate of the sides as one of the photos; observations stay in pixels of sides.
     pub fn of_photos(&self, estimate: Estimate) -> Estimate {
         let first = |i: usize| SIDES * i;
         let photos = self.photos.len() / SIDES;

@@ -3,6 +3,7 @@
 mod bundle;
 mod estimate;
 mod features;
+mod fisheye;
 mod one_place;
 mod refine;
 mod rigs;

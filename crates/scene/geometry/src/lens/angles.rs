@@ -1,6 +1,5 @@
 //! Lenses that are functions of the angle to the optical axis, which may exceed a right one.
 
-use crate::Distortion;
 use glam::{DMat2, DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -20,28 +19,17 @@ const TOLERANCE: f64 = 1e-10;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Angles {
     /// w of the field-of-view model.
-    omega: Option<f64>,
-    k: [f64; 6],
-    p: [f64; 2],
-    s: [f64; 4],
+    pub omega: Option<f64>,
+    pub k: [f64; 6],
+    pub p: [f64; 2],
+    pub s: [f64; 4],
     /// True if p and s act on the place after the polynomial of k, else on the one before it.
-    after: bool,
+    pub after: bool,
 }
 
 impl Angles {
-    /// The lens of a distortion; `None` for functions of x / z and y / z.
-    pub fn of(distortion: &Distortion) -> Option<Self> {
-        let plain = Self { omega: None, k: [0.0; 6], p: [0.0; 2], s: [0.0; 4], after: false };
-        let of = |[k1, k2, k3, k4]: [f64; 4]| [k1, k2, k3, k4, 0.0, 0.0];
-        Some(match *distortion {
-            Distortion::Radial { .. } => return None,
-            Distortion::Fisheye { k } => Self { k: of(k), ..plain },
-            Distortion::ThinPrismFisheye { k, p, s: [s1, s2] } => Self { k: of(k), p, s: [s1, 0.0, s2, 0.0], ..plain },
-            Distortion::Fov { omega } => Self { omega: Some(omega), ..plain },
-            // Its p0 is the p2 of the others.
-            Distortion::RadTanThinPrism { k, p: [p0, p1], s } => Self { k, p: [p1, p0], s, after: true, ..plain },
-        })
-    }
+    /// The angle itself, without a polynomial.
+    pub const EQUIDISTANT: Self = Self { omega: None, k: [0.0; 6], p: [0.0; 2], s: [0.0; 4], after: false };
 
     /// h and its derivative.
     fn height(&self, angle: f64) -> (f64, f64) {

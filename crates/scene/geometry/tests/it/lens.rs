@@ -77,7 +77,7 @@ proptest! {
 }
 
 #[test]
-fn on_the_axis_every_lens_but_a_field_of_view_is_a_pinhole() {
+fn near_the_axis_lenses_are_pinholes() {
     let near = DVec3::new(1e-7, -2e-7, 1.0);
     for lens in [Lens::PINHOLE, Lens::EQUIDISTANT, Lens::Equirectangular] {
         let projection = lens.projection();

@@ -138,7 +138,7 @@ proptest! {
         }
     }
 
-    /// What a lens sees near its axis is what a pinhole sees.
+    /// Near its axis a lens sees as a pinhole does.
     #[test]
     fn near_the_axis_every_lens_is_a_pinhole(seed: u64, lens in lenses()) {
         prop_assume!(!matches!(lens, Lens::Distorted(Distortion::Fov { .. })));
@@ -201,7 +201,7 @@ fn spheres_have_neither_seam_nor_poles() {
 }
 
 #[test]
-fn what_lies_behind_or_at_the_camera_is_seen_by_the_right_pixels() {
+fn gaussians_behind_beside_and_in_the_camera() {
     let mut scene = around(1, 1, 1, (64, 32), None, Lens::Equirectangular);
     scene.viewmats = vec![1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     scene.scales = vec![0.1; 3];

@@ -78,7 +78,7 @@ impl FrameReader<'_> {
             Some(Value::String(name)) => name,
             Some(other) => return Err(self.invalid("camera_model", "a name", other)),
         };
-        match name.as_ref() {
+        match name {
             THIN_PRISM => {
                 let [k1, k2, k3, k4, p1, p2, s1, s2] = self.numbers(&THIN_PRISM_KEYS)?;
                 return Ok(Some(Distortion::ThinPrismFisheye { k: [k1, k2, k3, k4], p: [p1, p2], s: [s1, s2] }));

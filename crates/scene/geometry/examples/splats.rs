@@ -2,12 +2,11 @@
 //! image by the unscented transform, and on the plane across their own direction, along rays. The reference is the
 //! largest response along each ray.
 //!
-//! `cargo run --release -p weaver-splat --example wide_lens`
+//! `cargo run --release -p weaver-geometry --example splats`
 
 use weaver_geometry::glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 use weaver_geometry::lens::{self, Lens, LensCamera};
 use weaver_geometry::{Camera, Pose};
-use weaver_kernels::random::Stream;
 
 const SIDE: usize = 512;
 const GAUSSIANS: u64 = 12;
@@ -77,9 +76,10 @@ fn response(way: DVec2, covariance: DMat2) -> f64 {
 
 /// Gaussians of a size, radians, at an angle from the axis.
 fn gaussians(angle: f64, size: f64) -> Vec<Gaussian> {
-    let stream = Stream::new(1, 0, "splat.wide_lens");
+    // Evenly spread: sums of fractions of multiples of irrational numbers.
+    let fraction = |n: u64, i: u64| (n as f64 * (2.0 + i as f64).sqrt() + 0.618 * i as f64).fract();
     let one = |n: u64| {
-        let normal = |i: u64| stream.normal::<f64>(16 * n + i);
+        let normal = |i: u64| (0..6).map(|k| fraction(n + 1, 6 * i + k)).sum::<f64>() - 3.0;
         let around = DVec2::new(normal(0), normal(1)).normalize();
         let mean = 3.0 * (around * angle.sin()).extend(angle.cos());
         let rotation = DMat3::from_quat(DQuat::from_xyzw(normal(2), normal(3), normal(4), normal(5)).normalize());

@@ -1,14 +1,8 @@
-//! Models for photos of any size.
+//! The size of photos for models of any size.
 
 use crate::{Error, Predictor};
 use std::path::Path;
 use weaver_io::Image;
-
-/// A model that takes photos of any size.
-pub trait Resizable {
-    /// Takes photos of this height and width from now on.
-    fn resize(&mut self, size: [usize; 2]);
-}
 
 /// The longest side that photos are shrunk to unless a call says otherwise, pixels.
 const USUAL: usize = 384;
@@ -30,7 +24,9 @@ impl dyn Predictor + '_ {
             (None, None) => Ok(()),
             (None, Some([h, w])) => {
                 let found = format!("{w}x{h} for one of {width}x{height}");
-                Err(Error::Input(format!("size: expected a network for photos of any size, found {found}")))
+                Err(Error::Input(format!(
+                    "size: expected a published checkpoint or a network for photos of any size, found {found}"
+                )))
             }
         }
     }
