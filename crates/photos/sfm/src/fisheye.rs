@@ -1,8 +1,8 @@
 //! Cameras of fisheye photos whose lens is not known.
 //!
 //! A photo of a fisheye that is known roughly is five photos of pinhole cameras in one place, the sides of a cube. They
-//! are found as any rig is. All observations then adjust the cameras and the lens at once, in pixels of the fisheye, and
-//! the better lens makes better sides.
+//! are found as any rig is. All observations then adjust the cameras and the lens at once, in pixels of the fisheye,
+//! and the better lens makes better sides.
 
 mod adjust;
 mod lens;
@@ -24,8 +24,8 @@ const FEWER: usize = 1500;
 /// Keypoints of a photo, over the usual number: it shows more.
 const MORE: usize = 2;
 /// Most rounds after the field of view is chosen, and the change of the focal length, in the logarithm, that ends them.
-const ROUNDS: usize = 3;
-const SETTLED: f64 = 5e-4;
+const ROUNDS: usize = 10;
+const SETTLED: f64 = 1e-3;
 
 /// Estimates the cameras of fisheye photos of one lens, and the lens: its focal length, principal point and k1 to k4 of
 /// OpenCV's fisheye model, for fields of view beyond 180 degrees, too.

@@ -57,6 +57,7 @@ fn a_fisheye_of_180_degrees_is_found() {
     let found = estimate_fisheye(&photos, &EstimateOptions::default());
     assert!(found.cameras.iter().all(Result::is_ok), "{:?}", found.cameras);
     let camera = found.cameras[0].unwrap();
+    println!("{camera:?} {:?}", found.distortion[0]);
     let Some(Distortion::Fisheye { k }) = found.distortion[0] else { panic!("{:?}", found.distortion[0]) };
     let center = DVec2::new(camera.intrinsics.cx, camera.intrinsics.cy);
     let own = FisheyeLens { k, center, ..FisheyeLens::new(SIZE, camera.intrinsics.fx) };
