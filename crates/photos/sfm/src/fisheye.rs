@@ -24,8 +24,8 @@ const FEWER: usize = 1500;
 /// Keypoints of a photo, over the usual number: it shows more.
 const MORE: usize = 2;
 /// Most rounds after the field of view is chosen, and the change of the focal length, in the logarithm, that ends them.
-const ROUNDS: usize = 10;
-const SETTLED: f64 = 1e-3;
+const ROUNDS: usize = 3;
+const SETTLED: f64 = 5e-4;
 
 /// Estimates the cameras of fisheye photos of one lens, and the lens: its focal length, principal point and k1 to k4 of
 /// OpenCV's fisheye model, for fields of view beyond 180 degrees, too.
