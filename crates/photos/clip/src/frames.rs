@@ -33,7 +33,7 @@ const FAR: f32 = 0.25;
 /// Quality of the JPEGs that are written, of 100: nothing that a clip or a HEIC holds is lost.
 pub(crate) const QUALITY: u8 = 95;
 
-/// True if a path is that of a clip: by its extension, or by its first bytes where it has none that photos have.
+/// True if a path leads to a clip: by its extension, or by its first bytes where it has none that photos have.
 pub fn is_clip(path: &Path) -> bool {
     if path.is_dir() {
         return false;
