@@ -3,7 +3,7 @@
 /// Measurements of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
-    /// Energy of the second derivatives; only compared with that of neighbors, which show the same.
+    /// Energy of the second derivatives; only compared with neighbors, which show the same.
     pub sharpness: f32,
     /// Movement of the picture since the first frame, along its way, over its longer side.
     pub place: f32,

@@ -33,7 +33,7 @@ const FAR: f32 = 0.25;
 /// Quality of the JPEGs that are written, of 100: nothing that a clip or a HEIC holds is lost.
 pub(crate) const QUALITY: u8 = 95;
 
-/// True if a path is that of a clip: by its extension, or by its first bytes where it has none that photos have.
+/// True if a path leads to a clip: by its extension, or by its first bytes where it has none that photos have.
 pub fn is_clip(path: &Path) -> bool {
     if path.is_dir() {
         return false;
@@ -53,13 +53,13 @@ fn begins_as_a_clip(start: &[u8]) -> bool {
         return false;
     }
     const MATROSKA: &[u8] = &[0x1a, 0x45, 0xdf, 0xa3];
-    // The same container as that of clips, of photos that are refused elsewhere with a word on how to convert them.
+    // Photos in the container of clips, which are refused elsewhere with a word on how to convert them.
     let still = [&b"avi"[..], b"hei", b"hev", b"mif", b"msf"];
     let mp4 = &start[4..8] == b"ftyp" && !still.contains(&&start[8..11]);
     mp4 || start.starts_with(MATROSKA) || start.starts_with(b"RIFF") && &start[8..] == b"AVI "
 }
 
-/// A folder of frames in that of a result.
+/// A folder of frames within the folder of a result.
 pub(crate) struct FrameFolder<'a> {
     /// Its name there.
     pub name: String,

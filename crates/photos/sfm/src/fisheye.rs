@@ -1,8 +1,8 @@
 //! Cameras of fisheye photos whose lens is not known.
 //!
 //! A photo of a fisheye that is known roughly is five photos of pinhole cameras in one place, the sides of a cube. They
-//! are found as any rig is. All observations then adjust the cameras and the lens at once, in pixels of the fisheye, and
-//! the better lens makes better sides.
+//! are found as any rig is. All observations then adjust the cameras and the lens at once, in pixels of the fisheye,
+//! and the better lens makes better sides.
 
 mod adjust;
 mod lens;

@@ -17,12 +17,12 @@ pub(crate) struct SceneOfSome<'a> {
     /// Numbers of these photos among all, ascending.
     pub numbers: &'a [usize],
     pub bundle: Bundle,
-    /// True for those with a place.
+    /// True for the ones with a place.
     pub placed: &'a [bool],
 }
 
-/// The cameras of all photos, those of `scene` as they are; which have a place; and what pairs say, those of photos
-/// that are only located too.
+/// The cameras of all photos, the scene's as they are; which have a place; and what pairs say, also of photos that are
+/// only located.
 pub(crate) fn locate(
     taken: &[Taken],
     features: &[Features],

@@ -3,7 +3,6 @@
 mod bundle;
 mod estimate;
 mod features;
-mod fisheye;
 mod one_place;
 mod refine;
 mod rigs;
