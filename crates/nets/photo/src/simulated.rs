@@ -45,10 +45,10 @@ struct Scene<'a> {
 }
 
 impl Comparison {
-    /// Depth that comparison would find of V photos whose true depth `[V, H, W]` is known, 0 where it is infinite or unknown:
-    /// the depth, with a small error, where two other photos see a place with some texture, away from edges; and points
-    /// that one other photo sees. In some scenes blobs of it are missing, a few have a wrong depth, or only points are
-    /// left, so that a network learns to complete and to doubt. The same stream gives the same bits.
+    /// Depth that comparison would find of V photos whose true depth `[V, H, W]` is known, 0 where it is infinite or
+    /// unknown: the depth, with a small error, where two other photos see a place with some texture, away from edges;
+    /// and points that one other photo sees. In some scenes blobs of it are missing, a few have a wrong depth, or only
+    /// points are left, so that a network learns to complete and to doubt. The same stream gives the same bits.
     ///
     /// # Panics
     /// When sizes do not fit.

@@ -245,6 +245,10 @@ fn own(
             "--keep-aspect, --geometry, --bf16-products: expected a published checkpoint, found weights of a run";
         return Err(Failure::Usage(message.into()));
     }
+    if arguments.size.is_some() && predictor.resizable().is_none() {
+        let expected = "--size: expected a published checkpoint or a network for photos of any size";
+        return Err(Failure::Usage(format!("{expected}, found weights of a run for one size")));
+    }
     if let Some(photo) = images.first() {
         let wrong = |error: weaver_inference::Error| match arguments.size {
             Some(_) => Failure::Usage(format!("--{error}")),
