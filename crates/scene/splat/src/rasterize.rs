@@ -47,7 +47,7 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 ///
 /// Kerbl et al., 3D Gaussian Splatting, 2023, equations 2 to 6; Zwicker et al., EWA splatting, 2002; the rules of
 /// gsplat 1.4.0 but for its bounding boxes: a splat is seen wherever its alpha reaches 1/255. Lenses: the plane of
-/// Huang et al., On the Error Analysis of 3D Gaussian Splatting and an Optimal Projection Strategy, 2024, equation 17.
+/// Huang et al., On the Error Analysis of 3D Gaussian Splatting and an Optimal Projection Strategy, 2024.
 ///
 /// ```
 /// use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
