@@ -37,8 +37,9 @@ pub(crate) struct Evidence {
 
 /// Judges Gaussians by photos.
 ///
-/// A pixel shows `C = sum_i w_i c_i` over the background, `e = A C + b - t` beside the photo. Without Gaussian i it changes
-/// by `d = -A w_i (c_i - B_i)`, with `B_i` the color of everything behind, and its squared error rises by `d (2 e + d)`.
+/// A pixel shows `C = sum_i w_i c_i` over the background, `e = A C + b - t` beside the photo. Without Gaussian i it
+/// changes by `d = -A w_i (c_i - B_i)`, with `B_i` the color of everything behind, and its squared error rises by
+/// `d (2 e + d)`.
 pub(crate) fn evidence(
     scene: &ActivatedGaussians,
     witnesses: &[Witness],

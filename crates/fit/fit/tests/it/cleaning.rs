@@ -43,9 +43,11 @@ fn planted_junk_goes() {
     }
 }
 
-/// Promise of `planted_junk_goes`: what one photo needs stays, unless other photos see through it.
+/// A scene that is its photos' loses next to nothing of them.
+///
+/// Promise of `planted_junk_goes`.
 #[test]
-fn what_one_photo_needs_stays() {
+fn photos_are_met_as_well() {
     let scene = cloud(40, 3);
     let all = photos(4, &scene);
     let (left, cleaned) = clean(all.clone(), &scene);
