@@ -24,6 +24,12 @@ class _Matching(_Shared, total=False):
     #: "off", "k1" or "k1k2".
     distortion: str
     match_size: int
+    #: "usual" or "fisheye".
+    lens: str
+    #: "equirectangular" or "pinhole".
+    projection: str
+    #: Degrees around straight down in panoramas that are left out.
+    nadir: float
 
 
 class _Placing(_Matching, total=False):

@@ -35,6 +35,7 @@ pub(super) fn check(stage: &StageConfig<PhotoRecipe>, experts: usize, key: &str)
     }
     Err(format!("{key}.losses: expected a loss on pictures or depth with a weight above 0, found none"))
 }
+
 /// Runs the network on a step's examples.
 pub(super) fn terms<'t>(
     cx: Context<'t, '_, f32>,
