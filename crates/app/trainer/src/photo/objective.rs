@@ -14,9 +14,6 @@ use weaver_splat::Rasterize;
 /// Fails if a stage has no loss, an allocation that the network does not have, or a budget loss without a choice.
 pub(super) fn check(stage: &StageConfig<PhotoRecipe>, experts: usize, key: &str) -> Result<(), String> {
     let PhotoLosses { image, l1, depth, router } = &stage.losses;
-    if stage.tuples == 0 {
-        return Err(format!("{key}.tuples: expected at least 1, found 0"));
-    }
     let allocation = stage.model.allocation.allocation(stage.model.dense, stage.model.budget, &[1.0], experts);
     allocation.map_err(|e| format!("{key}.model.allocation: {e}"))?;
     let most = experts - 1;

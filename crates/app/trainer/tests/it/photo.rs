@@ -58,7 +58,7 @@ fn a_run_is_evaluated_with_points() {
 fn wrong_settings_of_the_photo_network_are_named() {
     for (settings, said) in [
         (vec!["data.folders=[\"fox\"]", "data.endless=none"], "data.folders: expected none"),
-        (vec!["stages.0.tuples=0"], "stages.0.tuples: expected at least 1"),
+        (vec!["stages.0.tuples=0"], "stages.0.tuples: expected a step to have tuples"),
         (vec!["stages.0.losses.router.budget=1"], "losses.router.budget: expected 0"),
         (vec!["evaluation.allocation=square"], "evaluation.allocation"),
         (
