@@ -37,7 +37,8 @@ impl Fit {
     ///
     /// let intrinsics = Intrinsics { fx: 20.0, fy: 20.0, cx: 12.0, cy: 8.0 };
     /// let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 24, height: 16 };
-    /// let photos = vec![Photo { name: "gray".into(), camera, rgb: vec![90; 3 * 24 * 16].into(), mask: None, lens: None }; 2];
+    /// let rgb = vec![90; 3 * 24 * 16].into();
+    /// let photos = vec![Photo { name: "gray".into(), camera, rgb, mask: None, lens: None }; 2];
     /// let settings = FitSettings { steps: 3, gaussians: 20, views_per_step: 2, ..FitSettings::default() };
     /// let initial = init::random(&photos, &settings)?;
     /// let fitted = |ranks| -> Result<_, weaver_fit::FitError> {
