@@ -113,15 +113,16 @@ fn late_runs_judge_fewer_photos() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     capture(&data, 20);
-    let judged = |out: &str, late: Duration| {
-        let settings = RunSettings { minutes: Some(0.02), html: false, hold_out: HoldOut::Nothing, ..settings(&data) };
+    let judged = |out: &str, minutes: f64, late: Duration| {
+        let minutes = Some(minutes);
+        let settings = RunSettings { minutes, html: false, hold_out: HoldOut::Nothing, ..settings(&data) };
         let mut run = create(&folder.path().join(out), settings).unwrap();
         run.advance(&AtomicBool::new(true), |_| {}).unwrap();
         std::thread::sleep(late);
         run.finish().unwrap().train.views
     };
-    assert_eq!(judged("in-time", Duration::ZERO), 20);
-    assert_eq!(judged("late", Duration::from_secs(2)), 10);
+    assert_eq!(judged("in-time", 2.0, Duration::ZERO), 20);
+    assert_eq!(judged("late", 0.02, Duration::from_secs(2)), 10);
 }
 
 /// A run whose steps turn out slower than rehearsed leaves out steps, and Gaussians that the others could not place,
