@@ -117,6 +117,9 @@ pub(crate) fn prepare(
     if by_photos(ByPhotos::Fade) {
         settings.fit.density.opacity_weight = Density::opacity_weight_for(training.len());
     }
+    if by_photos(ByPhotos::Opacities) {
+        settings.fit.rates.opacities = Rates::opacities_for(training.len());
+    }
     let sides = training.iter().map(|photo| photo.camera.width.max(photo.camera.height));
     let long_side = sides.max().unwrap_or_default();
     if by_photos(ByPhotos::Coarse) {

@@ -111,14 +111,24 @@ pub enum ByPhotos {
     Means,
     /// The more photos there are, the less weight pulls opacities down ([`weaver_fit::Density::opacity_weight_for`]).
     Fade,
+    /// The more photos there are, the more slowly opacities change ([`Rates::opacities_for`](weaver_fit::Rates)).
+    Opacities,
     /// Large photos are halved more often at the beginning, and for longer ([`FitSettings::coarse_for`]).
     Coarse,
 }
 
 impl ByPhotos {
     /// Everything that photos can decide.
-    pub const ALL: [Self; 7] =
-        [Self::Exposure, Self::Background, Self::Dropout, Self::Start, Self::Means, Self::Fade, Self::Coarse];
+    pub const ALL: [Self; 8] = [
+        Self::Exposure,
+        Self::Background,
+        Self::Dropout,
+        Self::Start,
+        Self::Means,
+        Self::Fade,
+        Self::Opacities,
+        Self::Coarse,
+    ];
 }
 
 /// Where Gaussians begin.

@@ -63,7 +63,8 @@ enum Reason {
 impl Fit {
     /// Removes Gaussians that no photo needs, by the photos alone: those that no photo shows, those without which the
     /// photos are met better or as well, and those that one photo needs although the others see through their place.
-    /// Photos that are drawn through a lens say nothing; without others nothing is removed.
+    /// Photos that are drawn through a lens say nothing; without others nothing is removed, nor where no photo shows
+    /// anything.
     ///
     /// # Errors
     /// When the rasterizer refuses.
@@ -76,6 +77,10 @@ impl Fit {
         }
         let mut cleaned = Cleaned::default();
         let mut found = self.evidence(&witnesses)?;
+        // A scene that lies outside all photos is not judged by them.
+        if found.photos.iter().all(|photos| *photos == 0) {
+            return Ok(cleaned);
+        }
         let mut bound = (1.0 + rules.rise) * found.error;
         for round in 1..=ROUNDS {
             // What rises is shared by the rounds.
@@ -144,14 +149,13 @@ fn reasons(found: &Evidence, rise: f64, rules: &CleaningRules) -> Vec<Option<Rea
     let reason = |i: usize| {
         let others = rises[i] - most[i];
         match () {
-            () if photos[i] == 0 => Some((f64::NEG_INFINITY, Reason::Unseen)),
-            () if rises[i] <= 0.0 => Some((rises[i], Reason::Harmful)),
-            () if photos[i] > 2 && others < -rules.others * most[i] => Some((others, Reason::Contradicted)),
-            () => Some((rises[i], Reason::Unneeded)),
+            () if photos[i] == 0 => (f64::NEG_INFINITY, i, Reason::Unseen),
+            () if rises[i] <= 0.0 => (rises[i], i, Reason::Harmful),
+            () if photos[i] > 2 && others < -rules.others * most[i] => (others, i, Reason::Contradicted),
+            () => (rises[i], i, Reason::Unneeded),
         }
     };
-    let mut order: Vec<(f64, usize, Reason)> =
-        (0..rises.len()).filter_map(|i| reason(i).map(|(against, reason)| (against, i, reason))).collect();
+    let mut order: Vec<(f64, usize, Reason)> = (0..rises.len()).map(reason).collect();
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     if order.first().is_some_and(|(.., reason)| *reason != Reason::Unneeded) {
         order.retain(|(.., reason)| *reason != Reason::Unneeded);

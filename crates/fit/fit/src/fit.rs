@@ -393,12 +393,19 @@ impl Fit {
     }
 }
 
+/// Distance of a camera from the middle of all over the median, beyond which it is no measure of the scene.
+const ASTRAY: f64 = 4.0;
+
 /// Largest distance of the cameras from their middle, times 1.1 as in 3DGS; where they stand together, a tenth of the
-/// distance to their focus.
+/// distance to their focus. A camera farther than [`ASTRAY`] times the median does not count: one that was placed
+/// wrongly would multiply the rate of all means.
 fn extent(photos: &[Photo]) -> f64 {
     let centers: Vec<DVec3> = photos.iter().map(|photo| photo.camera.pose.center()).collect();
     let middle = centers.iter().sum::<DVec3>() / centers.len() as f64;
-    let extent = 1.1 * centers.iter().map(|c| c.distance(middle)).fold(0.0, f64::max);
+    let mut distances: Vec<f64> = centers.iter().map(|c| c.distance(middle)).collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    let farthest = ASTRAY * distances[distances.len() / 2];
+    let extent = 1.1 * distances.into_iter().rfind(|distance| *distance <= farthest).unwrap_or(0.0);
     let distance = looked_at(&photos.iter().collect::<Vec<_>>()).distance(middle);
     if extent > 1e-3 * distance { extent } else { 0.1 * distance }
 }

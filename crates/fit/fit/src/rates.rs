@@ -78,6 +78,9 @@ const STEPS: f64 = 6000.0;
 const FASTEST: f64 = 2.5;
 /// Longest side of the photos that rates of means were chosen by, pixels.
 const RATED: usize = 384;
+/// Photos up to which the usual rate of opacities pays, and the least part of it that more photos have.
+const AGREEING: f64 = 30.0;
+const LEAST_PART: f64 = 0.4;
 /// Part of the run from which on rates fall.
 const ENDING: f64 = 0.8;
 
@@ -106,6 +109,22 @@ impl Rates {
     /// ```
     pub fn means_on_surfaces(long_side: usize) -> f64 {
         Self::default().means * RATED as f64 / long_side.max(RATED) as f64
+    }
+
+    /// Rate of the [opacities](Self::opacities) that pays for so many photos: the usual one up to 30, then
+    /// `(30 / photos)^2` of it, two fifths at least.
+    ///
+    /// Many photos contradict each other, by visitors, by light, by what shines. Each step then makes what it sees more
+    /// transparent or more opaque by one photo alone, and at the usual rate a scene becomes fog.
+    ///
+    /// ```
+    /// use weaver_fit::Rates;
+    /// let usual = Rates::default().opacities;
+    /// assert_eq!([12, 30, 60, 300].map(Rates::opacities_for), [usual, usual, 0.4 * usual, 0.4 * usual]);
+    /// ```
+    pub fn opacities_for(photos: usize) -> f64 {
+        let part = (AGREEING / photos.max(1) as f64).powi(2);
+        Self::default().opacities * part.clamp(LEAST_PART, 1.0)
     }
 
     /// The rates at a part of the run.

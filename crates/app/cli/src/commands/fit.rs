@@ -315,6 +315,7 @@ fn fit_settings(arguments: &Fit) -> Result<(FitSettings, BTreeSet<ByPhotos>, Opt
         (ByPhotos::Start, arguments.init.is_some()),
         (ByPhotos::Means, layers.gives("rates.means")),
         (ByPhotos::Fade, layers.gives("density.opacity_weight")),
+        (ByPhotos::Opacities, layers.gives("rates.opacities")),
         (ByPhotos::Coarse, layers.gives("halvings") || layers.gives("coarse_until")),
     ];
     let by_photos = given.into_iter().filter(|(_, given)| !given).map(|(setting, _)| setting).collect();

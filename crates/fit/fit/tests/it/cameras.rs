@@ -1,5 +1,6 @@
 //! Refinement of cameras: derivatives, location of photos, recovery of disturbed cameras.
 
+use crate::scenes;
 use weaver_fit::{Fit, FitSettings, Photo, StrategyKind, init, motion};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::lens::{Lens, LensCamera};
@@ -142,4 +143,25 @@ fn refinement_resumes_to_the_same_bits() {
     assert_eq!(cameras(&whole), cameras(&other));
     assert_eq!(whole.gaussians(), other.gaussians());
     assert_ne!(cameras(&whole), photos.iter().map(|p| p.camera.pose).collect::<Vec<_>>(), "cameras did move");
+}
+
+/// One camera that was placed far from all others does not enlarge the scene, which rates of means are parts of.
+///
+/// Promise (fits): a camera that was placed far from all others does not change the rates of a fit.
+#[test]
+fn a_camera_astray_is_no_measure_of_the_scene() {
+    let cloud = scenes::cloud(20, 3);
+    let mut photos = scenes::photos(9, &cloud);
+    let extent = |photos: &[Photo]| {
+        Fit::new(photos.to_vec(), &cloud, scenes::plain(StrategyKind::Keep, 1, 20)).unwrap().extent()
+    };
+    let before = extent(&photos);
+    let mut astray = photos[4].clone();
+    astray.camera = scenes::camera(30.0, 0.0);
+    photos.push(astray);
+    let after = extent(&photos);
+    assert!(after < 2.5 * before, "{before}, {after}");
+    // Cameras at one place have no extent of their own: a part of the distance is taken.
+    photos.iter_mut().for_each(|photo| photo.camera = scenes::camera(0.0, 0.0));
+    assert!(extent(&photos) > 0.0);
 }

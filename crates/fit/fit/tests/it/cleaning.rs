@@ -55,6 +55,18 @@ fn photos_are_met_as_well() {
     assert!(after <= 1.003 * error + 1e-9, "{error} to {after}: {cleaned:?}");
 }
 
+/// A scene that no photo shows is left as it is.
+///
+/// Promise of `planted_junk_goes`.
+#[test]
+fn a_scene_outside_of_all_photos_stays() {
+    let scene = cloud(40, 3);
+    let mut behind = scene.clone();
+    behind.means.iter_mut().for_each(|mean| mean[2] -= 20.0);
+    let (left, cleaned) = clean(photos(4, &scene), &behind);
+    assert_eq!((left.len(), cleaned), (40, Cleaned::default()));
+}
+
 /// Mean squared error of photos.
 fn off(photos: &[Photo], scene: &Gaussians) -> f64 {
     let cameras: Vec<_> = photos.iter().map(|photo| photo.camera).collect();
