@@ -3,7 +3,6 @@
 use super::extended::Extended;
 use super::{Given, PairMatcher};
 use crate::confidence::Confidence;
-use crate::lenses::is_one_rig;
 use crate::pairs::Pairs;
 use crate::search::{Scene, Search};
 use weaver_geometry::Pose;
@@ -20,11 +19,12 @@ const AGREE: f64 = 0.65;
 const APART: f64 = 0.035;
 const ALIKE: f64 = 0.9;
 
-/// The scene by own and learned matches together; `None` where there are too many photos, or no new match.
+/// The scene by own and learned matches together; `None` of too many photos, of rigs,
+/// and where there is no new match.
 pub(crate) fn again(given: Given<'_>, matcher: &dyn PairMatcher, first: &Scene) -> Option<Scene> {
     let Given { taken, photos, features, settings } = given;
     let n = taken.len();
-    if n > MOST {
+    if n > MOST || taken.iter().any(|taken| taken.mounted.is_some()) {
         return None;
     }
     let everything = vec![true; n];
@@ -34,7 +34,7 @@ pub(crate) fn again(given: Given<'_>, matcher: &dyn PairMatcher, first: &Scene) 
         of.into_iter().any(|posed| posed.matches.len() >= SETTLED && posed.certain(AGREE))
     };
     let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b]));
-    let pairs: Vec<[usize; 2]> = pairs.filter(|pair| !is_one_rig(taken, pair) && !settled(pair)).collect();
+    let pairs: Vec<[usize; 2]> = pairs.filter(|pair| !settled(pair)).collect();
     let learned = all.matched(&all.promising(&pairs, &everything, PAIRS), matcher);
     if learned.is_empty() {
         return None;
