@@ -45,8 +45,8 @@ impl Extended {
         Self { features: features.collect(), own: own.iter().map(|f| f.keypoints.len()).collect(), learned }
     }
 
-    /// The most similar of these pairs: of each photo that `looks` for some, at most `most`, those with more descriptors
-    /// in common first.
+    /// The most similar of these pairs: of each photo that `looks` for some, about `most`, those with more matches by
+    /// descriptors first.
     pub fn promising(&self, pairs: &[[usize; 2]], looks: &[bool], most: usize) -> Vec<[usize; 2]> {
         let mut common = vec![0; pairs.len()];
         parallel::for_chunks(&mut common, 1, |i, common| common[0] = self.nearest(pairs[i]).len());
