@@ -24,7 +24,10 @@ pub const LEARNED_DESCRIPTOR: usize = 64;
 pub struct LearnedFeatures {
     /// Height and width of the photo.
     pub size: [usize; 2],
-    /// Places `[x, y]` of `N` keypoints by falling score, pixels; centers of pixels are whole numbers.
+    /// Width and height of a pixel as the network sees the photo, pixels of the photo.
+    pub pixel: [f32; 2],
+    /// Places `[x, y]` of `N` keypoints by falling score, pixels of the photo, as the original counts them: the center
+    /// of the network's first pixel is 0, where it is half of [`pixel`](Self::pixel) from the corner.
     pub points: Vec<[f32; 2]>,
     /// Scores from 0 to 1: how likely a place is a keypoint, times how reliable its descriptor is.
     pub scores: Vec<f32>,
@@ -82,7 +85,18 @@ impl LearnedMatcher {
         let [height, width] = size;
         assert_eq!(rgb.len(), 3 * width * height, "learned features: a photo of {width}x{height}");
         assert!(mask.is_none_or(|m| 3 * m.len() == rgb.len()), "learned features: a mask of {width}x{height}");
-        self.extractor.features(rgb, size, mask, most)
+        self.extractor.features((rgb, size), size, mask, most)
+    }
+
+    /// The same features of a photo that the network sees at another size, as if it had been resized.
+    pub(crate) fn features_at(
+        &self,
+        (rgb, size): (&[u8], [usize; 2]),
+        shown: [usize; 2],
+        mask: Option<&[bool]>,
+        most: usize,
+    ) -> LearnedFeatures {
+        self.extractor.features((rgb, size), shown, mask, most)
     }
 
     /// The matches of two photos with a probability above `least`, by falling probability.

@@ -8,7 +8,7 @@
 //! - [`Bundle`]: cameras, lenses and points adjusted to all observations.
 //! - [`estimate()`]: all of it for photos without any other information.
 //! - [`estimate_with`]: the same, and a second look with a [`PairMatcher`] where own features leave photos out or
-//!   cameras in doubt. [`LearnedMatcher`] is one: learned features and a learned matcher, whose weights the caller reads.
+//!   cameras in doubt. [`LearnedMatcher`] is one: learned features and a learned matcher; the caller reads its weights.
 //! - [`estimate_fisheye`]: the same for photos of a fisheye, whose lens is found, too.
 //! - [`refine`]: all of it for cameras that are nearly right.
 //!

@@ -12,6 +12,9 @@ use crate::photo::{EstimateOptions, Photo};
 pub(crate) use again::{again, better};
 pub(crate) use register::register;
 
+/// Longest sides between which photos are resized: the network learned from photos of such sizes, and larger ones take
+/// longer.
+const SIDES: [f64; 2] = [640.0, 1024.0];
 /// Learned keypoints of a photo, at most, and the least probability of a match.
 const KEYPOINTS: usize = 1024;
 const PROBABLE: f32 = 0.1;
@@ -36,7 +39,10 @@ pub trait PairMatcher: Sync {
 
 impl PairMatcher for LearnedMatcher {
     fn features_of(&self, photo: &Photo<'_>) -> LearnedFeatures {
-        self.features(&photo.rgb, photo.size, photo.mask, KEYPOINTS)
+        let longer = photo.size[0].max(photo.size[1]).max(1) as f64;
+        let factor = longer.clamp(SIDES[0], SIDES[1]) / longer;
+        let shown = photo.size.map(|side| (side as f64 * factor).round() as usize);
+        self.features_at((&photo.rgb, photo.size), shown, photo.mask, KEYPOINTS)
     }
 
     fn matches_of(&self, first: &LearnedFeatures, second: &LearnedFeatures) -> Vec<LearnedMatch> {

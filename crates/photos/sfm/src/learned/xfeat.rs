@@ -129,8 +129,16 @@ impl Extractor {
     }
 
     /// Keypoints and descriptors; see [`LearnedMatcher::features`](super::LearnedMatcher::features).
-    pub fn features(&self, rgb: &[u8], size: [usize; 2], mask: Option<&[bool]>, most: usize) -> LearnedFeatures {
-        let inside = size.map(|side| side / MULTIPLE * MULTIPLE);
+    ///
+    /// The network sees the photo at the size `shown`, rounded down.
+    pub fn features(
+        &self,
+        (rgb, size): (&[u8], [usize; 2]),
+        shown: [usize; 2],
+        mask: Option<&[bool]>,
+        most: usize,
+    ) -> LearnedFeatures {
+        let inside = shown.map(|side| side / MULTIPLE * MULTIPLE);
         if inside.contains(&0) {
             return LearnedFeatures { size, ..LearnedFeatures::default() };
         }
@@ -167,6 +175,7 @@ impl Extractor {
         });
         LearnedFeatures {
             size,
+            pixel: back,
             points: found.iter().map(|([x, y], _)| [x * back[0], y * back[1]]).collect(),
             scores: found.iter().map(|(_, score)| *score).collect(),
             descriptors: of_points,

@@ -48,7 +48,7 @@ pub(crate) fn again(given: Given<'_>, matcher: &dyn PairMatcher, first: &Scene) 
 pub(crate) type Judged<'a> = (&'a Scene, Confidence);
 
 /// True if a second scene takes the place of the first, which is no good one: if it is good and places as many photos,
-/// or if it places more without moving the others.
+/// or if it places more without turning the others, or twice as many.
 pub(crate) fn better((first, before): Judged<'_>, (second, after): Judged<'_>) -> bool {
     let placed = |scene: &Scene| scene.found.as_ref().map_or(0, |(_, placed)| placed.iter().filter(|p| **p).count());
     if after == Confidence::None || before == Confidence::Good {
@@ -57,7 +57,8 @@ pub(crate) fn better((first, before): Judged<'_>, (second, after): Judged<'_>) -
     if after == Confidence::Good {
         return placed(second) >= placed(first);
     }
-    before != Confidence::None && placed(second) > placed(first) && alike(first, second)
+    let [of_first, of_second] = [placed(first), placed(second)];
+    before != Confidence::None && of_second > of_first && (of_second >= 2 * of_first || alike(first, second))
 }
 
 /// True if nearly all photos that both place are turned alike.

@@ -10,7 +10,7 @@ use std::cmp::Reverse;
 use weaver_geometry::glam::DVec2;
 use weaver_kernels::parallel;
 
-/// Deviation of a learned keypoint, pixels: the network places it at a pixel.
+/// Deviation of a learned keypoint, in pixels as the network sees a photo: it names a pixel.
 const SCALE: f64 = 1.5;
 /// Fewer matches than this may be chance.
 const FEWEST: usize = 12;
@@ -101,10 +101,12 @@ impl Extended {
 }
 
 fn keypoints(learned: &LearnedFeatures) -> impl Iterator<Item = Keypoint> {
-    learned.points.iter().zip(&learned.scores).map(|([x, y], score)| Keypoint {
-        // Centers of pixels are at .5 here.
-        pixel: DVec2::new(f64::from(*x) + 0.5, f64::from(*y) + 0.5),
-        scale: SCALE,
+    let pixel = learned.pixel.map(f64::from);
+    // Centers of pixels are at .5 here.
+    let place = move |[x, y]: &[f32; 2]| DVec2::new(f64::from(*x) + 0.5 * pixel[0], f64::from(*y) + 0.5 * pixel[1]);
+    learned.points.iter().zip(&learned.scores).map(move |(point, score)| Keypoint {
+        pixel: place(point),
+        scale: SCALE * pixel[0].max(pixel[1]),
         angle: 0.0,
         contrast: *score,
     })

@@ -42,7 +42,7 @@ impl Oracle {
         let features = |view: &View| {
             let depth = view.depth.as_ref().expect("depth of a drawn view");
             let [height, width] = [view.camera.height, view.camera.width];
-            let mut found = LearnedFeatures { size: [height, width], ..LearnedFeatures::default() };
+            let mut found = LearnedFeatures { size: [height, width], pixel: [1.0; 2], ..LearnedFeatures::default() };
             for (number, point) in points.iter().enumerate() {
                 let there = view.camera.pose.apply(*point);
                 let pixel = view.camera.intrinsics.project(there);
