@@ -114,8 +114,9 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
 ///
 /// Photos that are left out are registered in the scene, whose other cameras stay the same to the bit. Up to 30 photos
 /// whose cameras are in doubt are looked at again as a whole; the new scene counts only if it is good and places as
-/// many photos, or if it places more and turns the others alike, or twice as many. Otherwise the result is the one of
-/// [`estimate_from`] to the bit, and the matcher is not asked at all where nothing is left out and the cameras are good.
+/// many photos, or if it places more, and turns those alike that the first was sure about, or places twice as many.
+/// Otherwise the result is the one of [`estimate_from`] to the bit, and the matcher is not asked at all where nothing is
+/// left out and the cameras are good.
 ///
 /// # Panics
 /// As [`estimate_from`].

@@ -48,23 +48,23 @@ pub(crate) fn again(given: Given<'_>, matcher: &dyn PairMatcher, first: &Scene) 
 pub(crate) type Judged<'a> = (&'a Scene, Confidence);
 
 /// True if a second scene takes the place of the first, which is no good one: if it is good and places as many photos,
-/// or if it places more without turning the others, or twice as many.
+/// or if it places more. Photos that the first was sure about must be turned alike in both, unless the second places
+/// twice as many: else a second look would be a second chance for a wrong scene to seem good.
 pub(crate) fn better((first, before): Judged<'_>, (second, after): Judged<'_>) -> bool {
     let placed = |scene: &Scene| scene.found.as_ref().map_or(0, |(_, placed)| placed.iter().filter(|p| **p).count());
-    if after == Confidence::None || before == Confidence::Good {
-        return false;
-    }
-    if after == Confidence::Good {
-        return placed(second) >= placed(first);
-    }
     let [of_first, of_second] = [placed(first), placed(second)];
-    before != Confidence::None && of_second > of_first && (of_second >= 2 * of_first || alike(first, second))
+    let more = if after == Confidence::Good { of_second >= of_first } else { of_second > of_first && of_first > 0 };
+    after != Confidence::None
+        && before != Confidence::Good
+        && more
+        && (of_second >= 2 * of_first || alike(first, second))
 }
 
-/// True if nearly all photos that both place are turned alike.
+/// True if nearly all photos that both place, and that the first does not call untied, are turned alike.
 fn alike(first: &Scene, second: &Scene) -> bool {
     let (Some((a, of_first)), Some((b, of_second))) = (&first.found, &second.found) else { return false };
-    let both: Vec<usize> = (0..of_first.len()).filter(|i| of_first[*i] && of_second[*i]).collect();
+    let sure = |photo: &usize| of_first[*photo] && of_second[*photo] && !first.untied.contains(photo);
+    let both: Vec<usize> = (0..of_first.len()).filter(sure).collect();
     let turn = |poses: [&Pose; 2]| poses[1].relative_to(poses[0]);
     let same = |i: usize, from: usize| {
         let [one, other] = [a, b].map(|bundle| turn([&bundle.cameras[from].pose, &bundle.cameras[i].pose]));
