@@ -22,8 +22,8 @@ fn compared(matcher: &LearnedMatcher, reference: &Tensors, name: &str) -> (Learn
         let near = |j: &usize| (0..2).all(|k| (points[2 * j + k] - found.points[i][k]).abs() < TOLERANCE);
         let j = (0..count).find(near).unwrap_or_else(|| panic!("{name}: no such keypoint: {:?}", found.points[i]));
         assert!((found.scores[i] - scores[j]).abs() < TOLERANCE, "{name}: score of {i}");
-        let both = found.descriptors[64 * i..][..64].iter().zip(&descriptors[64 * j..]);
-        assert!(both.into_iter().all(|(a, b)| (a - b).abs() < TOLERANCE), "{name}: descriptor of {i}");
+        let mut both = found.descriptors[64 * i..][..64].iter().zip(&descriptors[64 * j..]);
+        assert!(both.all(|(a, b)| (a - b).abs() < TOLERANCE), "{name}: descriptor of {i}");
         j as u32
     };
     let numbers = (0..count).map(number).collect();

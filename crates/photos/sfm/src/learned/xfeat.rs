@@ -276,10 +276,10 @@ fn peaks(probability: &[f32], [height, width]: [usize; 2]) -> Vec<[usize; 2]> {
         for (y, found) in (16 * chunk..).zip(found) {
             for x in 0..width {
                 let here = probability[y * width + x];
-                let rows = y.saturating_sub(AROUND)..(y + AROUND + 1).min(height);
+                let mut rows = y.saturating_sub(AROUND)..(y + AROUND + 1).min(height);
                 let columns = x.saturating_sub(AROUND)..(x + AROUND + 1).min(width);
                 let less = |row: usize| probability[row * width..][columns.clone()].iter().all(|other| *other <= here);
-                if here > KEYPOINT && rows.into_iter().all(less) {
+                if here > KEYPOINT && rows.all(less) {
                     found.push([x, y]);
                 }
             }

@@ -30,8 +30,8 @@ pub(crate) fn again(given: Given<'_>, matcher: &dyn PairMatcher, first: &Scene) 
     let everything = vec![true; n];
     let all = Extended::new(features, photos, &everything, matcher);
     let settled = |pair: &[usize; 2]| {
-        let of = first.pairs.posed.iter().filter(|posed| posed.photos == *pair);
-        of.into_iter().any(|posed| posed.matches.len() >= SETTLED && posed.certain(AGREE))
+        let mut of_pair = first.pairs.posed.iter().filter(|posed| posed.photos == *pair);
+        of_pair.any(|posed| posed.matches.len() >= SETTLED && posed.certain(AGREE))
     };
     let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b]));
     let pairs: Vec<[usize; 2]> = pairs.filter(|pair| !settled(pair)).collect();
