@@ -4,6 +4,7 @@ mod context;
 mod doubt;
 mod fisheye;
 mod focal_lengths;
+mod learned_weights;
 mod loading;
 mod masks;
 mod model;
@@ -17,6 +18,7 @@ use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, Placement, remarks};
 pub use context::EstimatedContext;
 pub use doubt::Doubt;
+pub use learned_weights::{built_in_matcher, read_matcher};
 use loading::{Loaded, Small, lenses_of, load};
 use masks::PhotoMask;
 use model::UPRIGHT;
@@ -29,7 +31,9 @@ use weaver_geometry::glam::DVec2;
 use weaver_io::colmap::Model;
 use weaver_io::{OutputFolder, PhotoFile, Transforms};
 use weaver_scene::Frame;
-use weaver_sfm::{Confidence, Estimate, EstimateOptions, Find, LeftOut, Observation, Photo, estimate_fisheye};
+use weaver_sfm::{
+    Confidence, Estimate, EstimateOptions, Find, LeftOut, Observation, PairMatcher, Photo, estimate_fisheye,
+};
 
 /// The folder of COLMAP's model.
 const SPARSE: &str = "sparse/0";
@@ -63,6 +67,9 @@ pub struct EstimatePhotosOptions {
     pub spheres: SphereOptions,
     /// True if the photos are of one fisheye lens, whose focal length and distortion are found.
     pub fisheye: bool,
+    /// True if a learned matcher takes a second look where photos are left out or cameras are in doubt, but of a
+    /// fisheye.
+    pub weak_pairs: bool,
 }
 
 impl Default for EstimatePhotosOptions {
@@ -76,6 +83,7 @@ impl Default for EstimatePhotosOptions {
             sequence: false,
             spheres: SphereOptions::default(),
             fisheye: false,
+            weak_pairs: false,
         }
     }
 }
@@ -202,7 +210,11 @@ pub fn estimate_set(set: &PhotoSet, options: &EstimatePhotosOptions) -> Result<E
         EstimateOptions { focal_deviation, sequence, distortion: options.distortion, ..EstimateOptions::default() };
     let (estimate, contradicted) = match options.fisheye {
         true => (estimate_fisheye(&photos, &settings), None),
-        false => focal_lengths::estimate(&photos, &settings),
+        false => {
+            let matcher = options.weak_pairs.then(built_in_matcher).transpose()?;
+            let matcher = matcher.as_ref().map(|matcher| matcher as &dyn PairMatcher);
+            focal_lengths::estimate(&photos, &settings, matcher)
+        }
     };
     let unused = masks.and_then(|masks| masks.remark.clone());
     let remarks = [unreadable, outliers, transparent, unused, covered, contradicted].into_iter().flatten().collect();
@@ -239,6 +251,13 @@ impl EstimatedPhotos {
         let whole = (0..self.paths.len()).filter(|i| Face::mounted(&self.faces, *i).is_none_or(|m| m.on == *i));
         let path = |i: usize| self.faces[i].as_ref().map_or(self.paths[i].as_path(), |face| &face.panorama);
         whole.filter_map(|i| Some((path(i), self.estimate.cameras[i].err()?))).collect()
+    }
+
+    /// The photos that a second look placed; a panorama is one photo here.
+    pub fn placed_by_second_look(&self) -> Vec<&Path> {
+        let whole =
+            self.estimate.second_look.iter().filter(|i| Face::mounted(&self.faces, **i).is_none_or(|m| m.on == **i));
+        whole.map(|i| self.faces[*i].as_ref().map_or(self.paths[*i].as_path(), |face| &face.panorama)).collect()
     }
 
     /// Confidence in the cameras.

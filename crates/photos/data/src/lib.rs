@@ -25,8 +25,8 @@ mod unreadable;
 pub use capture::posed;
 pub use error::Error;
 pub use estimated::{
-    CameraSummary, CamerasSummary, Doubt, EstimatePhotosOptions, EstimatedContext, EstimatedPhotos,
-    estimate_masked_photos, estimate_photos, estimate_set,
+    CameraSummary, CamerasSummary, Doubt, EstimatePhotosOptions, EstimatedContext, EstimatedPhotos, built_in_matcher,
+    estimate_masked_photos, estimate_photos, estimate_set, read_matcher,
 };
 pub use layout::Layout;
 pub use placement::{BarFit, Placement, PositionsFit};

@@ -1,6 +1,7 @@
 //! Confidence in an estimate.
 
 use crate::estimate::Estimate;
+use crate::uncertainty::Uncertainty;
 
 /// Another explanation is a rival from this part of the best one's support on.
 const RIVAL: f64 = 0.75;
@@ -37,21 +38,31 @@ pub enum Confidence {
     None,
 }
 
-impl Estimate {
-    /// Confidence in the cameras.
-    ///
-    /// They are good if 2.5 of their standard deviations are within 2 degrees, 5 % of the spread of their centers, and
-    /// 5 % of the focal length.
+/// What confidence follows from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grounds<'a> {
+    /// True if there are observations.
+    pub observed: bool,
+    /// Median residual, pixels.
+    pub error: f64,
+    pub focal_guessed: bool,
+    /// True if parts of the scene are not tied to the rest, or in a doubtful place.
+    pub untied: bool,
+    pub rival: f64,
+    pub uncertainty: Option<&'a Uncertainty>,
+}
+
+impl Grounds<'_> {
     pub fn confidence(&self) -> Confidence {
-        let [turn, center] = self.uncertainty.as_ref().map_or([f64::INFINITY; 2], |u| u.most());
-        let focal = self.uncertainty.as_ref().map_or(f64::INFINITY, |u| u.focal);
-        if self.observations.is_empty() {
+        let [turn, center] = self.uncertainty.map_or([f64::INFINITY; 2], Uncertainty::most);
+        let focal = self.uncertainty.map_or(f64::INFINITY, |u| u.focal);
+        if !self.observed {
             Confidence::None
         } else if self.error > OFF {
             Confidence::Inexact
         } else if self.focal_guessed {
             Confidence::Guessed
-        } else if !self.untied.is_empty() || [focal, turn, center].iter().any(|x| !x.is_finite()) {
+        } else if self.untied || [focal, turn, center].iter().any(|x| !x.is_finite()) {
             Confidence::Untied
         } else if self.rival > RIVAL {
             Confidence::Ambiguous
@@ -64,5 +75,23 @@ impl Estimate {
         } else {
             Confidence::Good
         }
+    }
+}
+
+impl Estimate {
+    /// Confidence in the cameras.
+    ///
+    /// They are good if 2.5 of their standard deviations are within 2 degrees, 5 % of the spread of their centers, and
+    /// 5 % of the focal length.
+    pub fn confidence(&self) -> Confidence {
+        let grounds = Grounds {
+            observed: !self.observations.is_empty(),
+            error: self.error,
+            focal_guessed: self.focal_guessed,
+            untied: !self.untied.is_empty(),
+            rival: self.rival,
+            uncertainty: self.uncertainty.as_ref(),
+        };
+        grounds.confidence()
     }
 }

@@ -1,12 +1,14 @@
 //! Cameras of photos without any other information.
 
 use crate::bundle::{Bundle, Mounted, Observation};
+use crate::confidence::{Confidence, Grounds};
 use crate::features::Features;
 use crate::lenses::Taken;
 use crate::locate::{SceneOfSome, locate};
 use crate::pairs::{Pair, Pairs};
 use crate::photo::{EstimateOptions, Photo};
 use crate::search::{Scene, Search};
+use crate::second_look::{Given, PairMatcher, again, better, register};
 use crate::uncertainty::Uncertainty;
 use std::borrow::Cow;
 use weaver_geometry::glam::DVec3;
@@ -57,6 +59,8 @@ pub struct Estimate {
     pub focal_factor: f64,
     /// True if focal lengths were not given, and there are too few photos to determine them.
     pub focal_guessed: bool,
+    /// Photos that [`estimate_with`] placed by a second look: all with a camera where it found the scene anew.
+    pub second_look: Vec<usize>,
 }
 
 /// Estimates the cameras of photos and the points that they show: features, matches, relative poses of pairs, a scene
@@ -102,6 +106,35 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> Estimate {
 /// assert!(held.cameras.iter().flatten().all(|camera| camera.intrinsics.fx == 80.0));
 /// ```
 pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &EstimateOptions) -> Estimate {
+    estimated(photos, features, settings, None)
+}
+
+/// Estimates cameras as [`estimate_from`] does, and takes a second look where that leaves photos out or is not
+/// [`Confidence::Good`](crate::Confidence::Good): with the matches of `matcher` beside the own ones.
+///
+/// Photos that are left out are registered in the scene, whose other cameras stay the same to the bit. Up to 30 photos
+/// whose cameras are in doubt are looked at again as a whole; the new scene counts only if it is good and places as
+/// many photos, or if it places more, and turns those alike that the first was sure about, or places twice as many.
+/// Otherwise the result is the one of [`estimate_from`] to the bit, and the matcher is not asked at all where nothing is
+/// left out and the cameras are good.
+///
+/// # Panics
+/// As [`estimate_from`].
+pub fn estimate_with(
+    photos: &[Photo<'_>],
+    features: &[Features],
+    settings: &EstimateOptions,
+    matcher: &dyn PairMatcher,
+) -> Estimate {
+    estimated(photos, features, settings, Some(matcher))
+}
+
+fn estimated(
+    photos: &[Photo<'_>],
+    features: &[Features],
+    settings: &EstimateOptions,
+    matcher: Option<&dyn PairMatcher>,
+) -> Estimate {
     assert_eq!(photos.len(), features.len(), "features of each photo");
     let taken: Vec<Taken> = photos.iter().map(Taken::of).collect();
     for (i, mounted) in taken.iter().enumerate().filter_map(|(i, taken)| Some((i, taken.mounted?))) {
@@ -122,8 +155,15 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
         Taken { mounted, ..taken }
     };
     let taken_of_those: Vec<Taken> = numbers.iter().map(|i| renumbered(taken[*i])).collect();
-    let Scene { found, pairs, rival, untied, one_place } =
-        Search::new(&taken_of_those, &photos_of_those, &of_those, settings).scene();
+    let first = Search::new(&taken_of_those, &photos_of_those, &of_those, settings).scene();
+    let mut judged = Judged::of(first, &taken_of_those);
+    let mut second_look = Vec::new();
+    if let Some(matcher) = matcher {
+        let given = Given { taken: &taken_of_those, photos: &photos_of_those, features: &of_those, settings };
+        second_look = judged.look_again(given, matcher).into_iter().map(|photo| numbers[photo]).collect();
+    }
+    let Judged { scene, uncertainty, focal_guessed, focal_factor } = judged;
+    let Scene { found, pairs, rival, untied, one_place } = scene;
     let pairs = pairs.renumbered(&numbers);
     let Some((bundle, placed)) = found else {
         let mut none = without_cameras(features, &pairs, &vec![false; photos.len()]);
@@ -138,10 +178,6 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
         }
         return none;
     };
-    let told = taken_of_those.iter().any(|t| t.focal.is_some());
-    let focal_guessed = !told && placed.iter().filter(|placed| **placed).count() < 3;
-    let uncertainty = Uncertainty::of(&bundle, &placed);
-    let focal_factor = focal_factor(&bundle, &placed, &taken_of_those);
     let scene = SceneOfSome { numbers: &numbers, bundle, placed: &placed };
     let (bundle, placed, pairs) = locate(&taken, features, settings, scene, pairs);
     let error = bundle.median_error();
@@ -149,7 +185,8 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     let reasons = without_cameras(features, &pairs, &placed);
     let uncertainty = uncertainty.map(|u| u.renumbered(&numbers, photos.len()));
     let untied = untied.into_iter().map(|photo| numbers[photo]).collect();
-    let mut estimate = Estimate { error, seen, uncertainty, rival, untied, focal_guessed, focal_factor, ..reasons };
+    let mut estimate =
+        Estimate { error, seen, uncertainty, rival, untied, focal_guessed, focal_factor, second_look, ..reasons };
     for photo in (0..photos.len()).filter(|i| placed[*i]) {
         let lens = &bundle.lenses[bundle.lens_of[photo]];
         estimate.cameras[photo] = Ok(bundle.camera(photo));
@@ -159,6 +196,66 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     (estimate.points, estimate.observations) = (bundle.points, bundle.observations);
     estimate.normalize();
     estimate
+}
+
+/// A scene with its exactness.
+struct Judged {
+    scene: Scene,
+    uncertainty: Option<Uncertainty>,
+    focal_guessed: bool,
+    focal_factor: f64,
+}
+
+impl Judged {
+    fn of(scene: Scene, taken: &[Taken]) -> Self {
+        let Some((bundle, placed)) = &scene.found else {
+            return Self { scene, uncertainty: None, focal_guessed: false, focal_factor: 1.0 };
+        };
+        let told = taken.iter().any(|t| t.focal.is_some());
+        let focal_guessed = !told && placed.iter().filter(|placed| **placed).count() < 3;
+        let uncertainty = Uncertainty::of(bundle, placed);
+        let focal_factor = focal_factor(bundle, placed, taken);
+        Self { scene, uncertainty, focal_guessed, focal_factor }
+    }
+
+    fn confidence(&self) -> Confidence {
+        let bundle = self.scene.found.as_ref().map(|(bundle, _)| bundle);
+        let grounds = Grounds {
+            observed: bundle.is_some_and(|bundle| !bundle.observations.is_empty()),
+            error: bundle.map_or(f64::NAN, Bundle::median_error),
+            focal_guessed: self.focal_guessed,
+            untied: !self.scene.untied.is_empty(),
+            rival: self.scene.rival,
+            uncertainty: self.uncertainty.as_ref(),
+        };
+        grounds.confidence()
+    }
+
+    /// Looks at the scene again with a matcher if it is in doubt, then at photos without a place; returns the photos
+    /// that were placed by that.
+    fn look_again(&mut self, given: Given<'_>, matcher: &dyn PairMatcher) -> Vec<usize> {
+        // Photos from one place have no depths, however they are matched.
+        if self.scene.one_place {
+            return Vec::new();
+        }
+        let placed = |judged: &Self| judged.scene.found.as_ref().map_or(Vec::new(), |(_, placed)| placed.clone());
+        let mut before = placed(self);
+        if self.confidence() != Confidence::Good
+            && let Some(scene) = again(given, matcher, &self.scene)
+        {
+            let other = Self::of(scene, given.taken);
+            if better((&self.scene, self.confidence()), (&other.scene, other.confidence())) {
+                // All of its cameras are new.
+                before.fill(false);
+                *self = other;
+            }
+        }
+        if let Scene { found: Some((bundle, placed)), pairs, .. } = &mut self.scene {
+            register(given, matcher, bundle, placed, pairs);
+        }
+        let after = placed(self);
+        (0..after.len()).filter(|i| after[*i] && !before.get(*i).is_some_and(|before| *before)).collect()
+    }
 }
 
 /// Ratio of estimated to given focal lengths, for the lens whose ratio is farthest from 1.
@@ -195,6 +292,7 @@ fn without_cameras(features: &[Features], pairs: &Pairs, placed: &[bool]) -> Est
         untied: Vec::new(),
         focal_factor: 1.0,
         focal_guessed: false,
+        second_look: Vec::new(),
     }
 }
 

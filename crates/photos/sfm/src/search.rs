@@ -10,6 +10,7 @@ use crate::focal;
 use crate::grow::{Grown, MANY, beginnings};
 use crate::lenses::{Taken, USUAL, tau};
 use crate::pairs::{self, Pair, Pairs, linked};
+use crate::passes::Compared;
 use crate::photo::{EstimateOptions, Photo};
 use crate::place::agreeing;
 use crate::ties::untied;
@@ -74,6 +75,8 @@ pub(crate) struct Search<'a> {
     found: Vec<Grown>,
     /// Support of the best of the scenes that were given up while they were small, over the support of the kept one.
     given_up: f64,
+    /// Learned matches: these keypoints cannot be matched anew along epipolar lines.
+    learned: Vec<Compared>,
 }
 
 impl<'a> Search<'a> {
@@ -86,7 +89,19 @@ impl<'a> Search<'a> {
         let candidates = pairs::compared(features, taken, &vec![true; taken.len()], settings);
         let matched = pairs::matched(features, &candidates);
         let pairs = Pairs { matched, posed: Vec::new() };
-        Self { taken, features, photos, settings, pairs, found: Vec::new(), given_up: 0.0 }
+        Self::among(taken, photos, features, settings, pairs, Vec::new())
+    }
+
+    /// A search by matches that are known, of which some are `learned`.
+    pub fn among(
+        taken: &'a [Taken],
+        photos: &'a [&'a Photo<'a>],
+        features: &'a [Features],
+        settings: &'a EstimateOptions,
+        pairs: Pairs,
+        learned: Vec<Compared>,
+    ) -> Self {
+        Self { taken, features, photos, settings, pairs, found: Vec::new(), given_up: 0.0, learned }
     }
 
     /// The scene with the largest support.

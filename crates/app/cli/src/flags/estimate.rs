@@ -79,6 +79,10 @@ pub struct MatchingFlags {
     /// all of them, as a tripod or a logo is]
     #[arg(long, value_name = "DEGREES", value_parser = number(0.0..=80.0, "expected degrees from 0 to 80, as in 20"), help_heading = MATCHING)]
     pub nadir: Option<f64>,
+    /// Takes a second look, with learned features and a learned matcher, at photos that are left out and at cameras that
+    /// are doubtful [default: false]
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = MATCHING)]
+    pub weak_pairs: Option<bool>,
 }
 
 impl Default for MatchingFlags {
@@ -93,6 +97,7 @@ impl Default for MatchingFlags {
             lens: None,
             projection: None,
             nadir: None,
+            weak_pairs: None,
         }
     }
 }
@@ -108,6 +113,7 @@ impl From<MatchingFlags> for EstimatePhotosOptions {
             distortion: flags.distortion.unwrap_or_default(),
             spheres: SphereOptions { projection: flags.projection, nadir: flags.nadir },
             fisheye: flags.lens.unwrap_or(false),
+            weak_pairs: flags.weak_pairs.unwrap_or(Self::default().weak_pairs),
         }
     }
 }
@@ -118,7 +124,8 @@ impl MatchingFlags {
     /// # Errors
     /// When a flag is given; `found` names the source of cameras.
     pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
-        let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size, --lens, --projection, --nadir";
+        let flags =
+            "--focal, --no-exif, --own-focal, --distortion, --match-size, --lens, --projection, --nadir, --weak-pairs";
         unused(self, flags, "estimated cameras", found)
     }
 }

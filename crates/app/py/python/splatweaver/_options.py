@@ -30,6 +30,8 @@ class _Matching(_Shared, total=False):
     projection: str
     #: Degrees around straight down in panoramas that are left out.
     nadir: float
+    #: A second look with a learned matcher.
+    weak_pairs: bool
 
 
 class _Placing(_Matching, total=False):

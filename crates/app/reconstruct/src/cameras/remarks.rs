@@ -40,6 +40,10 @@ pub fn remark(found: &EstimatedPhotos, shared: bool, observe: &mut dyn Observe) 
             "by what photos show of each other the focal length is {percent:+.0} % off what was told; were photos cropped? --no-exif estimates it"
         ));
     }
+    let again: Vec<String> = found.placed_by_second_look().iter().map(|path| path.display().to_string()).collect();
+    if !again.is_empty() {
+        observe.note(&format!("cameras: placed by a second look with a learned matcher: {}", some_of(&again)));
+    }
     for reason in [LeftOut::Textureless, LeftOut::Unmatched, LeftOut::OnePlace, LeftOut::Unplaced] {
         let names: Vec<String> =
             found.left_out().iter().filter(|(_, r)| *r == reason).map(|(path, _)| path.display().to_string()).collect();

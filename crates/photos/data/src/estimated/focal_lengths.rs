@@ -3,7 +3,7 @@
 use crate::remarks::some_of;
 use std::collections::BTreeSet;
 use weaver_geometry::Camera;
-use weaver_sfm::{Estimate, EstimateOptions, Features, LeftOut, Photo, estimate_from};
+use weaver_sfm::{Estimate, EstimateOptions, Features, LeftOut, PairMatcher, Photo, estimate_from, estimate_with};
 
 /// A focal length is an outlier if it is off by more than this factor from the others'.
 const OFF: f64 = 3.0;
@@ -43,9 +43,17 @@ const CONTRADICTED: f64 = 2.0;
 /// A given focal length is a measurement, whose deviation holds back the estimate from photos. Where the estimate is
 /// far off nevertheless, the given number is no measurement of this lens, and half way between both is wrong for
 /// certain.
-pub(super) fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> (Estimate, Option<String>) {
+pub(super) fn estimate(
+    photos: &[Photo<'_>],
+    settings: &EstimateOptions,
+    matcher: Option<&dyn PairMatcher>,
+) -> (Estimate, Option<String>) {
     let features: Vec<Features> = photos.iter().map(|photo| photo.features(settings.keypoints)).collect();
-    let estimate = estimate_from(photos, &features, settings);
+    let estimate_from = |photos: &[Photo<'_>]| match matcher {
+        Some(matcher) => estimate_with(photos, &features, settings, matcher),
+        None => estimate_from(photos, &features, settings),
+    };
+    let estimate = estimate_from(photos);
     let most = CONTRADICTED * settings.focal_deviation;
     let contradicted = |estimate: &Estimate| -> BTreeSet<usize> {
         let off = |(photo, camera): (&Photo<'_>, &Result<Camera, LeftOut>)| {
@@ -60,7 +68,7 @@ pub(super) fn estimate(photos: &[Photo<'_>], settings: &EstimateOptions) -> (Est
     }
     let mut freed = photos.to_vec();
     freed.iter_mut().filter(|photo| wrong.contains(&photo.lens)).for_each(|photo| photo.focal = None);
-    let other = estimate_from(&freed, &features, settings);
+    let other = estimate_from(&freed);
     let placed = |estimate: &Estimate| estimate.cameras.iter().flatten().count();
     if placed(&other) < placed(&estimate) || !wrong.is_subset(&contradicted(&other)) {
         return (estimate, None);

@@ -45,6 +45,9 @@ pub struct CameraSummary {
     /// The reason why it has no camera; `None` if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out: Option<String>,
+    /// True if the second look with a learned matcher placed it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub second_look: bool,
     /// Points that it sees.
     #[serde(default)]
     pub points: usize,
@@ -92,6 +95,7 @@ impl EstimatedPhotos {
                 let told = e.uncertainty.as_ref().filter(|u| u.rotations[i] > 0.0);
                 CameraSummary {
                     left_out: None,
+                    second_look: e.second_look.contains(&i),
                     points: e.seen[i],
                     focal_length: finite(camera.intrinsics.fx / camera.width.max(camera.height) as f64),
                     rotation_deviation_degrees: told.and_then(|u| finite(u.rotations[i].to_degrees())),

@@ -5,6 +5,7 @@ mod dtu;
 mod estimated;
 mod exif;
 mod film_layouts;
+mod learned;
 mod masked;
 mod own_photos;
 mod photo_masks;

@@ -86,6 +86,7 @@ impl Search<'_> {
         pairs.extend(self.pairs.posed.iter().filter(of_placed).map(|pair| (pair.photos, matches(pair))));
         pairs.sort_by_key(|(photos, matches)| (*photos, matches.is_empty()));
         pairs.dedup_by_key(|(photos, _)| *photos);
+        pairs.extend(self.learned.iter().filter(|(photos, _)| photos.iter().all(|photo| placed[*photo])).cloned());
         bundle.pass(self.features, pairs, &missing, pass);
     }
 

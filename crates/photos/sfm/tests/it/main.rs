@@ -6,5 +6,6 @@ mod features;
 mod one_place;
 mod refine;
 mod rigs;
+mod second_look;
 mod tracks;
 mod two_view;
