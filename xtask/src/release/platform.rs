@@ -110,18 +110,15 @@ impl Platform {
         }
     }
 
-    /// The tag of a wheel with this library: on Linux, the oldest system that has all that the library needs.
-    pub fn tag(self, library: &Path) -> Result<String, String> {
+    /// The tags of a wheel with this library: on Linux, of the oldest system that has all that the library needs.
+    pub fn tags(self, library: &Path) -> Result<Vec<String>, String> {
         Ok(match self {
-            Self::Linux(processor) => {
-                let glibc = needs(library)?.glibc().max(GLIBC);
-                format!("manylinux_2_{glibc}_{}", if processor == Processor::X86 { "x86_64" } else { "aarch64" })
-            }
+            Self::Linux(processor) => linux_tags(needs(library)?.glibc(), processor),
             // The oldest system that the compiler builds for by default.
-            Self::Mac(Processor::X86) => "macosx_10_12_x86_64".into(),
-            Self::Mac(Processor::Arm) => "macosx_11_0_arm64".into(),
-            Self::Windows(Processor::X86) => "win_amd64".into(),
-            Self::Windows(Processor::Arm) => "win_arm64".into(),
+            Self::Mac(Processor::X86) => vec!["macosx_10_12_x86_64".into()],
+            Self::Mac(Processor::Arm) => vec!["macosx_11_0_arm64".into()],
+            Self::Windows(Processor::X86) => vec!["win_amd64".into()],
+            Self::Windows(Processor::Arm) => vec!["win_arm64".into()],
         })
     }
 
@@ -141,6 +138,13 @@ impl Platform {
     }
 }
 
+/// The tags for Linux with glibc 2.x and newer; of 2.17, also the name that older installers know.
+fn linux_tags(glibc: u32, processor: Processor) -> Vec<String> {
+    let (glibc, processor) = (glibc.max(GLIBC), if processor == Processor::X86 { "x86_64" } else { "aarch64" });
+    let older = (glibc == GLIBC).then(|| format!("manylinux2014_{processor}"));
+    std::iter::once(format!("manylinux_2_{glibc}_{processor}")).chain(older).collect()
+}
+
 /// The needs of a file, which are only libraries of the system.
 fn needs(path: &Path) -> Result<Needs, String> {
     let bytes = std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
@@ -149,5 +153,18 @@ fn needs(path: &Path) -> Result<Needs, String> {
     match needs.libraries.iter().find(|name| !known(name)) {
         Some(name) => Err(format!("{}: expected libraries of the system alone, found {name}", path.display())),
         None => Ok(needs),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tags_follow_from_the_c_library() {
+        let older = ["manylinux_2_17_x86_64", "manylinux2014_x86_64"];
+        assert_eq!(linux_tags(14, Processor::X86), older);
+        assert_eq!(linux_tags(17, Processor::X86), older);
+        assert_eq!(linux_tags(28, Processor::Arm), ["manylinux_2_28_aarch64"]);
     }
 }

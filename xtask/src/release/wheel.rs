@@ -25,8 +25,10 @@ pub fn make(release: &Release, licenses: &str, out: &Path) -> Result<(), String>
     create(&texts)?;
     release.add_licenses(&texts, licenses)?;
     name_licenses(&description, &texts)?;
-    let tag = release.platform.tag(&library)?;
-    let wheel = format!("Wheel-Version: 1.0\nGenerator: xtask\nRoot-Is-Purelib: false\nTag: cp39-abi3-{tag}\n");
+    let mut wheel = String::from("Wheel-Version: 1.0\nGenerator: xtask\nRoot-Is-Purelib: false\n");
+    for tag in release.platform.tags(&library)? {
+        wheel += &format!("Tag: cp39-abi3-{tag}\n");
+    }
     write(&description.join("WHEEL"), &wheel)?;
     plain_modes(&folder)?;
     let packed = release.work.join("packed");
