@@ -20,8 +20,8 @@ const ALLOWED: &[&str] = &[
     "Zlib",
 ];
 
-/// Beginnings of names of files with licenses, in small letters.
-const FILES: &[&str] = &["license", "licence", "copying", "copyright", "notice", "unlicense"];
+/// Beginnings of names of files with licenses, in small letters, in both spellings.
+const FILES: &[&str] = &["licen", "copying", "copyright", "notice", "unlicen"];
 
 /// The texts of the licenses of all packages, each text once, after the packages that have it. `ours` is the text of
 /// Apache-2.0, for packages of that license without a file of their own.

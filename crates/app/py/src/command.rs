@@ -25,8 +25,8 @@ pub fn flags(command: &str) -> Vec<(String, Option<String>, Option<String>)> {
     flags.map(|flag| (flag.name, flag.value, flag.default)).collect()
 }
 
-/// Runs a command line, whose first argument is the program's name, as the program of this process, and returns the exit
-/// code. Signals and panics become the program's.
+/// Runs a command line, whose first argument is the program's name, as the program of this process, and returns the
+/// exit code. Signals and panics become the program's.
 #[pyfunction]
 pub fn run_program(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| weaver_cli::process(arguments))
