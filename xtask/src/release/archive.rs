@@ -4,6 +4,9 @@ use flate2::{Compression, GzBuilder};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
+/// Names of files that can be started.
+const PROGRAMS: &[&str] = &["splatweaver", "splatweaver.exe"];
+
 /// Writes the files below a folder as a `.tar.gz`, in the order of their names, with one time, owner and mode.
 pub fn pack(folder: &Path, inside: &str, time: u64, to: &Path) -> Result<(), String> {
     let failed = |error: std::io::Error| format!("{}: {error}", to.display());
@@ -16,9 +19,7 @@ pub fn pack(folder: &Path, inside: &str, time: u64, to: &Path) -> Result<(), Str
         let mut head = tar::Header::new_ustar();
         head.set_size(bytes.len() as u64);
         head.set_mtime(time);
-        // Programs alone are in the uppermost folder without an ending, or with Windows'.
-        let program = !name.contains('/') && (!name.contains('.') || name.ends_with(".exe")) && name != "LICENSE";
-        head.set_mode(if program { 0o755 } else { 0o644 });
+        head.set_mode(if PROGRAMS.contains(&name.as_str()) { 0o755 } else { 0o644 });
         head.set_uid(0);
         head.set_gid(0);
         archive.append_data(&mut head, format!("{inside}/{name}"), bytes.as_slice()).map_err(failed)?;
@@ -68,7 +69,7 @@ mod tests {
     fn equal_content_has_equal_bytes() {
         let work = std::env::temp_dir().join(format!("xtask-archive-{}", std::process::id()));
         let (one, two) = (work.join("one"), work.join("two"));
-        for (folder, order) in [(&one, ["a", "b/c"]), (&two, ["b/c", "a"])] {
+        for (folder, order) in [(&one, ["splatweaver", "b/c"]), (&two, ["b/c", "splatweaver"])] {
             std::fs::create_dir_all(folder.join("b")).unwrap();
             for name in order {
                 std::fs::write(folder.join(name), name).unwrap();
@@ -94,7 +95,7 @@ mod tests {
                 head.mtime().unwrap(),
             ));
         }
-        let expected = [("x-1.0/a", "a", 0o755), ("x-1.0/b/c", "b/c", 0o644)];
+        let expected = [("x-1.0/b/c", "b/c", 0o644), ("x-1.0/splatweaver", "splatweaver", 0o755)];
         assert_eq!(found, expected.map(|(name, text, mode)| (name.into(), text.into(), mode, 1_700_000_000)));
     }
 

@@ -6,7 +6,7 @@ use weaver_io::{Background, Image, available_memory, read_text};
 use weaver_kernels::random::Stream;
 use weaver_kernels::{peak, simd};
 use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
-use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, Workspace, rasterize, rasterize_backward};
+use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, Target, Workspace, rasterize, rasterize_backward};
 
 /// Time that each of the repeated parts is given.
 const PART: Duration = Duration::from_secs(4);
@@ -97,7 +97,7 @@ fn drawing() -> Result<f64, String> {
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
         rasterize(&gaussians, &cameras, &settings, &mut workspace, images).map_err(|error| error.to_string())?;
         let cotangents = Cotangents { image: Some(&cotangent), ..Cotangents::default() };
-        let gradients = Gradients { means: Some((&mut gradient, 0.0)), ..Gradients::default() };
+        let gradients = Gradients { means: Some(Target::write(&mut gradient)), ..Gradients::default() };
         rasterize_backward(&gaussians, &cameras, &settings, &mut workspace, &cotangents, gradients)
             .map_err(|error| error.to_string())?;
         Ok(1)
