@@ -21,6 +21,7 @@ fn every_command_explains_itself_with_an_example() {
         "bench",
         "config",
         "completions",
+        "man",
     ];
     for command in photos.into_iter().chain(scenes) {
         let done = splatweaver(&[&command, &"--help"]).fine();
@@ -79,5 +80,23 @@ fn shells_get_their_completions() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let done = splatweaver(&[&"completions", &shell]).fine();
         assert!(done.stdout.contains("splatweaver") && done.stdout.contains("budget"), "{shell}");
+    }
+}
+
+/// Promise (options): every command has a page of the manual, printed or written.
+#[test]
+fn every_command_has_a_page_of_the_manual() {
+    let page = splatweaver(&[&"man", &"fit"]).fine();
+    assert!(page.stdout.contains(".TH splatweaver-fit 1") && page.stdout.contains("gaussians"), "{}", page.stdout);
+    assert!(splatweaver(&[&"man", &"dynamic", &"train"]).fine().stdout.contains("splatweaver\\-dynamic\\-train"));
+    assert!(splatweaver(&[&"man"]).fine().stdout.contains("reconstruct"));
+    let wrong = splatweaver(&[&"man", &"nothing"]);
+    assert_eq!((wrong.code, wrong.stdout.is_empty()), (2, true));
+    assert!(wrong.stderr.contains("nothing"), "{}", wrong.stderr);
+    let pages = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("man1");
+    splatweaver(&[&"man", &"--out", &pages]).fine();
+    let commands = weaver_cli::program();
+    for command in commands.get_subcommands().filter(|command| !command.is_hide_set()) {
+        assert!(pages.join(format!("splatweaver-{}.1", command.get_name())).is_file(), "{}", command.get_name());
     }
 }

@@ -6,7 +6,9 @@
 mod dial;
 mod embed;
 mod peers;
+mod release;
 mod scripts;
+mod site;
 mod stress;
 mod study;
 mod test;
@@ -35,6 +37,9 @@ const USAGE: &str = "usage: cargo xtask <command>
   embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2
   wheel           [DIR]: the Python package built by maturin, installed where nothing else is, and tested there
+  release         [DIR]: a wheel with the program in it, an archive of the program with its manual, completions and licenses,
+                  sources, the list of packages and checksums; equal commits give equal bytes
+  site            [DIR] [--scene FILE.html]: the documents as HTML with links checked, the scene of the demonstration on the first page
   walk            --out DIR [--photos N] [--size PIXELS] [--seed N] [--facade]: photos along a generated street that comes back past its
                   beginning, or along a building whose windows repeat, with exact cameras";
 
@@ -54,6 +59,8 @@ fn main() -> ExitCode {
         "walk" => cargo_run(&["--release", "--package", "weaver-procedural", "--example", "walk"], rest),
         "valgrind" => valgrind::run(),
         "wheel" => wheel::run(rest),
+        "release" => release::run(rest),
+        "site" => site::run(rest),
         _ => Err(USAGE.into()),
     };
     match done {

@@ -12,6 +12,8 @@ mod sources;
 mod spelling;
 mod wall;
 
+pub use documents::{plain, slug};
+
 use serde_json::Value;
 use sources::Source;
 use std::collections::BTreeMap;
@@ -104,6 +106,11 @@ pub fn root() -> Result<PathBuf, String> {
     Ok(PathBuf::from(text(&metadata()?, "workspace_root")))
 }
 
+/// The version of all packages.
+pub fn version() -> Result<String, String> {
+    Ok(text(&metadata()?["packages"][0], "version").into())
+}
+
 fn metadata() -> Result<Value, String> {
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--no-deps"])
@@ -139,7 +146,7 @@ fn read() -> Result<Workspace, String> {
     }
     workspace.others.extend(sources::directly_in(&root, &root)?);
     workspace.others.extend(sources::directly_in(&root, &root.join("methods"))?);
-    for folder in ["docs", "shaders", "tests/fixtures", "tests/embedding"] {
+    for folder in [".github", "docs", "shaders", "tests/fixtures", "tests/embedding"] {
         workspace.others.extend(sources::below(&root, &root.join(folder))?);
     }
     Ok(workspace)

@@ -6,6 +6,8 @@ use std::process::{Command, Stdio};
 
 /// Folder of the crate.
 const CRATE: &str = "crates/app/py";
+/// The interpreter by which others are made.
+const PYTHON: &str = if cfg!(windows) { "python" } else { "python3" };
 
 /// Builds a wheel into a folder, `target/wheels` unless another is named, and runs its tests on it.
 pub fn run(arguments: &[String]) -> Result<(), String> {
@@ -43,22 +45,22 @@ pub fn run(arguments: &[String]) -> Result<(), String> {
 }
 
 fn has_venv() -> bool {
-    let asked = Command::new("python3").args(["-c", "import venv, ensurepip"]).stderr(Stdio::null()).status();
+    let asked = Command::new(PYTHON).args(["-c", "import venv, ensurepip"]).stderr(Stdio::null()).status();
     asked.is_ok_and(|status| status.success())
 }
 
 /// The interpreter of a virtual environment with these packages, made if it is not there.
-fn venv(folder: &Path, packages: &[&str]) -> Result<PathBuf, String> {
-    let python = folder.join("bin/python");
+pub fn venv(folder: &Path, packages: &[&str]) -> Result<PathBuf, String> {
+    let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
     if !python.exists() {
-        call(Command::new("python3").args(["-m", "venv"]).arg(folder))?;
+        call(Command::new(PYTHON).args(["-m", "venv"]).arg(folder))?;
     }
     let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
     call(Command::new(&python).args(pip).args(packages))?;
     Ok(python)
 }
 
-fn clear(folder: &Path) -> Result<(), String> {
+pub fn clear(folder: &Path) -> Result<(), String> {
     if !folder.exists() {
         return Ok(());
     }
@@ -73,7 +75,7 @@ fn only_wheel(folder: &Path) -> Result<PathBuf, String> {
 }
 
 /// Prints a command, and runs it.
-fn call(command: &mut Command) -> Result<(), String> {
+pub fn call(command: &mut Command) -> Result<(), String> {
     println!("{command:?}");
     let status = command.status().map_err(|error| format!("{command:?}: {error}"))?;
     if status.success() { Ok(()) } else { Err(format!("{command:?} failed")) }

@@ -100,7 +100,7 @@ fn text_of<'a>(workspace: &'a Workspace, path: &Path) -> Option<&'a str> {
 }
 
 /// A path without `..`.
-fn plain(path: &Path) -> PathBuf {
+pub fn plain(path: &Path) -> PathBuf {
     let mut plain = PathBuf::new();
     for part in path.components() {
         if part == Component::ParentDir {
@@ -113,7 +113,7 @@ fn plain(path: &Path) -> PathBuf {
 }
 
 /// The anchor of a heading: lower case, hyphens for spaces, no punctuation.
-fn slug(heading: &str) -> String {
+pub fn slug(heading: &str) -> String {
     let text = heading.trim_start_matches('#').trim().to_lowercase();
     let kept = text.chars().filter(|letter| letter.is_alphanumeric() || " -_".contains(*letter));
     kept.map(|letter| if letter == ' ' { '-' } else { letter }).collect()

@@ -3,6 +3,7 @@
 
 use super::sources::Source;
 use super::{Package, text};
+use serde_json::Value;
 use std::path::Path;
 
 pub fn check(package: &Package, faults: &mut Vec<String>) {
@@ -21,6 +22,7 @@ pub fn check(package: &Package, faults: &mut Vec<String>) {
             faults.push(format!("{name}: no {key} in Cargo.toml"));
         }
     }
+    check_registry(name, metadata, faults);
     // Files for `cargo package`: a link to the workspace's becomes a copy.
     if !Path::new(text(metadata, "manifest_path")).with_file_name("LICENSE").is_file() {
         faults.push(format!("{name}: no LICENSE beside Cargo.toml; expected a link to the workspace's"));
@@ -39,6 +41,22 @@ pub fn check(package: &Package, faults: &mut Vec<String>) {
     if tests > 1 {
         faults.push(format!("{name}: {tests} binaries of integration tests; one, tests/it, compiles faster"));
     }
+}
+
+/// The rules of the registry: at most five keywords of at most twenty letters, and five categories. Crates that tests
+/// need are named by their path alone, so that the registry never waits for one that comes later.
+fn check_registry(name: &str, metadata: &Value, faults: &mut Vec<String>) {
+    for key in ["keywords", "categories"] {
+        let words: Vec<&str> = metadata[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        if words.len() > 5 || key == "keywords" && words.iter().any(|word| word.len() > 20) {
+            faults.push(format!("{name}: {key} {words:?}; expected at most five, keywords of at most twenty letters"));
+        }
+    }
+    let dependencies = metadata["dependencies"].as_array().into_iter().flatten();
+    let own = dependencies.filter(|d| d["kind"] == "dev" && !d["path"].is_null() && text(d, "req") != "*");
+    faults.extend(
+        own.map(|d| format!("{name}: the dev-dependency {} has a version; expected its path alone", text(d, "name"))),
+    );
 }
 
 /// Unit tests of targets that Cargo.toml leaves out with `test = false`: they would never run.
@@ -104,6 +122,24 @@ mod tests {
         package.readme += "```rust\nassert!(true);\n```\n";
         check_readme(&package, &mut faults);
         assert_eq!(faults.len(), 6, "{faults:?}");
+    }
+
+    #[test]
+    fn the_registry_takes_every_crate() {
+        let metadata = json!({
+            "keywords": ["gaussian-splatting", "a-word-of-many-letters"],
+            "categories": ["science"],
+            "dependencies": [
+                {"name": "weaver-io", "kind": "dev", "path": "/w/io", "req": "^0.3.0"},
+                {"name": "weaver-nn", "kind": "dev", "path": "/w/nn", "req": "*"},
+                {"name": "weaver-scene", "kind": null, "path": "/w/scene", "req": "^0.3.0"},
+                {"name": "tempfile", "kind": "dev", "req": "^3"},
+            ],
+        });
+        let mut faults = Vec::new();
+        check_registry("weaver-x", &metadata, &mut faults);
+        assert_eq!(faults.len(), 2, "{faults:?}");
+        assert!(faults[1].contains("weaver-io"), "{faults:?}");
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod eval;
 mod fit;
 mod infer;
 mod info;
+mod man;
 mod merge;
 mod mesh;
 mod plan;
@@ -104,6 +105,7 @@ table! {
         Align(align::Align) => |it, console, _| in_pool(it.threads.count(), || align::run(it, console)),
         Mesh(mesh::Meshing) => |it, console, _| in_pool(it.threads.count(), || mesh::run(it, console)),
         Completions(completions::Completions) => |it, console, _| completions::run(it, console),
+        Man(man::Manual) => |it, console, _| man::run(it, console),
     }
     and Method
 }

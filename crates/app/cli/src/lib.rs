@@ -1,12 +1,13 @@
 //! The `splatweaver` command line: arguments in, exit code out.
 //!
-//! [`run`] is the whole program except for signals and panics, so that tests can call it.
+//! [`run`] is the whole program except for signals and panics, so that tests can call it; [`process`] is all of it.
 
 mod command_line;
 mod commands;
 mod flags;
 mod methods;
 mod old_names;
+mod process;
 mod processes;
 mod request;
 mod table;
@@ -16,6 +17,7 @@ pub use weaver_command::{Console, Interrupt, Value, printable};
 
 pub use methods::models;
 pub use old_names::{OLD, current};
+pub use process::process;
 pub use request::Request;
 
 use clap::CommandFactory;

@@ -12,6 +12,7 @@ mod failure;
 mod flags;
 mod interrupt;
 mod lifted_file;
+mod manual;
 pub mod memory;
 mod observer;
 mod old_names;
@@ -33,6 +34,7 @@ pub use flags::{
 };
 pub use interrupt::Interrupt;
 pub use lifted_file::LiftedFile;
+pub use manual::manual;
 pub use observer::ConsoleObserver;
 pub use old_names::{OldName, current_names};
 pub use output::Output;

@@ -25,6 +25,13 @@ pub fn flags(command: &str) -> Vec<(String, Option<String>, Option<String>)> {
     flags.map(|flag| (flag.name, flag.value, flag.default)).collect()
 }
 
+/// Runs a command line, whose first argument is the program's name, as the program of this process, and returns the
+/// exit code. Signals and panics become the program's.
+#[pyfunction]
+pub fn run_program(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| weaver_cli::process(arguments))
+}
+
 /// Runs a command with settings by name, None for those that are not given, and returns its standard output.
 ///
 /// `log` gets the lines of standard error, `callback` the label, done, total and note of each part that is done; an

@@ -22,7 +22,7 @@ mod _splatweaver {
     #[pymodule_export]
     use super::camera::{Camera, read_cameras, write_cameras};
     #[pymodule_export]
-    use super::command::{flags, run_command};
+    use super::command::{flags, run_command, run_program};
     #[pymodule_export]
     use super::kept::Drawing;
     #[pymodule_export]

@@ -14,7 +14,7 @@ macro_rules! photos {
 }
 
 /// Photos of bananas on a table, 384 x 255 pixels. Their license is beside them.
-const PHOTOS: [(&str, &[u8]); 14] = photos!(
+pub const PHOTOS: [(&str, &[u8]); 14] = photos!(
     "DSC_0423.jpg" "DSC_0424.jpg" "DSC_0425.jpg" "DSC_0426.jpg" "DSC_0427.jpg" "DSC_0428.jpg" "DSC_0430.jpg"
     "DSC_0431.jpg" "DSC_0432.jpg" "DSC_0433.jpg" "DSC_0435.jpg" "DSC_0436.jpg" "DSC_0437.jpg" "DSC_0438.jpg"
 );

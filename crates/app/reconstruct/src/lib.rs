@@ -4,6 +4,7 @@
 //! - [`cameras()`] estimates cameras alone, [`fit()`] fits a capture, and [`resume`] goes on with a fit.
 //! - [`align_photos`] finds the cameras of further photos of a finished scene; [`SceneComparison`] judges a scene by
 //!   the photos of a capture.
+//! - [`self_test()`] measures the machine, for reports of faults.
 //! - [`Run`] is a fit of a capture on disk, [`RunSettings`] its settings, [`plan`](fn@plan) its memory.
 //! - [`blocks`] cuts a large capture into captures that are fitted apart, and joins their fits; [`partition`] is the
 //!   geometry of that.
@@ -53,6 +54,7 @@ mod report;
 mod results;
 mod run;
 mod scene_comparison;
+mod self_test;
 mod settings;
 mod sources;
 mod start;
@@ -75,6 +77,7 @@ pub use reconstruct::{Quality, Request, reconstruct};
 pub use report::CURVES;
 pub use run::Run;
 pub use scene_comparison::{ComparedScene, SceneComparison};
+pub use self_test::self_test;
 use settings::RunFile;
 pub use settings::{ByPhotos, Initial, RunSettings};
 pub use view::FILE as VIEW;

@@ -5,6 +5,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, device};
 use weaver_inference::RunFolder;
+use weaver_reconstruct::self_test;
 use weaver_run::Folder;
 use weaver_run::description::{SETTINGS, describe, describe_table, is_of_results};
 use weaver_trainer::describe_results;
@@ -22,24 +23,40 @@ use weaver_trainer::describe_results;
   splatweaver info runs/mine/checkpoint.safetensors
   splatweaver info model.safetensors
   splatweaver info capture/sparse/0
-  splatweaver info --devices")]
+  splatweaver info --devices
+  splatweaver info --report > report.txt")]
 pub struct Info {
     /// The file, or the folder of a run, of a capture, of weights or of photos
-    #[arg(required_unless_present = "devices")]
+    #[arg(required_unless_present_any = ["devices", "report"])]
     pub file: Option<PathBuf>,
     /// Lists the devices that Gaussians can be drawn on, for --device of other commands
     #[arg(long, conflicts_with = "file")]
     pub devices: bool,
-    /// Lists it as JSON
-    #[arg(long, requires = "devices")]
+    /// Prints versions, processor, memory and the timings of ten seconds, to be sent with a report of a fault; nothing
+    /// in it is personal
+    #[arg(long, conflicts_with_all = ["file", "devices"])]
+    pub report: bool,
+    /// Prints it as JSON
+    #[arg(long, conflicts_with = "file")]
     pub json: bool,
 }
 
 pub fn run(arguments: &Info, console: &mut Console) -> Result<(), Failure> {
     match &arguments.file {
         Some(file) => console.print(described(file)?.trim_end()),
+        None if arguments.report => console.print(&report(arguments.json)),
         None => device::list(arguments.json, console),
     }
+}
+
+/// A report of the program and of the machine.
+fn report(json: bool) -> String {
+    let mut lines = self_test();
+    lines.insert(0, ("splatweaver", env!("CARGO_PKG_VERSION").into()));
+    if json {
+        return serde_json::Value::from_iter(lines).to_string();
+    }
+    lines.iter().map(|(name, value)| format!("{name:<13}{value}\n")).collect()
 }
 
 /// Files of this program's own, and else those of weaver-io.

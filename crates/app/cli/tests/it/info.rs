@@ -192,3 +192,15 @@ fn names_of_files_do_not_steer_the_terminal() {
     let all = [missing.stderr, said.stdout, said.stderr].concat();
     assert!(all.contains(r"b\u001bc.splat") && !all.contains(['\u{1b}', '\u{7}']), "{all:?}");
 }
+
+#[test]
+fn a_report_names_the_machine() {
+    let lines = splatweaver(&[&"info", &"--report"]).fine().stdout;
+    for name in ["splatweaver", "system", "processor", "cores", "instructions", "memory", "arithmetic", "drawings"] {
+        assert!(lines.lines().any(|line| line.starts_with(name)), "{name}: {lines}");
+    }
+    assert!(lines.contains(env!("CARGO_PKG_VERSION")), "{lines}");
+    for wrong in [&[&"info" as &dyn AsRef<std::ffi::OsStr>, &"--report", &"x.ply"][..], &[&"info", &"--json"]] {
+        assert_eq!(splatweaver(wrong).code, 2);
+    }
+}
