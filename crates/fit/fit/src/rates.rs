@@ -80,7 +80,7 @@ const FASTEST: f64 = 2.5;
 const RATED: usize = 384;
 /// Photos up to which the usual rate of opacities pays, and the least part of it that more photos have.
 const AGREEING: f64 = 30.0;
-const LEAST_PART: f64 = 0.4;
+const LEAST_PART: f64 = 0.2;
 /// Part of the run from which on rates fall.
 const ENDING: f64 = 0.8;
 
@@ -112,7 +112,7 @@ impl Rates {
     }
 
     /// Rate of the [opacities](Self::opacities) that pays for so many photos: the usual one up to 30, then
-    /// `(30 / photos)^2` of it, two fifths at least.
+    /// `(30 / photos)^2` of it, a fifth at least.
     ///
     /// Many photos contradict each other, by visitors, by light, by what shines. Each step then makes what it sees more
     /// transparent or more opaque by one photo alone, and at the usual rate a scene becomes fog.
@@ -120,7 +120,7 @@ impl Rates {
     /// ```
     /// use weaver_fit::Rates;
     /// let usual = Rates::default().opacities;
-    /// assert_eq!([12, 30, 60, 300].map(Rates::opacities_for), [usual, usual, 0.4 * usual, 0.4 * usual]);
+    /// assert_eq!([12, 30, 60, 300].map(Rates::opacities_for), [usual, usual, 0.25 * usual, 0.2 * usual]);
     /// ```
     pub fn opacities_for(photos: usize) -> f64 {
         let part = (AGREEING / photos.max(1) as f64).powi(2);
