@@ -4,8 +4,8 @@
 //!
 //! `--whole OUT PHOTOS` writes the cameras of all photos into a folder, whose transforms.json may then be CAMERAS.
 //!
-//! Prints a row of a table for each N. A photo is wrong if it is more than 2 degrees or 5 % of the spread of centers off
-//! after a similarity, the one that leaves the fewest wrong.
+//! Prints a row of a table for each N. A photo is wrong if it is more than 2 degrees or 5 % of the spread of centers
+//! off after a similarity, the one that leaves the fewest wrong.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// The photos of a folder, in the order of their names.
 fn photos(folder: &Path) -> Result<Vec<PathBuf>, std::io::Error> {
-    let mut photos: Vec<PathBuf> = std::fs::read_dir(folder)?.map(|e| Ok(e?.path())).collect::<Result<_, _>>()?;
+    let mut photos: Vec<PathBuf> = std::fs::read_dir(folder)?.map(|e| Ok(e?.path())).collect::<std::io::Result<_>>()?;
     let is_photo = |path: &PathBuf| {
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         ["jpg", "jpeg", "png"].contains(&&*ending)

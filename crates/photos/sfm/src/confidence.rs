@@ -1,6 +1,5 @@
 //! Confidence in an estimate.
 
-use crate::estimate::Estimate;
 use crate::uncertainty::Uncertainty;
 
 /// Another explanation is a rival from this part of the best one's support on.
@@ -38,7 +37,7 @@ pub enum Confidence {
     None,
 }
 
-/// What confidence follows from.
+/// Grounds of confidence.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grounds<'a> {
     /// True if there are observations.
@@ -75,23 +74,5 @@ impl Grounds<'_> {
         } else {
             Confidence::Good
         }
-    }
-}
-
-impl Estimate {
-    /// Confidence in the cameras.
-    ///
-    /// They are good if 2.5 of their standard deviations are within 2 degrees, 5 % of the spread of their centers, and
-    /// 5 % of the focal length.
-    pub fn confidence(&self) -> Confidence {
-        let grounds = Grounds {
-            observed: !self.observations.is_empty(),
-            error: self.error,
-            focal_guessed: self.focal_guessed,
-            untied: !self.untied.is_empty(),
-            rival: self.rival,
-            uncertainty: self.uncertainty.as_ref(),
-        };
-        grounds.confidence()
     }
 }

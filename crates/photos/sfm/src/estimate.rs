@@ -115,8 +115,8 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
 /// Photos that are left out are registered in the scene, whose other cameras stay the same to the bit. Up to 30 photos
 /// whose cameras are in doubt are looked at again as a whole; the new scene counts only if it is good and places as
 /// many photos, or if it places more, and turns those alike that the first was sure about, or places twice as many.
-/// Otherwise the result is the one of [`estimate_from`] to the bit, and the matcher is not asked at all where nothing is
-/// left out and the cameras are good.
+/// Otherwise the result is the one of [`estimate_from`] to the bit, and the matcher is not asked at all where nothing
+/// is left out and the cameras are good.
 ///
 /// # Panics
 /// As [`estimate_from`].
@@ -313,5 +313,23 @@ impl Estimate {
         for camera in self.cameras.iter_mut().flatten() {
             camera.pose = onto.apply_to_pose(&camera.pose);
         }
+    }
+}
+
+impl Estimate {
+    /// Confidence in the cameras.
+    ///
+    /// They are good if 2.5 of their standard deviations are within 2 degrees, 5 % of the spread of their centers, and
+    /// 5 % of the focal length.
+    pub fn confidence(&self) -> Confidence {
+        let grounds = Grounds {
+            observed: !self.observations.is_empty(),
+            error: self.error,
+            focal_guessed: self.focal_guessed,
+            untied: !self.untied.is_empty(),
+            rival: self.rival,
+            uncertainty: self.uncertainty.as_ref(),
+        };
+        grounds.confidence()
     }
 }

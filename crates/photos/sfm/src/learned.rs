@@ -16,6 +16,9 @@ use weights::Reader;
 pub use weights::WeightsFault;
 use xfeat::Extractor;
 
+/// Shape and numbers of a tensor, or words for what was found in place of it.
+pub type FoundTensor = Result<(Vec<usize>, Vec<f32>), String>;
+
 /// Numbers of a learned descriptor.
 pub const LEARNED_DESCRIPTOR: usize = 64;
 
@@ -71,7 +74,7 @@ impl LearnedMatcher {
     ///
     /// # Errors
     /// Names the first tensor that is missing, has another shape, or holds numbers that are not finite.
-    pub fn new(tensor: &dyn Fn(&str) -> Result<(Vec<usize>, Vec<f32>), String>) -> Result<Self, WeightsFault> {
+    pub fn new(tensor: &dyn Fn(&str) -> FoundTensor) -> Result<Self, WeightsFault> {
         let reader = Reader { tensor };
         Ok(Self { extractor: Extractor::read(&reader)?, matcher: Matcher::read(&reader)? })
     }

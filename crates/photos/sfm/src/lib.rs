@@ -54,7 +54,7 @@ pub use epipolar::Epipolar;
 pub use estimate::{Estimate, LeftOut, estimate, estimate_from, estimate_with};
 pub use features::{Features, Keypoint};
 pub use fisheye::{FisheyeLens, estimate_fisheye};
-pub use learned::{LEARNED_DESCRIPTOR, LearnedFeatures, LearnedMatch, LearnedMatcher, WeightsFault};
+pub use learned::{FoundTensor, LEARNED_DESCRIPTOR, LearnedFeatures, LearnedMatch, LearnedMatcher, WeightsFault};
 pub use matching::{Match, matches, matches_along};
 pub use photo::{EstimateOptions, Find, Photo};
 pub use refine::{RefineSettings, Refined, View, carried, refine};

@@ -10,8 +10,8 @@ use weaver_reconstruct::{CameraComparison, CamerasRequest, cameras};
 ///
 /// Writes transforms.json, a COLMAP model with points and tracks in sparse/0, and points.png: the points of each photo
 /// that were found in others, green where they are exact. The folder is a capture for fit, infer and train. No network
-/// is involved but with --weak-pairs, and the same photos give the same cameras. Of a clip sharp frames become photos, as many steps of the
-/// camera apart; they are written to the folder `frames`.
+/// is involved but with --weak-pairs, and the same photos give the same cameras. Of a clip sharp frames become photos,
+/// as many steps of the camera apart; they are written to the folder `frames`.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver cameras photos -o capture

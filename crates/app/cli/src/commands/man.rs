@@ -20,7 +20,7 @@ pub fn run(arguments: &Manual, console: &mut Console) -> Result<(), Failure> {
     let pages = manual(crate::program());
     if let Some(folder) = &arguments.out {
         for (name, text) in &pages {
-            weaver_io::write_text(&folder.join(format!("{name}.1")), text)?;
+            weaver_io::write_text(folder.join(format!("{name}.1")), text)?;
         }
         return console.print(&format!("{} pages in {}", pages.len(), folder.display()));
     }

@@ -79,8 +79,8 @@ pub struct MatchingFlags {
     /// all of them, as a tripod or a logo is]
     #[arg(long, value_name = "DEGREES", value_parser = number(0.0..=80.0, "expected degrees from 0 to 80, as in 20"), help_heading = MATCHING)]
     pub nadir: Option<f64>,
-    /// Takes a second look, with learned features and a learned matcher, at photos that are left out and at cameras that
-    /// are doubtful [default: false]
+    /// Takes a second look, with learned features and a learned matcher, at photos that are left out and at cameras
+    /// that are doubtful [default: false]
     #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = MATCHING)]
     pub weak_pairs: Option<bool>,
 }

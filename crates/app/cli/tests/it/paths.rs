@@ -37,7 +37,8 @@ const LINES: [&str; 25] = [
     "mesh scene.ply --cameras cameras.json -o @out.ply",
 ];
 /// More lines, of commands with the same kinds of outputs as commands above.
-const MORE: [&str; 5] = [
+const MORE: [&str; 6] = [
+    "man --out @out",
     "image fit photos -o @out",
     "image draw scene.ply -o @out.png",
     "image bench photos -o @out",

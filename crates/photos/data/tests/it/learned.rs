@@ -32,10 +32,10 @@ fn compared(matcher: &LearnedMatcher, reference: &Tensors, name: &str) -> (Learn
 
 /// Keypoints, descriptors and matches are those of the original, computed by PyTorch.
 ///
-/// Promise (results): keypoints, descriptors and probabilities of the learned matcher are those of XFeat and LighterGlue
+/// Promise (results): keypoints, descriptors and probabilities of the learned matcher are XFeat's and LighterGlue's
 /// within 1e-3.
 #[test]
-fn learned_features_and_matches_are_those_of_the_original() {
+fn learned_matches_equal_the_original() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/learned.safetensors");
     let reference = Tensors::read(file).unwrap();
     let matcher = built_in_matcher().unwrap();

@@ -101,7 +101,7 @@ struct Layer {
     own: [Linear; 3],
     own_out: Linear,
     own_update: Update,
-    /// What is both query and key between photos, and values.
+    /// Queries that are keys as well, and values, between photos.
     cross: [Linear; 2],
     cross_out: Linear,
     cross_update: Update,
@@ -177,7 +177,7 @@ pub(super) struct Matcher {
     /// `[48, 2]`.
     places: Vec<f32>,
     layers: Vec<Layer>,
-    /// How likely a keypoint has a match, after each layer.
+    /// Probability that a keypoint has a match, after each layer.
     matchable: Vec<Linear>,
     last: Linear,
 }

@@ -1,5 +1,6 @@
 //! Weights of learned networks, read by name and checked.
 
+use super::FoundTensor;
 use std::error::Error;
 use std::fmt;
 
@@ -24,7 +25,7 @@ impl Error for WeightsFault {}
 
 /// Tensors by name.
 pub(super) struct Reader<'a> {
-    pub tensor: &'a dyn Fn(&str) -> Result<(Vec<usize>, Vec<f32>), String>,
+    pub tensor: &'a dyn Fn(&str) -> FoundTensor,
 }
 
 impl Reader<'_> {

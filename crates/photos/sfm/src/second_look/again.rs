@@ -14,8 +14,7 @@ const PAIRS: usize = 5;
 /// Matches from which on own features settle a pair, and the share of them that must agree.
 const SETTLED: usize = 100;
 const AGREE: f64 = 0.65;
-/// Rotations of two scenes that are farther apart are different, radians, and the part of the photos of which this must
-/// not be true.
+/// Radians from which rotations of a photo in two scenes differ, and the part of the photos that must be turned alike.
 const APART: f64 = 0.035;
 const ALIKE: f64 = 0.9;
 

@@ -14,14 +14,14 @@ use weaver_kernels::parallel;
 const SCALE: f64 = 1.5;
 /// Fewer matches than this may be chance.
 const FEWEST: usize = 12;
-/// Ratios of own matches end where those of learned ones end, so that the clear ones of both are linked first.
+/// Ratios of own matches end where the ratios of learned ones end, so that the clear ones of both are linked first.
 const CLEAREST: f32 = 0.5;
 const LEAST_CLEAR: f32 = 0.85;
 
 /// Two photos and their matches.
 pub(super) type Matched = ([usize; 2], Vec<Match>);
 
-/// Features of photos, of which some have learned keypoints behind their own.
+/// Features of photos; some have learned keypoints behind their own.
 pub(super) struct Extended {
     /// Learned keypoints have empty descriptors, which match nothing.
     pub features: Vec<Features>,
