@@ -181,6 +181,8 @@ mod tests {
             }
             for k in 0..NUMBERS {
                 let by = |by: f64| lens.moved(&std::array::from_fn::<f64, NUMBERS, _>(|i| if i == k { by } else { 0.0 }));
+                // A lens with other coefficients may end before the point.
+                prop_assume!([-2.0, 2.0].iter().all(|times| by(times * h).project(p).is_some()));
                 let expected = slope(&|x| by(x).project(p).unwrap());
                 for i in 0..2 {
                     prop_assert!((rows[i].1[k] - expected[i]).abs() < 1e-5 * (1.0 + expected[i].abs()), "{i}, lens {k}");
