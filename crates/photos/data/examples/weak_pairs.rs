@@ -19,7 +19,7 @@ use weaver_io::Transforms;
 /// A photo is wrong if it is turned by more degrees, or off by more than this part of the spread of centers.
 const TURNED: f64 = 2.0;
 const OFF: f64 = 0.05;
-/// Photos of which some begin an alignment, and rounds of it.
+/// Photos, some of them the beginning of an alignment, and its rounds.
 const BEGINNINGS: usize = 12;
 const ROUNDS: usize = 4;
 

@@ -15,7 +15,7 @@ use weaver_scene::Frame;
 
 /// Field of view of the faces that are drawn and cut, degrees.
 const FOV: f64 = 95.0;
-/// Pixels of a drawn face over those of a cut one.
+/// Pixels of a drawn face over a cut one's.
 const FINER: f64 = 1.5;
 const NAMES: [&str; 6] = ["front", "right", "back", "left", "up", "down"];
 

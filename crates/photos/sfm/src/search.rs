@@ -92,7 +92,7 @@ impl<'a> Search<'a> {
         Self::among(taken, photos, features, settings, pairs, Vec::new())
     }
 
-    /// A search by matches that are known, of which some are `learned`.
+    /// A search by known matches; some may be `learned`.
     pub fn among(
         taken: &'a [Taken],
         photos: &'a [&'a Photo<'a>],

@@ -14,7 +14,7 @@ pub fn built_in_matcher() -> Result<LearnedMatcher, Error> {
     matcher(&Tensors::from_bytes(bytes, "built-in weights of the learned matcher")?)
 }
 
-/// The learned matcher with the weights of a safetensors file: the tensors of `xfeat.pt`, and those of
+/// The learned matcher with the weights of a safetensors file: the tensors of `xfeat.pt`, and the ones of
 /// `xfeat-lighterglue.pt` that begin with `matcher.`, in 32 or 16 bits.
 ///
 /// # Errors

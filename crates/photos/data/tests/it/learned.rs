@@ -30,7 +30,7 @@ fn compared(matcher: &LearnedMatcher, reference: &Tensors, name: &str) -> (Learn
     (found, numbers)
 }
 
-/// Keypoints, descriptors and matches are those of the original, computed by PyTorch.
+/// Keypoints, descriptors and matches equal the original's, computed by PyTorch.
 ///
 /// Promise (results): keypoints, descriptors and probabilities of the learned matcher are XFeat's and LighterGlue's
 /// within 1e-3.
@@ -59,7 +59,7 @@ fn learned_matches_equal_the_original() {
     assert!(matcher.features(&rgb[..20 * 20 * 3], [20, 20], None, 300).points.is_empty(), "too small");
 }
 
-/// Promise (files): weights that are not those of the learned matcher are refused with file, tensor, expected and
+/// Promise (files): weights that are not the learned matcher's are refused with file, tensor, expected and
 /// found.
 #[test]
 fn other_weights_are_refused_by_name() {

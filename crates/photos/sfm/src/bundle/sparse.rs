@@ -16,7 +16,7 @@ const ROWS: usize = 32;
 struct Below {
     /// Where the blocks of each column begin in `blocks`, and where the last end.
     first: Vec<u32>,
-    /// The row of each, and its place among those of the row.
+    /// The row of each, and its place within the row.
     blocks: Vec<[u32; 2]>,
 }
 

@@ -94,7 +94,7 @@ fn attended(q: &[f32], k: &[f32], v: &[f32]) -> Vec<f32> {
     out
 }
 
-/// A layer: the keypoints of each photo look at one another, then at those of the other photo.
+/// A layer: the keypoints of each photo look at one another, then at the other photo's.
 #[derive(Clone, Debug)]
 struct Layer {
     /// Queries, keys and values within a photo.
