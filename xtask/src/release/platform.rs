@@ -102,7 +102,7 @@ impl Platform {
     }
 
     /// File names of the library of the Python package: as it is built, and as Python imports it.
-    pub fn library(self) -> (&'static str, &'static str) {
+    pub fn extension(self) -> (&'static str, &'static str) {
         match self {
             Self::Linux(_) => ("lib_splatweaver.so", "_splatweaver.abi3.so"),
             Self::Mac(_) => ("lib_splatweaver.dylib", "_splatweaver.abi3.so"),

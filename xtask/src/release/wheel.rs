@@ -17,7 +17,7 @@ pub fn make(release: &Release, licenses: &str, out: &Path) -> Result<(), String>
     for file in entries(&release.root.join("crates/app/py/python/splatweaver"))?.iter().filter(|path| path.is_file()) {
         copy(file, &package.join(file.file_name().unwrap_or_default()))?;
     }
-    let (built, imported) = release.platform.library();
+    let (built, imported) = release.platform.extension();
     let library = package.join(imported);
     copy(&release.platform.built(&release.work).join(built), &library)?;
     let description = described(release, &folder)?;
