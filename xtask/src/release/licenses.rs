@@ -27,7 +27,7 @@ const FILES: &[&str] = &["licen", "copying", "copyright", "notice", "unlicen"];
 /// Apache-2.0, for packages of that license without a file of their own.
 ///
 /// # Errors
-/// Packages whose license is not allowed, and packages that come without a text and leave no choice of Apache-2.0.
+/// Packages whose license is not allowed. Where a package comes without a text, its line says so.
 pub fn texts(packages: &BTreeMap<Key, Package>, ours: &str) -> Result<String, String> {
     let mut faults = Vec::new();
     let mut by_text = BTreeMap::<String, BTreeSet<String>>::new();

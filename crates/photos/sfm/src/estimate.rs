@@ -314,9 +314,7 @@ impl Estimate {
             camera.pose = onto.apply_to_pose(&camera.pose);
         }
     }
-}
 
-impl Estimate {
     /// Confidence in the cameras.
     ///
     /// They are good if 2.5 of their standard deviations are within 2 degrees, 5 % of the spread of their centers, and

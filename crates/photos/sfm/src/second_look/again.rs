@@ -18,8 +18,7 @@ const AGREE: f64 = 0.65;
 const APART: f64 = 0.035;
 const ALIKE: f64 = 0.9;
 
-/// The scene by own and learned matches together; `None` of too many photos, of rigs,
-/// and where there is no new match.
+/// The scene by own and learned matches together; `None` of too many photos, of rigs, and where there is no new match.
 pub(crate) fn again(given: Given<'_>, matcher: &dyn PairMatcher, first: &Scene) -> Option<Scene> {
     let Given { taken, photos, features, settings } = given;
     let n = taken.len();

@@ -30,19 +30,19 @@ const AGREE: f64 = 0.6;
 const LEAST_SEEN: usize = 25;
 const CERTAIN: f64 = 3.0;
 
-/// Places photos without a camera by learned matches, in a scene whose cameras stay as they are to the bit; returns
-/// which, and marks them in `placed`.
+/// Places photos without a camera by learned matches, in a scene whose cameras stay as they are to the bit, and
+/// marks them in `placed`.
 pub(crate) fn register(
     given: Given<'_>,
     matcher: &dyn PairMatcher,
     bundle: &mut Bundle,
     placed: &mut [bool],
     pairs: &mut Pairs,
-) -> Vec<usize> {
+) {
     let Given { taken, photos, features, settings } = given;
     let missing: Vec<bool> = (0..placed.len()).map(|i| !placed[i] && taken[i].mounted.is_none()).collect();
     if !missing.contains(&true) || !placed.contains(&true) {
-        return Vec::new();
+        return;
     }
     let looked_at = partners(&missing, pairs);
     let wanted: Vec<bool> =
@@ -79,7 +79,7 @@ pub(crate) fn register(
     }
     let new: Vec<bool> = (0..placed.len()).map(|i| held.placed[i] && !placed[i]).collect();
     if !new.contains(&true) {
-        return Vec::new();
+        return;
     }
     let mut again: Vec<Compared> = compared(&near(&held.bundle, &held.placed, settings.candidates));
     if taken.len() > LARGE {
@@ -93,13 +93,11 @@ pub(crate) fn register(
         held.bundle.pass(&all.features, again.clone(), &new, &pass);
     }
     let certain = certain(&held.bundle, &all.features, &tracks, &new);
-    let registered: Vec<usize> = (0..placed.len()).filter(|i| new[*i] && certain[*i]).collect();
-    for photo in &registered {
-        bundle.cameras[*photo] = held.bundle.cameras[*photo];
-        placed[*photo] = true;
+    for photo in (0..new.len()).filter(|i| new[*i] && certain[*i]) {
+        bundle.cameras[photo] = held.bundle.cameras[photo];
+        placed[photo] = true;
     }
     pairs.posed.extend(learned);
-    registered
 }
 
 /// Pairs of each missing photo with others that may show the same: those beside it in the order of the photos, those
