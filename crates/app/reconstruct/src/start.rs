@@ -42,6 +42,13 @@ impl Start {
     /// # Errors
     /// When there is nothing to begin with.
     pub fn of(settings: &mut RunSettings, seen: Seen<'_>, given: Option<&Gaussians>) -> Result<Self, Error> {
+        let start = Self::unbounded(settings, seen, given)?;
+        // Gaussians of a file are as large as they are meant to be.
+        let bounded = settings.init != Initial::Given;
+        Ok(if bounded { Self { gaussians: init::bounded(start.gaussians, seen.photos), ..start } } else { start })
+    }
+
+    fn unbounded(settings: &mut RunSettings, seen: Seen<'_>, given: Option<&Gaussians>) -> Result<Self, Error> {
         let fit = settings.fit.clone();
         if settings.init == Initial::Auto && settings.by_photos.contains(&ByPhotos::Start) && !seen.points.is_empty() {
             // Depth is found between pinholes.

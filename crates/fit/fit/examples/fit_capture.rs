@@ -25,6 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         true => init::random(&training, &settings)?,
         false => init::from_points(&capture.points, &settings)?,
     };
+    let initial = init::bounded(initial, &training);
     let mut fit = Fit::new(training, &initial, settings)?;
     let start = Instant::now();
     let mut seconds = [0.0; 5];

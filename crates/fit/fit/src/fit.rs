@@ -393,19 +393,23 @@ impl Fit {
     }
 }
 
-/// Distance of a camera from the middle of all over the median, beyond which it is no measure of the scene.
-const ASTRAY: f64 = 4.0;
+/// Distance of a camera from the middle of all over the median, beyond which it may be astray, and the part of all
+/// cameras that are: where more stand so far out, they were taken there.
+const ASTRAY: (f64, f64) = (4.0, 0.05);
 
 /// Largest distance of the cameras from their middle, times 1.1 as in 3DGS; where they stand together, a tenth of the
-/// distance to their focus. A camera farther than [`ASTRAY`] times the median does not count: one that was placed
-/// wrongly would multiply the rate of all means.
+/// distance to their focus. Cameras [astray](ASTRAY) do not count: one that was placed wrongly would multiply the rate of
+/// all means.
 fn extent(photos: &[Photo]) -> f64 {
     let centers: Vec<DVec3> = photos.iter().map(|photo| photo.camera.pose.center()).collect();
     let middle = centers.iter().sum::<DVec3>() / centers.len() as f64;
     let mut distances: Vec<f64> = centers.iter().map(|c| c.distance(middle)).collect();
     distances.sort_unstable_by(f64::total_cmp);
-    let farthest = ASTRAY * distances[distances.len() / 2];
-    let extent = 1.1 * distances.into_iter().rfind(|distance| *distance <= farthest).unwrap_or(0.0);
+    let (times, part) = ASTRAY;
+    let farthest = times * distances[distances.len() / 2];
+    let near = distances.partition_point(|distance| *distance <= farthest);
+    let astray = (distances.len() - near) as f64 <= part * distances.len() as f64;
+    let extent = 1.1 * distances[if astray { near } else { distances.len() } - 1];
     let distance = looked_at(&photos.iter().collect::<Vec<_>>()).distance(middle);
     if extent > 1e-3 * distance { extent } else { 0.1 * distance }
 }

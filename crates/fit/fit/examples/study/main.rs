@@ -174,6 +174,7 @@ fn fit([capture, judged]: [&PosedPhotos; 2], variant: &Variant, base: Value) -> 
     if variant.dense {
         initial = dense(&training, capture, &visible, &settings)?;
     }
+    initial = init::bounded(initial, &training);
     let agreement = ColorAgreement::of(&training, &capture.points, &visible);
     settings.exposure |= variant.by_colors && agreement.differ();
     let mut fit = Fit::new(training, &initial, settings)?;

@@ -151,7 +151,7 @@ fn refinement_resumes_to_the_same_bits() {
 #[test]
 fn a_camera_astray_is_no_measure_of_the_scene() {
     let cloud = scenes::cloud(20, 3);
-    let mut photos = scenes::photos(9, &cloud);
+    let mut photos = scenes::photos(19, &cloud);
     let extent = |photos: &[Photo]| {
         Fit::new(photos.to_vec(), &cloud, scenes::plain(StrategyKind::Keep, 1, 20)).unwrap().extent()
     };
@@ -161,6 +161,10 @@ fn a_camera_astray_is_no_measure_of_the_scene() {
     photos.push(astray);
     let after = extent(&photos);
     assert!(after < 2.5 * before, "{before}, {after}");
+    // Of few photos, or where several are out there, the far ones are part of the capture.
+    assert!(extent(&photos[10..]) > 3.0 * before);
+    photos.push(photos[19].clone());
+    assert!(extent(&photos) > 3.0 * before);
     // Cameras at one place have no extent of their own: a part of the distance is taken.
     photos.iter_mut().for_each(|photo| photo.camera = scenes::camera(0.0, 0.0));
     assert!(extent(&photos) > 0.0);
