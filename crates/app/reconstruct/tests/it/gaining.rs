@@ -9,6 +9,10 @@ use weaver_reconstruct::{FitContext, FitRequest, Gaining, Outcome, RunSettings, 
 
 /// The most Gaussians.
 const MOST: usize = 150;
+/// Steps to the first end.
+const STEPS: usize = 60;
+/// Gain that is worth twice the steps, dB: a quarter away from the gains of all ends, which differ between processors.
+const WORTH: f64 = 1.2;
 
 /// An observer that ends the fit after a step.
 struct Until(usize);
@@ -24,9 +28,9 @@ fn begun(data: &Path, out: &Path, observe: &mut dyn Observe) -> Outcome {
 }
 
 fn fitted(settings: RunSettings, out: &Path, observe: &mut dyn Observe) -> Outcome {
-    let gaining = Gaining { worth: 1.0, most_gaussians: Some(MOST), ..Gaining::default() };
+    let gaining = Gaining { worth: WORTH, most_gaussians: Some(MOST), ..Gaining::default() };
     let mut settings = RunSettings { gaining: Some(gaining), ..settings };
-    settings.fit.steps = 30;
+    settings.fit.steps = STEPS;
     let request = FitRequest { out: out.into(), settings, gaussians: Some(100), estimate: None, read: Vec::new() };
     fit(request, FitContext::default(), observe).unwrap()
 }
@@ -52,7 +56,7 @@ fn the_best_quality_ends_when_photos_stop_gaining() {
     assert!(ends.windows(2).all(|pair| pair[1].0 == 2 * pair[0].0 && pair[1].1 == MOST), "{ends:?}");
     let gains: Vec<f64> = ends.windows(2).map(|pair| pair[1].2 - pair[0].2).collect();
     let (last, before) = gains.split_last().unwrap();
-    assert!(before.iter().all(|gain| *gain >= 1.0) && (0.0..1.0).contains(last), "{gains:?}");
+    assert!(before.iter().all(|gain| *gain >= WORTH) && (0.0..WORTH).contains(last), "{gains:?}");
     let (met, end) = (outcome.test.unwrap().quality.psnr, ends[ends.len() - 1]);
     assert!((met - end.2).abs() < 1e-3 && outcome.steps == end.0, "{met} after {} of {ends:?}", outcome.steps);
     assert!(!out.join("before.safetensors").exists());
@@ -88,7 +92,7 @@ fn the_best_quality_goes_on_after_an_interruption() {
     let (data, whole) = (folder.path().join("data"), folder.path().join("whole"));
     capture(&data, 16);
     begun(&data, &whole, &mut ());
-    for stop in [10, 30, 47] {
+    for stop in [STEPS / 3, STEPS, STEPS * 8 / 5] {
         let cut = folder.path().join(stop.to_string());
         begun(&data, &cut, &mut Until(stop));
         resume(&cut, FitContext::default(), &mut ()).unwrap();
