@@ -398,8 +398,8 @@ impl Fit {
 const ASTRAY: (f64, f64) = (4.0, 0.05);
 
 /// Largest distance of the cameras from their middle, times 1.1 as in 3DGS; where they stand together, a tenth of the
-/// distance to their focus. Cameras [astray](ASTRAY) do not count: one that was placed wrongly would multiply the rate of
-/// all means.
+/// distance to their focus. Cameras [astray](ASTRAY) do not count: one that was placed wrongly would multiply the rate
+/// of all means.
 fn extent(photos: &[Photo]) -> f64 {
     let centers: Vec<DVec3> = photos.iter().map(|photo| photo.camera.pose.center()).collect();
     let middle = centers.iter().sum::<DVec3>() / centers.len() as f64;
