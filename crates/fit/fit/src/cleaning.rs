@@ -7,15 +7,13 @@ use crate::photos::{Pyramid, at_level};
 use crate::transients::counted;
 
 /// Pixels of all photos together that Gaussians are judged by.
-const PIXELS: usize = 4 << 20;
+const PIXELS: usize = 8 << 20;
 /// Longest side of these photos, at most and at least, pixels.
 const SIDES: (usize, usize) = (400, 128);
 /// Rounds, and the part of the Gaussians that each takes at most: where some hide others that look like them, the
-/// evidence of each alone says nothing of all of them. A round that took too many is taken back, and the next ones take
-/// fewer.
-const ROUNDS: usize = 5;
+/// evidence of each alone says nothing of all of them.
+const ROUNDS: usize = 4;
 const PART: f64 = 0.1;
-const FEWER: f64 = 0.3;
 
 /// Rules of cleaning.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,16 +49,6 @@ impl Cleaned {
     pub fn count(&self) -> usize {
         self.unseen + self.harmful + self.contradicted + self.unneeded
     }
-
-    fn count_one(&mut self, reason: Reason) {
-        let of = match reason {
-            Reason::Unseen => &mut self.unseen,
-            Reason::Harmful => &mut self.harmful,
-            Reason::Contradicted => &mut self.contradicted,
-            Reason::Unneeded => &mut self.unneeded,
-        };
-        *of += 1;
-    }
 }
 
 /// A reason to remove a Gaussian.
@@ -93,26 +81,33 @@ impl Fit {
         if found.photos.iter().all(|photos| *photos == 0) {
             return Ok(cleaned);
         }
-        let (mut bound, mut part) = ((1.0 + rules.rise) * found.error, PART);
+        let mut bound = (1.0 + rules.rise) * found.error;
         for round in 1..=ROUNDS {
             // What rises is shared by the rounds.
             let allowed = found.error + (bound - found.error) / (ROUNDS + 1 - round) as f64;
-            let reasons = reasons(&found, allowed - found.error, part, rules);
-            if reasons.iter().all(Option::is_none) {
+            let reasons = reasons(&found, allowed - found.error, rules);
+            let taken = reasons.iter().flatten().count();
+            if taken == 0 {
                 break;
             }
             let before = self.population.clone();
             self.keep(&reasons.iter().map(Option::is_none).collect::<Vec<_>>());
             let after = self.evidence(&witnesses)?;
-            if after.error > allowed {
+            if after.error > bound {
                 self.population = before;
                 self.keep(&vec![true; self.population.len()]);
-                part *= FEWER;
-                continue;
+                break;
             }
             found = after;
             bound = bound.min((1.0 + rules.rise) * found.error);
-            reasons.into_iter().flatten().for_each(|reason| cleaned.count_one(reason));
+            for reason in reasons.into_iter().flatten() {
+                match reason {
+                    Reason::Unseen => cleaned.unseen += 1,
+                    Reason::Harmful => cleaned.harmful += 1,
+                    Reason::Contradicted => cleaned.contradicted += 1,
+                    Reason::Unneeded => cleaned.unneeded += 1,
+                }
+            }
         }
         Ok(cleaned)
     }
@@ -147,9 +142,9 @@ impl Fit {
     }
 }
 
-/// The Gaussians to remove in a round, `[N]`, at most this part of all: those with the most against them first, as long
-/// as the error rises by no more than `rise`.
-fn reasons(found: &Evidence, rise: f64, part: f64, rules: &CleaningRules) -> Vec<Option<Reason>> {
+/// The Gaussians to remove in a round, `[N]`: those with the most against them first, as long as the error rises by no
+/// more than `rise`. Others are unneeded only beside those that stay: they wait for a round without anything else.
+fn reasons(found: &Evidence, rise: f64, rules: &CleaningRules) -> Vec<Option<Reason>> {
     let Evidence { rise: rises, most, photos, .. } = found;
     let reason = |i: usize| {
         let others = rises[i] - most[i];
@@ -162,15 +157,21 @@ fn reasons(found: &Evidence, rise: f64, part: f64, rules: &CleaningRules) -> Vec
     };
     let mut order: Vec<(f64, usize, Reason)> = (0..rises.len()).map(reason).collect();
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    if order.first().is_some_and(|(.., reason)| *reason != Reason::Unneeded) {
+        order.retain(|(.., reason)| *reason != Reason::Unneeded);
+    }
     let mut reasons = vec![None; rises.len()];
-    let (mut sum, mut left) = (0.0, (part * rises.len() as f64).ceil() as usize);
+    let (mut sum, mut taken) = (0.0, 0);
     for (_, i, reason) in order {
         if reason != Reason::Unseen {
-            sum += rises[i].max(0.0);
-            if left == 0 || sum > rise {
+            if taken as f64 >= PART * rises.len() as f64 {
                 break;
             }
-            left -= 1;
+            sum += rises[i].max(0.0);
+            if sum > rise {
+                break;
+            }
+            taken += 1;
         }
         reasons[i] = Some(reason);
     }
