@@ -11,7 +11,7 @@ use weaver_reconstruct::{FitContext, FitRequest, Gaining, Outcome, RunSettings, 
 const MOST: usize = 150;
 /// Steps to the first end.
 const STEPS: usize = 60;
-/// Gain that is worth twice the steps, dB: 0.2 and more away from the gains of all ends, which differ between processors.
+/// Gain that is worth twice the steps, dB: at least 0.2 from the gains of all ends, which differ between processors.
 const WORTH: f64 = 1.2;
 
 /// An observer that ends the fit after a step.
