@@ -191,6 +191,9 @@ pub(crate) fn remark_outcome(outcome: &Outcome, folder: &Path, observe: &mut dyn
             folder.join(TRANSIENTS).display()
         ));
     }
+    if let Some(cleaning) = &outcome.cleaning {
+        observe.note(&cleaning.to_string());
+    }
     if outcome.steps < outcome.planned {
         let (done, planned) = (outcome.steps, outcome.planned);
         let resume = ShellCommand::new("splatweaver fit --resume").path(folder);

@@ -23,6 +23,8 @@ pub(crate) struct Fitting {
     /// The pace, where the run is to end in its time. A resumed run leaves out the steps written down before, and no
     /// more.
     pub keeping: Option<Keeping>,
+    /// Mean PSNR of held-out photos before and after the scene was cleaned, dB.
+    pub cleaning: Option<[f64; 2]>,
     /// Seconds of earlier sessions.
     before: f64,
     started: Instant,
@@ -36,6 +38,8 @@ const RECORDS: usize = 500;
 pub(crate) const HELD_OUT: &str = "held_out";
 /// Where a checkpoint has the seconds that were spent before it.
 const SECONDS: &str = "seconds";
+/// Where a checkpoint has the PSNR before and after cleaning.
+const CLEANING: &str = "cleaning";
 
 /// Next action of the processes that share a run, chosen by the first one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,7 +73,7 @@ impl Next {
 
 impl Fitting {
     pub fn new(settings: RunSettings, capture: Loaded, judge: Judge, started: Instant) -> Self {
-        Self { settings, capture, judge, ranks: Arc::new(Alone), keeping: None, before: 0.0, started }
+        Self { settings, capture, judge, ranks: Arc::new(Alone), keeping: None, cleaning: None, before: 0.0, started }
     }
 
     /// The job of the run in a folder, with the settings of `file`, at its beginning.
@@ -164,12 +168,17 @@ impl Job for Fitting {
     fn step(&mut self) -> Result<StepReport, Error> {
         self.announce(Next::Step);
         let before = self.fit().steps_done();
+        let cleans = self.fit().is_cleaning_due();
+        let unclean = if cleans { self.glances()? } else { None };
         let weaver_fit::StepReport { step, loss, psnr, gaussians, pairs, .. } = self.capture.fit.step()?;
         let mut scalars = vec![
             Scalar::mean("psnr", psnr),
             Scalar::last("gaussians", gaussians as f64),
             Scalar::mean("pairs", pairs as f64 / 1e6),
         ];
+        if cleans {
+            self.cleaning = unclean.zip(self.glances()?).map(|(before, after)| [before, after]);
+        }
         scalars.extend(self.look(before)?.map(|psnr| Scalar::last(HELD_OUT, psnr)));
         Ok(StepReport { step, of: self.steps()[1], loss, scalars, ..StepReport::default() })
     }
@@ -178,12 +187,17 @@ impl Job for Fitting {
         self.capture.fit.fetch()?;
         let mut state = self.fit().state();
         state.metadata.insert(SECONDS.into(), format!("{:.3}", self.seconds()));
+        if let Some([before, after]) = self.cleaning {
+            state.metadata.insert(CLEANING.into(), format!("{before} {after}"));
+        }
         Ok(state)
     }
 
     fn restore(&mut self, state: &Tensors) -> Result<(), Error> {
         self.capture.fit.restore(state)?;
         self.before = state.metadata.get(SECONDS).and_then(|s| s.parse().ok()).unwrap_or(0.0);
+        let cleaning = state.metadata.get(CLEANING).and_then(|text| text.split_once(' '));
+        self.cleaning = cleaning.and_then(|(before, after)| Some([before.parse().ok()?, after.parse().ok()?]));
         Ok(())
     }
 

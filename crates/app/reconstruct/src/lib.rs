@@ -69,7 +69,7 @@ pub use error::Error;
 pub use fit::{FitContext, FitRequest, GivenGaussians, fit, resume};
 pub use gaining::{End, Gaining};
 pub use matching::Matching;
-pub use outcome::{Outcome, PoseChange, Views};
+pub use outcome::{Cleaning, Outcome, PoseChange, Views};
 pub use pace::Pace;
 pub use photos::Photos;
 pub use plan::{Plan, plan};

@@ -31,8 +31,19 @@ impl Fitting {
     /// When the rasterizer refuses.
     pub fn look(&mut self, before: usize) -> Result<Option<f64>, Error> {
         let [done, steps] = self.steps();
+        if done * LOOKS / steps == before * LOOKS / steps {
+            return Ok(None);
+        }
+        self.glances()
+    }
+
+    /// Mean PSNR of the held-out photos that are looked at, dB; `None` where there are none.
+    ///
+    /// # Errors
+    /// When the rasterizer refuses.
+    pub fn glances(&mut self) -> Result<Option<f64>, Error> {
         let photos = self.looked_at();
-        if photos.is_empty() || done * LOOKS / steps == before * LOOKS / steps {
+        if photos.is_empty() {
             return Ok(None);
         }
         let Loaded { fit, held_out, .. } = &mut self.capture;

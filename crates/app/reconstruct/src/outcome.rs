@@ -3,8 +3,9 @@
 use crate::Coverage;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
-use weaver_fit::{Exposure, Quality};
+use weaver_fit::{Cleaned, Exposure, Quality};
 
 /// The outcome of a run, `summary.json`.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -46,6 +47,9 @@ pub struct Outcome {
     /// transients are not named.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub transients: BTreeMap<String, f64>,
+    /// Gaussians that cleaning removed, if it did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cleaning: Option<Cleaning>,
     /// Part of each training photo with a depth that two others agree about, where it was measured.
     #[serde(default, skip_serializing_if = "Coverage::is_empty")]
     pub coverage: Coverage,
@@ -97,6 +101,33 @@ impl Outcome {
 /// Value in summaries that are older than the key.
 fn alpha_max() -> f64 {
     0.99
+}
+
+/// Gaussians that were removed because no photo needs them ([`Fit::clean`](weaver_fit::Fit::clean)).
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
+pub struct Cleaning {
+    /// Their numbers, by reason.
+    #[serde(flatten)]
+    pub removed: Cleaned,
+    /// Mean PSNR of some of the held-out photos before and after, dB, if there are any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub held_out: Option<[f64; 2]>,
+}
+
+impl fmt::Display for Cleaning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Cleaned { unseen, harmful, contradicted, unneeded } = self.removed;
+        let count = self.removed.count();
+        write!(
+            f,
+            "{count} Gaussians were removed: {unseen} that no photo shows, {harmful} that make photos worse, \
+             {contradicted} that one photo needs and the others contradict, {unneeded} that photos do without"
+        )?;
+        match self.held_out {
+            Some([before, after]) => write!(f, "; held-out photos: {before:.2} dB before, {after:.2} dB after"),
+            None => Ok(()),
+        }
+    }
 }
 
 /// Mean quality over views.

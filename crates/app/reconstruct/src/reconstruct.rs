@@ -84,6 +84,8 @@ pub struct Request {
     pub compress: Option<f64>,
     /// True if a page to look at the scene is written.
     pub html: bool,
+    /// True if Gaussians that no photo needs are removed.
+    pub clean: bool,
     /// The most frames of each clip; `None` takes as many as show something new.
     pub frames: Option<usize>,
     /// Options of estimated cameras.
@@ -113,6 +115,7 @@ impl Request {
             seed: 0,
             compress: None,
             html: true,
+            clean: false,
             frames: None,
             matching: EstimatePhotosOptions::default(),
             placing: Placing::default(),
@@ -201,7 +204,7 @@ impl Request {
             (Some(asked), None) => asked.min(usual.gaussians),
             (asked, planned) => asked.or(planned).unwrap_or(usual.gaussians),
         };
-        settings.fit = FitSettings { gaussians, seed: settings.fit.seed, ..usual };
+        settings.fit = FitSettings { gaussians, seed: settings.fit.seed, clean: self.clean, ..usual };
         settings.fit.check()?;
         let photos = planned(&settings, cameras)?.training;
         Ok((settings, photos))

@@ -97,6 +97,9 @@ pub fn page(
     }
     coverage(outcome, &mut page);
     transients(run, outcome, &mut page);
+    if let Some(cleaning) = &outcome.cleaning {
+        page.paragraph(&format!("{cleaning}."));
+    }
     if outcome.poses.refined {
         let p = &outcome.poses;
         page.paragraph(&format!(

@@ -4,7 +4,7 @@ use crate::compressed;
 use crate::fitting::Fitting;
 use crate::judged::Judged;
 use crate::loaded::{Loaded, Origin};
-use crate::outcome::{Outcome, PoseChange, Views};
+use crate::outcome::{Cleaning, Outcome, PoseChange, Views};
 use crate::run::{MODEL, TRANSIENTS, file_of_scene};
 use crate::{Error, Run, report, view};
 use rayon::prelude::*;
@@ -107,6 +107,7 @@ impl Fitting {
             background: self.settings.fit.background,
             exposures: self.exposures(test),
             transients: self.transients(),
+            cleaning: self.cleaned(),
             coverage: self.capture.coverage.clone(),
             outliers: Vec::new(),
             missing: Vec::new(),
@@ -136,6 +137,11 @@ impl Fitting {
     fn transients(&self) -> BTreeMap<String, f64> {
         let fit = self.fit();
         (0..fit.photos()).filter_map(|i| Some((fit.photo(i).name.clone(), fit.transients(i)?.part()))).collect()
+    }
+
+    fn cleaned(&self) -> Option<Cleaning> {
+        let removed = self.fit().cleaned();
+        (removed.count() > 0).then_some(Cleaning { removed, held_out: self.cleaning })
     }
 
     /// Writes the transients of photos as masks: white counts, black was left out.

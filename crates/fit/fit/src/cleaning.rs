@@ -1,115 +1,125 @@
 //! Scenes without what no photo needs.
 
 use crate::FitError;
-use crate::evidence::{Evidence, Witness, evidence};
+use crate::cleaned::{Cleaned, Reason};
+use crate::evidence::{Drawn, Evidence, Witness, error, evidence};
 use crate::fit::Fit;
-use crate::photos::{Pyramid, at_level};
-use crate::transients::counted;
+use crate::strategy::Moment;
+use std::time::Instant;
+use weaver_kernels::nearest_neighbors::nearest_neighbors;
+use weaver_splat::RasterError;
 
-/// Pixels of all photos together that Gaussians are judged by.
-const PIXELS: usize = 8 << 20;
-/// Longest side of these photos, at most and at least, pixels.
-const SIDES: (usize, usize) = (400, 128);
-/// Rounds, and the part of the Gaussians that each takes at most: where some hide others that look like them, the
-/// evidence of each alone says nothing of all of them.
-const ROUNDS: usize = 4;
-const PART: f64 = 0.1;
+/// Pixels of all photos together that Gaussians are judged by, about: more photos are evenly spread ones of them.
+const PIXELS: usize = 16 << 20;
+/// Photos whose work is timed to know that of all.
+const TIMED: usize = 2;
+/// Gaussians nearest to one, itself among them, of which one goes in a round.
+const NEIGHBORS: usize = 9;
+/// The least photos, however large, if there are as many.
+const LEAST_PHOTOS: usize = 24;
+/// Standard deviations of the sum of what photos say that are added to it: they have to agree.
+const CAUTION: f64 = 2.0;
+/// Part of what all photos lose by a Gaussian that one of them may gain, where they do not agree.
+const NEEDED: f64 = 0.1;
+/// Part of a run after which it cleans by itself: Gaussians come and go no more, and what is left of the run heals.
+pub(crate) const MOMENT: f64 = 0.8;
 
 /// Rules of cleaning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CleaningRules {
-    /// The error of all photos may rise by this part.
+    /// The sum of the rises may be this part of the error of the photos.
     pub rise: f64,
+    /// The error itself may rise by this part, or everything stays: Gaussians that look alike are missed more together
+    /// than one by one.
+    pub bound: f64,
     /// A Gaussian that one photo needs goes where the others are worse with it by more than this part of what the one
     /// gains.
     pub others: f64,
+    /// Rounds: where some hide others that look like them, the evidence of each alone says nothing of all of them.
+    pub rounds: usize,
+    /// The part of the Gaussians that a round takes at most, but for those that no photo shows.
+    pub part: f64,
 }
 
 impl Default for CleaningRules {
     fn default() -> Self {
-        Self { rise: 0.002, others: 0.5 }
+        Self { rise: 0.002, bound: 0.002, others: 0.5, rounds: 4, part: 0.1 }
     }
 }
 
-/// Gaussians that were removed, by reason.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Cleaned {
-    /// No photo shows them.
-    pub unseen: usize,
-    /// Photos are met better without them.
-    pub harmful: usize,
-    /// One photo needs them, and all others are worse with them.
-    pub contradicted: usize,
-    /// Photos are met as well without them.
-    pub unneeded: usize,
-}
-
-impl Cleaned {
-    /// All that were removed.
-    pub fn count(&self) -> usize {
-        self.unseen + self.harmful + self.contradicted + self.unneeded
-    }
-}
-
-/// A reason to remove a Gaussian.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reason {
-    Unseen,
-    Harmful,
-    Contradicted,
-    Unneeded,
+impl CleaningRules {
+    /// Rules within a run, whose further steps heal: one round.
+    const IN_A_RUN: Self = Self { rise: 0.0, bound: 0.0, others: 0.5, rounds: 1, part: 0.15 };
 }
 
 impl Fit {
     /// Removes Gaussians that no photo needs, by the photos alone: those that no photo shows, those without which the
     /// photos are met better or as well, and those that one photo needs although the others see through their place.
-    /// Photos that are drawn through a lens say nothing; without others nothing is removed, nor where no photo shows
-    /// anything.
+    /// Of neighbors one alone goes in a round. Of many photos, or large ones, some are asked. Nothing is removed where
+    /// no photo shows anything, nor where the photos are met too badly then.
     ///
     /// # Errors
     /// When the rasterizer refuses.
     pub fn clean(&mut self, rules: &CleaningRules) -> Result<Cleaned, FitError> {
         self.fetch()?;
-        let pinholes = (0..self.photos()).filter(|photo| self.photo(*photo).lens.is_none());
-        let witnesses: Vec<Witness> = pinholes.map(|photo| self.witness(photo)).collect();
-        if witnesses.is_empty() {
-            return Ok(Cleaned::default());
-        }
+        let (photos, asked) = self.asked();
         let mut cleaned = Cleaned::default();
-        let mut found = self.evidence(&witnesses)?;
-        // A scene that lies outside all photos is not judged by them.
-        if found.photos.iter().all(|photos| *photos == 0) {
-            return Ok(cleaned);
-        }
-        let mut bound = (1.0 + rules.rise) * found.error;
-        for round in 1..=ROUNDS {
-            // What rises is shared by the rounds.
-            let allowed = found.error + (bound - found.error) / (ROUNDS + 1 - round) as f64;
-            let reasons = reasons(&found, allowed - found.error, rules);
-            let taken = reasons.iter().flatten().count();
-            if taken == 0 {
+        // What rises is shared by the rounds.
+        let [mut allowed, mut bound] = [f64::INFINITY; 2];
+        for round in 0..rules.rounds {
+            let found = self.judged(&photos, evidence)?;
+            bound = bound.min((1.0 + rules.bound) * found.error);
+            allowed = allowed.min((1.0 + rules.rise) * found.error);
+            let rise = (allowed - found.error).max(0.0) / (rules.rounds - round) as f64;
+            let reasons = reasons(&found, asked, rise, rules, &self.neighbors());
+            // A scene that lies outside all photos is not judged by them.
+            let shown = found.photos.iter().any(|photos| *photos > 0);
+            if !shown || reasons.iter().flatten().next().is_none() {
                 break;
             }
             let before = self.population.clone();
             self.keep(&reasons.iter().map(Option::is_none).collect::<Vec<_>>());
-            let after = self.evidence(&witnesses)?;
-            if after.error > bound {
+            let after = self.judged(&photos, error)?;
+            if after > bound {
                 self.population = before;
                 self.keep(&vec![true; self.population.len()]);
                 break;
             }
-            found = after;
-            bound = bound.min((1.0 + rules.rise) * found.error);
-            for reason in reasons.into_iter().flatten() {
-                match reason {
-                    Reason::Unseen => cleaned.unseen += 1,
-                    Reason::Harmful => cleaned.harmful += 1,
-                    Reason::Contradicted => cleaned.contradicted += 1,
-                    Reason::Unneeded => cleaned.unneeded += 1,
-                }
-            }
+            reasons.into_iter().flatten().for_each(|reason| cleaned.add(reason));
         }
         Ok(cleaned)
+    }
+
+    /// True if the next step of a run that [cleans](crate::FitSettings::clean) will do so before anything else.
+    pub fn is_cleaning_due(&self) -> bool {
+        let Moment { since, step, steps, .. } = self.moment();
+        self.settings.clean && (since..=step).contains(&((MOMENT * steps as f64).ceil() as usize))
+    }
+
+    /// Gaussians that the run removed so far by [cleaning](crate::FitSettings::clean).
+    pub fn cleaned(&self) -> Cleaned {
+        self.cleaned
+    }
+
+    /// Cleans if that is due.
+    pub(crate) fn clean_in_a_run(&mut self) -> Result<(), FitError> {
+        if self.is_cleaning_due() {
+            let cleaned = self.clean(&CleaningRules::IN_A_RUN)?;
+            let (before, now) = (self.cleaned.row(), cleaned.row());
+            self.cleaned = Cleaned::of(std::array::from_fn(|i| before[i] + now[i]));
+            self.changed();
+        }
+        Ok(())
+    }
+
+    /// Seconds that cleaning within a run takes, by a few of the photos.
+    pub(crate) fn seconds_of_cleaning(&self) -> Result<f64, FitError> {
+        let (photos, _) = self.asked();
+        let few = &photos[..photos.len().min(TIMED)];
+        let start = Instant::now();
+        self.judged(few, evidence)?;
+        self.judged(few, error)?;
+        Ok(start.elapsed().as_secs_f64() * photos.len() as f64 / few.len() as f64)
     }
 
     /// Keeps some Gaussians, without statistics.
@@ -119,59 +129,79 @@ impl Fit {
         self.statistics.resize(self.population.len(), Default::default());
     }
 
-    fn evidence(&self, witnesses: &[Witness]) -> Result<Evidence, FitError> {
-        let scene = self.population.to_gaussians(self.settings.sh_degree).to_activated();
-        Ok(evidence(&scene, witnesses, self.settings.background, &self.raster)?)
+    /// The nearest Gaussians of each, itself first, `[N, NEIGHBORS]`.
+    fn neighbors(&self) -> Vec<u32> {
+        let means = self.population.to_gaussians(0).means;
+        let mut neighbors = vec![0; NEIGHBORS * means.len()];
+        nearest_neighbors(means.as_flattened(), NEIGHBORS - 1, &mut neighbors);
+        neighbors
     }
 
-    /// A photo to judge Gaussians by, halved until all photos together are small enough.
-    fn witness(&self, index: usize) -> Witness {
-        let photo = self.photo(index);
-        let pixels = (PIXELS / self.photos()) as f64;
-        let side = (pixels.sqrt() as usize).clamp(SIDES.1, SIDES.0);
-        let longest = |level: usize| {
-            let camera = at_level(&photo.camera, level);
-            camera.width.max(camera.height)
+    /// The photos to ask, evenly spread, and the part of all that they are.
+    fn asked(&self) -> (Vec<usize>, f64) {
+        let all = self.photos();
+        let pixels = |photo: usize| self.photo(photo).camera.width * self.photo(photo).camera.height;
+        let most = (all * PIXELS / (0..all).map(pixels).sum::<usize>()).clamp(LEAST_PHOTOS.min(all), all);
+        ((0..most).map(|i| i * all / most).collect(), most as f64 / all as f64)
+    }
+
+    /// The scene as some photos judge it.
+    fn judged<T>(
+        &self,
+        photos: &[usize],
+        judge: impl Fn(Drawn<'_>, &[Witness<'_>]) -> Result<T, RasterError>,
+    ) -> Result<T, FitError> {
+        let witness = |index: &usize| Witness {
+            photo: self.photo(*index),
+            counts: self.counted(*index),
+            camera: self.camera(*index),
+            exposure: self.exposure(*index).copied().unwrap_or_default().matrix,
         };
-        let halvings = (0..).find(|level| longest(*level) <= side).unwrap_or(0);
-        let pyramid = Pyramid::new(photo.clone(), halvings);
-        let (small, halvings) = pyramid.level(halvings);
-        let exposure = self.exposure(index).copied().unwrap_or_default().matrix;
-        let counts = counted(small, self.transients(index)).map(|counts| counts.into_owned());
-        Witness { photo: small.clone(), counts, camera: at_level(&self.camera(index), halvings), exposure }
+        let witnesses: Vec<Witness<'_>> = photos.iter().map(witness).collect();
+        let scene = &self.population.to_gaussians(self.settings.sh_degree).to_activated();
+        Ok(judge(Drawn { scene, background: self.settings.background, raster: &self.raster }, &witnesses)?)
     }
 }
 
-/// The Gaussians to remove in a round, `[N]`: those with the most against them first, as long as the error rises by no
-/// more than `rise`. Others are unneeded only beside those that stay: they wait for a round without anything else.
-fn reasons(found: &Evidence, rise: f64, rules: &CleaningRules) -> Vec<Option<Reason>> {
-    let Evidence { rise: rises, most, photos, .. } = found;
+/// The Gaussians to remove in a round, `[N]`, by the evidence of a part of the photos: those with the most against them
+/// first, of neighbors one alone; then those that are needed least, as long as the error rises by no more than `rise`.
+fn reasons(found: &Evidence, asked: f64, rise: f64, rules: &CleaningRules, neighbors: &[u32]) -> Vec<Option<Reason>> {
+    let Evidence { rise: rises, square, most, photos, .. } = found;
+    // The sum of what photos say, and by how much the sum of others like them may be worse.
+    let cautious = |sum: f64, square: f64, photos: u32| {
+        let count = f64::from(photos.max(2));
+        sum + CAUTION * (count / (count - 1.0) * (square - sum * sum / f64::from(photos.max(1))).max(0.0)).sqrt()
+    };
     let reason = |i: usize| {
-        let others = rises[i] - most[i];
+        let all = cautious(rises[i], square[i], photos[i]);
+        let others = cautious(rises[i] - most[i], square[i] - most[i] * most[i], photos[i].saturating_sub(1));
         match () {
-            () if photos[i] == 0 => (f64::NEG_INFINITY, i, Reason::Unseen),
-            () if rises[i] <= 0.0 => (rises[i], i, Reason::Harmful),
-            () if photos[i] > 2 && others < -rules.others * most[i] => (others, i, Reason::Contradicted),
-            () => (rises[i], i, Reason::Unneeded),
+            () if photos[i] == 0 && asked < 1.0 => None,
+            () if photos[i] == 0 => Some((f64::NEG_INFINITY, i, Reason::Unseen)),
+            () if rises[i] < 0.0 && (all < 0.0 || most[i] <= NEEDED * -rises[i]) => {
+                Some((rises[i], i, Reason::Harmful))
+            }
+            () if photos[i] > 2 && others < -rules.others * most[i] => Some((others, i, Reason::Contradicted)),
+            () => Some((all, i, Reason::Unneeded)),
         }
     };
-    let mut order: Vec<(f64, usize, Reason)> = (0..rises.len()).map(reason).collect();
-    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    if order.first().is_some_and(|(.., reason)| *reason != Reason::Unneeded) {
-        order.retain(|(.., reason)| *reason != Reason::Unneeded);
-    }
-    let mut reasons = vec![None; rises.len()];
-    let (mut sum, mut taken) = (0.0, 0);
-    for (_, i, reason) in order {
+    let mut order: Vec<(f64, usize, Reason)> = (0..rises.len()).filter_map(reason).collect();
+    let last = |reason| reason == Reason::Unneeded;
+    order.sort_unstable_by(|a, b| last(a.2).cmp(&last(b.2)).then(a.0.total_cmp(&b.0)).then(a.1.cmp(&b.1)));
+    let (mut reasons, mut taken) = (vec![None; rises.len()], vec![false; rises.len()]);
+    let (mut sum, mut left) = (0.0, (rules.part * rises.len() as f64) as usize);
+    for (against, i, reason) in order {
+        let near = &neighbors[i * NEIGHBORS..][..NEIGHBORS];
+        match reason {
+            Reason::Unseen => {}
+            _ if left == 0 => break,
+            _ if near.iter().any(|other| taken[*other as usize]) => continue,
+            Reason::Unneeded if sum + against > rise => break,
+            Reason::Unneeded => sum += against,
+            Reason::Harmful | Reason::Contradicted => {}
+        }
         if reason != Reason::Unseen {
-            if taken as f64 >= PART * rises.len() as f64 {
-                break;
-            }
-            sum += rises[i].max(0.0);
-            if sum > rise {
-                break;
-            }
-            taken += 1;
+            (taken[i], left) = (true, left - 1);
         }
         reasons[i] = Some(reason);
     }

@@ -1,21 +1,19 @@
 //! Evidence of photos for and against each Gaussian.
 
+use std::borrow::Cow;
 use weaver_geometry::Camera;
-use weaver_kernels::parallel;
-use weaver_scene::{ActivatedGaussians, CameraRows, Photo};
-use weaver_splat::{BlendWeights, Images, RasterError, RasterSettings, Workspace, rasterize};
+use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Photo};
+use weaver_splat::{Compared, Images, RasterError, RasterSettings, Workspace, rasterize};
 
-/// Photos side by side.
-const BATCH: usize = 16;
 /// Sum of weights from which a photo shows a Gaussian, pixels.
 const SHOWN: f32 = 0.02;
 
 /// A photo that Gaussians are judged by.
 #[derive(Clone, Debug)]
-pub(crate) struct Witness {
+pub(crate) struct Witness<'a> {
     /// The photo, and its pixels that count.
-    pub photo: Photo,
-    pub counts: Option<Vec<bool>>,
+    pub photo: &'a Photo,
+    pub counts: Option<Cow<'a, [bool]>>,
     /// The camera as it was refined.
     pub camera: Camera,
     /// The photo's correction of colors `[A | b]`, row by row.
@@ -27,6 +25,8 @@ pub(crate) struct Witness {
 pub(crate) struct Evidence {
     /// Rise of the error without the Gaussian alone; below 0 where the photos are met better without it.
     pub rise: Vec<f64>,
+    /// Sum of the squared rises in single photos: how unevenly photos judge.
+    pub square: Vec<f64>,
     /// The largest rise in a single photo.
     pub most: Vec<f64>,
     /// Number of photos that show it.
@@ -35,81 +35,77 @@ pub(crate) struct Evidence {
     pub error: f64,
 }
 
-/// Judges Gaussians by photos.
-///
-/// A pixel shows `C = sum_i w_i c_i` over the background, `e = A C + b - t` beside the photo. Without Gaussian i it
-/// changes by `d = -A w_i (c_i - B_i)`, with `B_i` the color of everything behind, and its squared error rises by
-/// `d (2 e + d)`.
-pub(crate) fn evidence(
-    scene: &ActivatedGaussians,
-    witnesses: &[Witness],
-    background: [f32; 3],
-    raster: &RasterSettings,
-) -> Result<Evidence, RasterError> {
-    let count = scene.opacities.len();
-    let mut all = Evidence { rise: vec![0.0; count], most: vec![0.0; count], photos: vec![0; count], error: 0.0 };
-    for batch in witnesses.chunks(BATCH) {
-        let mut found: Vec<Result<OfPhoto, RasterError>> = batch.iter().map(|_| Ok(OfPhoto::default())).collect();
-        parallel::for_chunks(&mut found, 1, |i, found| found[0] = of_photo(scene, &batch[i], background, raster));
-        for of in found {
-            let OfPhoto { rises, error } = of?;
-            all.error += error;
-            for (gaussian, rise) in rises {
-                let gaussian = gaussian as usize;
-                all.rise[gaussian] += rise;
-                all.most[gaussian] = all.most[gaussian].max(rise);
-                all.photos[gaussian] += 1;
-            }
+/// A scene to judge, with its background and rules of drawing.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drawn<'a> {
+    pub scene: &'a ActivatedGaussians,
+    pub background: [f32; 3],
+    pub raster: &'a RasterSettings,
+}
+
+/// Judges Gaussians by photos, as [`Workspace::removal`] says.
+pub(crate) fn evidence(drawn: Drawn<'_>, witnesses: &[Witness<'_>]) -> Result<Evidence, RasterError> {
+    let count = drawn.scene.opacities.len();
+    let zeros = vec![0.0; count];
+    let mut all =
+        Evidence { rise: zeros.clone(), square: zeros.clone(), most: zeros, photos: vec![0; count], error: 0.0 };
+    let (mut rises, mut shown, mut workspace) = (vec![0.0_f32; count], vec![0.0_f32; count], Workspace::new());
+    for witness in witnesses {
+        let view = draw(drawn, witness, &mut workspace)?;
+        all.error += view.square();
+        let View { image, error, counts } = &view;
+        let map = std::array::from_fn(|i| witness.exposure[4 * (i / 3) + i % 3]);
+        workspace.removal(&Compared { image, error, counts, map }, &mut rises, &mut shown)?;
+        for i in (0..count).filter(|i| shown[*i] > SHOWN) {
+            let rise = f64::from(rises[i]);
+            all.rise[i] += rise;
+            all.square[i] += rise * rise;
+            all.most[i] = all.most[i].max(rise);
+            all.photos[i] += 1;
         }
     }
     Ok(all)
 }
 
-/// The Gaussians that a photo shows with their rises, and the photo's error.
-#[derive(Debug, Default)]
-struct OfPhoto {
-    rises: Vec<(u32, f64)>,
-    error: f64,
+/// The error of all photos alone.
+pub(crate) fn error(drawn: Drawn<'_>, witnesses: &[Witness<'_>]) -> Result<f64, RasterError> {
+    let mut workspace = Workspace::new();
+    witnesses.iter().map(|witness| Ok(draw(drawn, witness, &mut workspace)?.square())).sum()
 }
 
-fn of_photo(
-    scene: &ActivatedGaussians,
-    witness: &Witness,
-    background: [f32; 3],
-    raster: &RasterSettings,
-) -> Result<OfPhoto, RasterError> {
+/// The scene as a witness sees it.
+struct View {
+    image: Vec<f32>,
+    /// Its difference from the photo, in the photo's light.
+    error: Vec<f32>,
+    /// 1 for pixels that count.
+    counts: Vec<f32>,
+}
+
+impl View {
+    /// The squared error of the pixels that count.
+    fn square(&self) -> f64 {
+        let squares = self.error.chunks_exact(3).map(|pixel| pixel.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>());
+        squares.zip(&self.counts).map(|(square, counts)| f64::from(*counts) * square).sum()
+    }
+}
+
+fn draw(drawn: Drawn<'_>, witness: &Witness<'_>, workspace: &mut Workspace<f32>) -> Result<View, RasterError> {
     let Witness { photo, counts, camera, exposure } = witness;
     let pixels = camera.width * camera.height;
     let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
-    let (rows, mut workspace) = (CameraRows::new(&[*camera]), Workspace::new());
     let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
-    rasterize(&scene.as_slices(), &rows.as_slices(&background), raster, &mut workspace, images)?;
-    let weights = BlendWeights::of(&workspace)?;
-    let colors = scene.colors_from(camera.pose.center());
-    let linear = |v: [f32; 3]| [0, 1, 2].map(|c| (0..3).map(|k| exposure[4 * c + k] * v[k]).sum::<f32>());
-    let (mut rises, mut shown) = (vec![0.0_f64; colors.len()], vec![0.0_f32; colors.len()]);
-    let (mut hits, mut error) = (Vec::new(), 0.0);
-    for pixel in (0..pixels).filter(|pixel| counts.as_ref().is_none_or(|counts| counts[*pixel])) {
-        let drawn = linear([0, 1, 2].map(|c| image[3 * pixel + c]));
-        let off = [0, 1, 2].map(|c| drawn[c] + exposure[4 * c + 3] - f32::from(photo.rgb[3 * pixel + c]) / 255.0);
-        error += off.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
-        hits.clear();
-        let mut transmittance = 1.0_f32;
-        for (gaussian, weight) in weights.of_pixel(pixel) {
-            hits.push((gaussian, weight, transmittance));
-            transmittance -= weight;
-        }
-        // From the back: the light from behind, as it would arrive without the Gaussians before it.
-        let mut behind = background;
-        for &(gaussian, weight, transmittance) in hits.iter().rev() {
-            let own = colors[gaussian].map(|x| x as f32);
-            let change = linear([0, 1, 2].map(|c| weight * (behind[c] - own[c])));
-            rises[gaussian] += (0..3).map(|c| f64::from(change[c] * (2.0 * off[c] + change[c]))).sum::<f64>();
-            shown[gaussian] += weight;
-            let alpha = if transmittance > 0.0 { weight / transmittance } else { 0.0 };
-            behind = [0, 1, 2].map(|c| behind[c] + alpha * (own[c] - behind[c]));
-        }
-    }
-    let shown = shown.iter().enumerate().filter(|(_, shown)| **shown > SHOWN).map(|(gaussian, _)| gaussian);
-    Ok(OfPhoto { rises: shown.map(|gaussian| (gaussian as u32, rises[gaussian])).collect(), error })
+    let rows = CameraRows::new(&[*camera]);
+    let cameras = CameraSlices { model: photo.model(), ..rows.as_slices(&drawn.background) };
+    rasterize(&drawn.scene.as_slices(), &cameras, drawn.raster, workspace, images)?;
+    let error = image.chunks_exact(3).zip(photo.rgb.chunks_exact(3)).flat_map(|(seen, photo)| {
+        [0, 1, 2].map(|c| {
+            let row = &exposure[4 * c..][..4];
+            let lit = row[3] + (0..3).map(|k| row[k] * seen[k]).sum::<f32>();
+            lit - f32::from(photo[c]) / 255.0
+        })
+    });
+    let error = error.collect();
+    let counts = (0..pixels).map(|pixel| u8::from(counts.as_ref().is_none_or(|counts| counts[pixel])).into()).collect();
+    Ok(View { image, error, counts })
 }

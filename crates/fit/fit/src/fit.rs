@@ -1,6 +1,7 @@
 //! The optimization.
 
 use crate::FitError;
+use crate::cleaned::Cleaned;
 use crate::comparison::Buffers;
 use crate::device_fit::FitRasterizer;
 use crate::exposure::Exposure;
@@ -56,12 +57,14 @@ pub struct StepTimings {
     pub density: Duration,
     /// The search for transients.
     pub search: Duration,
+    /// Cleaning.
+    pub cleaning: Duration,
 }
 
 impl StepTimings {
     /// Time of periodic work, which happens as often in a short run as in a long one.
     pub(crate) fn rounds(&self) -> Duration {
-        self.density + self.search
+        self.density + self.search + self.cleaning
     }
 }
 
@@ -86,6 +89,8 @@ pub struct Fit {
     pub(crate) population: Population,
     pub(crate) statistics: Vec<GaussianStatistics<f32>>,
     pub(crate) strategy: Box<dyn Strategy>,
+    /// Gaussians that cleaning within the run removed.
+    pub(crate) cleaned: Cleaned,
     pub(crate) step: usize,
     /// The first number that `step` stands for: those before it may be left out.
     pub(crate) since: usize,
@@ -156,6 +161,7 @@ impl Fit {
             statistics: vec![GaussianStatistics::default(); population.len()],
             population,
             strategy,
+            cleaned: Cleaned::default(),
             step: 0,
             since: 0,
             extent,
@@ -306,6 +312,9 @@ impl Fit {
         }
         let moment = self.moment();
         self.remove_worthless(&moment)?;
+        let start = Instant::now();
+        self.clean_in_a_run()?;
+        self.timings.cleaning = start.elapsed();
         let views = self.settings.views_per_step;
         let photo = self.photo_of(step * views);
         let level = self.settings.level(fraction);

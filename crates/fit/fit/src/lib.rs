@@ -17,6 +17,7 @@
 
 pub mod align;
 mod cameras;
+mod cleaned;
 mod cleaning;
 mod color_agreement;
 mod comparison;
@@ -49,7 +50,8 @@ mod transients;
 mod view;
 
 pub use cameras::{Alignment, Views, motion};
-pub use cleaning::{Cleaned, CleaningRules};
+pub use cleaned::Cleaned;
+pub use cleaning::CleaningRules;
 pub use color_agreement::ColorAgreement;
 pub use contributions::contributions;
 pub use device_fit::{DeviceFit, FitRasterizer, Fitted, FittedRates, PhotoLoss, PhotoStep};

@@ -5,7 +5,7 @@ use crate::fit::Fit;
 use crate::strategy::Moment;
 use weaver_geometry::Camera;
 use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Model};
-use weaver_splat::{BlendWeights, Images, RasterError, Workspace, rasterize};
+use weaver_splat::{Compared, Images, RasterError, Workspace, rasterize};
 
 /// Longest side of the pictures, pixels.
 const LONG_SIDE: usize = 400;
@@ -52,30 +52,15 @@ impl Fit {
     pub fn removal_costs(&self) -> Result<Vec<f64>, FitError> {
         let scene = self.gaussians().to_activated();
         let mut costs = vec![0.0; scene.opacities.len()];
+        let [mut rises, mut shown] = [0, 1].map(|_| vec![0.0; costs.len()]);
         let mut drawing = self.drawing();
-        let cameras = drawing.cameras().collect::<Vec<_>>();
-        let mut hits = Vec::new();
-        for camera in cameras {
-            drawing.draw(&scene, camera)?;
-            let weights = BlendWeights::of(&drawing.workspace)?;
-            let colors = scene.colors_from(camera.0.pose.center());
-            for pixel in 0..weights.pixels() {
-                hits.clear();
-                let mut transmittance = 1.0_f32;
-                for (gaussian, weight) in weights.of_pixel(pixel) {
-                    hits.push((gaussian, weight, transmittance));
-                    transmittance -= weight;
-                }
-                // From the back: the light from behind, as it would arrive without the Gaussians before it.
-                let mut behind = self.settings.background;
-                for &(gaussian, weight, transmittance) in hits.iter().rev() {
-                    let alpha = if transmittance > 0.0 { weight / transmittance } else { 0.0 };
-                    for (behind, own) in behind.iter_mut().zip(colors[gaussian].map(|x| x as f32)) {
-                        costs[gaussian] += f64::from(weight * (own - *behind)).powi(2);
-                        *behind += alpha * (own - *behind);
-                    }
-                }
-            }
+        let map = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        for camera in drawing.cameras().collect::<Vec<_>>() {
+            let image = drawing.draw(&scene, camera)?;
+            let (error, counts) = (vec![0.0; image.len()], vec![1.0; image.len() / 3]);
+            let compared = Compared { image: &image, error: &error, counts: &counts, map };
+            drawing.workspace.removal(&compared, &mut rises, &mut shown)?;
+            costs.iter_mut().zip(&rises).for_each(|(cost, rise)| *cost += f64::from(*rise));
         }
         Ok(costs)
     }

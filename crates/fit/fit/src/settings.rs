@@ -57,6 +57,10 @@ pub struct FitSettings {
     /// ([`Transients`](crate::Transients)).
     #[serde(default)]
     pub transients: bool,
+    /// True if Gaussians that no photo needs are removed after four fifths of the run
+    /// ([`Fit::clean`](crate::Fit::clean)).
+    #[serde(default)]
+    pub clean: bool,
     /// Steps that are left out, as where a run would not have ended in its time: each entry holds from its step on, in
     /// place of those before it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -100,6 +104,7 @@ impl Default for FitSettings {
             exposure: false,
             dropout: 0.0,
             transients: false,
+            clean: false,
             thinned: Vec::new(),
         }
     }

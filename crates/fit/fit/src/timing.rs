@@ -1,6 +1,7 @@
 //! Number of steps that fit into a time.
 
 use crate::FitError;
+use crate::cleaning::MOMENT;
 use crate::fit::Fit;
 use std::time::Instant;
 
@@ -99,6 +100,8 @@ impl Rehearsal {
         // The first step meets cold memory.
         fit.step()?;
         fit.settings.steps = steps;
+        // Cleaning takes as long in a run of any length: some of its work stands for all.
+        let cleans = std::mem::take(&mut fit.settings.clean);
         (fit.step, fit.since) = (0, 0);
         let mut seconds = [[0.0; PARTS]; 2];
         while fit.step < steps {
@@ -108,6 +111,9 @@ impl Rehearsal {
             let rounds = fit.timings.rounds().as_secs_f64();
             seconds[0][tenth] += start.elapsed().as_secs_f64() - rounds;
             seconds[1][tenth] += rounds;
+        }
+        if cleans {
+            seconds[1][(MOMENT * PARTS as f64) as usize] += fit.seconds_of_cleaning()?;
         }
         let sums = seconds.map(|tenths| tenths.iter().sum::<f64>());
         let shares = [0, 1].map(|i| seconds[i].map(|tenth| if sums[i] > 0.0 { tenth / sums[i] } else { 0.0 }));

@@ -67,7 +67,7 @@ pub use tape::{
     GaussianVars, PixelSums, Primitive, Rasterize, RasterizePrimitives, RenderedVars, SharedStatistics, TilesPool,
     WorkspacePool, covariance,
 };
-pub use tiles::{Region, TileSide};
+pub use tiles::{Compared, Region, TileSide};
 pub use view::{CAMERA_SUMS, View};
 pub use workspace::{Timings, Workspace};
 

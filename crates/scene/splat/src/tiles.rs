@@ -21,6 +21,7 @@ mod hits;
 mod lists;
 mod primitive;
 mod ranges;
+mod removal;
 mod sort;
 mod traverse;
 mod window;
@@ -29,6 +30,7 @@ pub use backward::BackwardPass;
 pub use forward::{Blending, TileStats};
 pub use grid::{Grid, Region, TileSide};
 pub use primitive::{Footprint, MAX_SUMS, MAX_SUMS_WITH_STATISTICS, Projected, Projection, Response};
+pub use removal::Compared;
 
 pub(crate) use blend_backward::moment;
 pub(crate) use coverage::{CHUNK, Chunk};

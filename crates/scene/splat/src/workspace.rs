@@ -6,7 +6,7 @@ use crate::extent::{Extent, expect_len};
 use crate::gradients::Target;
 use crate::lens::{RayGaussian, Rays, RaysCache};
 use crate::settings::RasterSettings;
-use crate::tiles::Tiles;
+use crate::tiles::{Compared, Tiles};
 use std::sync::Arc;
 use std::time::Duration;
 use weaver_kernels::Real;
@@ -129,6 +129,63 @@ impl<T: Real> Workspace<T> {
         match self.rays.as_deref() {
             None => self.tiles.contributions(&EwaGaussian, settings.alpha_max, sums, largest),
             Some(rays) => self.tiles.contributions(&RayGaussian(rays), settings.alpha_max, sums, largest),
+        }
+        Ok(())
+    }
+
+    /// Need of each Gaussian in the last image drawn with this workspace: the rise of the image's squared error without
+    /// it alone, and the sum of its weights w = alpha T over the pixels that count, `[V, N]` each; 0 where it is not
+    /// seen.
+    ///
+    /// A pixel shows `C = sum_i w_i c_i` over the background, `e` beside what it should be. Without Gaussian i it
+    /// changes by `d = -w_i (c_i - B_i)`, with `B_i` the color of everything behind, and its error rises by
+    /// `A d (2 e + A d)`, where A is [`Compared::map`].
+    ///
+    /// # Errors
+    ///
+    /// Lengths that do not fit, or a workspace that nothing was drawn with.
+    ///
+    /// ```
+    /// # use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
+    /// # use weaver_splat::{Compared, Images, RasterSettings, Workspace, rasterize};
+    /// # let cameras = CameraSlices {
+    /// #     viewmats: &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+    /// #     intrinsics: &[10.0, 10.0, 0.5, 0.5],
+    /// #     background: &[0.5; 3],
+    /// #     width: 1,
+    /// #     height: 1,
+    /// #     model: Model::Pinhole,
+    /// # };
+    /// let gaussians = GaussianSlices {
+    ///     means: &[0.0_f32, 0.0, 2.0],
+    ///     quats: &[1.0, 0.0, 0.0, 0.0],
+    ///     scales: &[0.5, 0.5, 0.5],
+    ///     opacities: &[0.8],
+    ///     color: Color::Plain(&[1.0, 1.0, 1.0]),
+    ///     features: None,
+    ///     groups: None,
+    /// };
+    /// let (mut image, mut alpha, mut workspace) = ([0.0; 3], [0.0], Workspace::new());
+    /// let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+    /// rasterize(&gaussians, &cameras, &RasterSettings::default(), &mut workspace, images)?;
+    /// // The image is right, and would be off by 0.4 in three channels: the background is gray.
+    /// let map = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    /// let compared = Compared { image: &image, error: &[0.0; 3], counts: &[1.0], map };
+    /// let (mut rises, mut shown) = ([0.0], [0.0]);
+    /// workspace.removal(&compared, &mut rises, &mut shown)?;
+    /// assert!((rises[0] - 0.48).abs() < 1e-5 && shown == [0.8]);
+    /// # Ok::<(), weaver_splat::RasterError>(())
+    /// ```
+    pub fn removal(&mut self, compared: &Compared<'_, T>, rises: &mut [T], shown: &mut [T]) -> Result<(), RasterError> {
+        let (extent, settings) = self.last()?;
+        expect_len("image of the removal", compared.image.len(), 3 * extent.pixels())?;
+        expect_len("error of the removal", compared.error.len(), 3 * extent.pixels())?;
+        expect_len("pixels of the removal", compared.counts.len(), extent.pixels())?;
+        expect_len("rises of the removal", rises.len(), extent.views * extent.gaussians)?;
+        expect_len("weights of the removal", shown.len(), extent.views * extent.gaussians)?;
+        match self.rays.as_deref() {
+            None => self.tiles.removal(&EwaGaussian, settings.alpha_max, compared, rises, shown),
+            Some(rays) => self.tiles.removal(&RayGaussian(rays), settings.alpha_max, compared, rises, shown),
         }
         Ok(())
     }

@@ -68,6 +68,9 @@ pub struct Reconstruct {
     /// Writes no view.html, the page to look at the scene
     #[arg(long)]
     pub no_html: bool,
+    /// Removes Gaussians that no photo needs, after four fifths of the run
+    #[arg(long, help_heading = FIT)]
+    pub clean: bool,
     #[command(flatten)]
     pub live: LiveFlag,
     #[command(flatten)]
@@ -112,6 +115,7 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
         seed: arguments.seed,
         compress: arguments.compress,
         html: !arguments.no_html,
+        clean: arguments.clean,
         frames: arguments.estimate.clip.most(),
         matching: arguments.estimate.matching.into(),
         placing: (&arguments.estimate.placing).into(),

@@ -1,5 +1,6 @@
 //! Runs on disk: their plans, and their resumption.
 
+mod cleaning;
 mod ends;
 mod gaining;
 mod partition;

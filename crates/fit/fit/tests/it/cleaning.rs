@@ -1,7 +1,7 @@
 //! Scenes without what no photo needs.
 
-use crate::scenes::{cloud, photos, plain};
-use weaver_fit::{Cleaned, CleaningRules, Fit, StrategyKind};
+use crate::scenes::{cloud, finish, photos, plain};
+use weaver_fit::{Cleaned, CleaningRules, Fit, FitSettings, StrategyKind};
 use weaver_scene::{Gaussians, Photo};
 
 fn clean(photos: Vec<Photo>, scene: &Gaussians) -> (Gaussians, Cleaned) {
@@ -75,4 +75,38 @@ fn off(photos: &[Photo], scene: &Gaussians) -> f64 {
         image.iter().zip(&photo.rgb).map(|(x, byte)| (f64::from(*x) - f64::from(*byte) / 255.0).powi(2))
     });
     squares.clone().sum::<f64>() / squares.count() as f64
+}
+
+/// Promise (fits): a run removes what no photo needs before its last fifth; stopped before or after that, it goes on to
+/// the same bits, and knows what it removed.
+#[test]
+fn a_run_cleans_its_scene() {
+    let scene = cloud(40, 3);
+    // Where no photo sees it, it does not move.
+    let behind = [0.0, 0.0, -5.0];
+    let planted = with(&scene, behind, -1.0, 3.0);
+    let begun = |clean: bool| {
+        let settings = FitSettings { clean, ..plain(StrategyKind::Keep, 10, planted.len()) };
+        Fit::new(photos(4, &scene), &planted, settings).unwrap()
+    };
+    let mut unclean = begun(false);
+    finish(&mut unclean);
+    assert_eq!((unclean.gaussians().len(), unclean.cleaned()), (planted.len(), Cleaned::default()));
+    let mut whole = begun(true);
+    let mut states = Vec::new();
+    while whole.steps_done() < 10 {
+        states.push((whole.state(), whole.is_cleaning_due()));
+        whole.step().unwrap();
+    }
+    let due = states.iter().filter(|(_, due)| *due).count();
+    assert!(due == 1 && states[8].1, "due once, before the last fifth");
+    assert!(!whole.gaussians().means.contains(&behind) && unclean.gaussians().means.contains(&behind));
+    assert!(whole.cleaned().unseen == 1 && whole.gaussians().len() == planted.len() - whole.cleaned().count());
+    for stopped in [7, 8, 9] {
+        let mut resumed = begun(true);
+        resumed.restore(&states[stopped].0).unwrap();
+        finish(&mut resumed);
+        assert_eq!(resumed.gaussians(), whole.gaussians(), "stopped after {stopped}");
+        assert_eq!(resumed.cleaned(), whole.cleaned(), "stopped after {stopped}");
+    }
 }

@@ -64,14 +64,20 @@ impl<T: Real> Tiles<T> {
                 lanes::run(Tally { primitive, alpha_max, window, list, records, rows });
             }
         });
+        self.of_primitives(sums, largest, T::max);
+    }
+
+    /// Two numbers of each primitive, `[V, N]` each, from those of its entries: sums, and what `join` makes of the
+    /// second ones.
+    pub(super) fn of_primitives(&self, sums: &mut [T], seconds: &mut [T], join: impl Fn(T, T) -> T + Sync) {
         let per_view = self.per_view;
-        parallel::for_chunks2(sums, CHUNK, largest, CHUNK, |chunk, sums, largest| {
-            for (i, (sum, largest)) in sums.iter_mut().zip(largest).enumerate() {
+        parallel::for_chunks2(sums, CHUNK, seconds, CHUNK, |chunk, sums, seconds| {
+            for (i, (sum, second)) in sums.iter_mut().zip(seconds).enumerate() {
                 let (v, n) = ((chunk * CHUNK + i) / per_view, (chunk * CHUNK + i) % per_view);
-                (*sum, *largest) = (T::ZERO, T::ZERO);
+                (*sum, *second) = (T::ZERO, T::ZERO);
                 for row in self.entries(v, n) {
                     *sum += row[0];
-                    *largest = largest.max(row[1]);
+                    *second = join(*second, row[1]);
                 }
             }
         });

@@ -4,7 +4,7 @@ use crate::scene::{NAMES, Planes, Scene, relative};
 use proptest::prelude::*;
 use std::sync::Mutex;
 use weaver_kernels::{Real, random::Stream};
-use weaver_splat::{Cotangents, Gradients, RasterStats, Target, TileSide, Workspace, rasterize_backward};
+use weaver_splat::{Compared, Cotangents, Gradients, RasterStats, Target, TileSide, Workspace, rasterize_backward};
 
 /// `values` with its rows of `len` in another order.
 fn permuted(values: &[f64], len: usize, order: &[usize]) -> Vec<f64> {
@@ -41,19 +41,24 @@ fn hits<T: Real>(workspace: &Workspace<T>) -> Vec<Hit<T>> {
     hits
 }
 
-/// All outputs of a scene: images, counts, gradients, hits, sums and maxima of contributions, and sums by squared
-/// weights.
-fn everything(scene: &Scene<f32>, cotangents: &Planes<f32>) -> (Outcome<f32>, Vec<Hit<f32>>, [Vec<f32>; 3]) {
+/// All outputs of a scene: images, counts, gradients, hits, sums and maxima of contributions, sums by squared
+/// weights, and rises of the error without each.
+fn everything(scene: &Scene<f32>, cotangents: &Planes<f32>) -> (Outcome<f32>, Vec<Hit<f32>>, [Vec<f32>; 5]) {
     let outcome = outcome(scene, cotangents);
     let mut workspace = Workspace::new();
     scene.render_in(&mut workspace);
     let hits = hits(&workspace);
     let len = scene.views() * scene.opacities.len();
-    let mut contributions = [len, len, 2 * scene.opacities.len()].map(|len| vec![f32::NAN; len]);
-    let [sums, largest, squared] = &mut contributions;
+    let mut contributions = [len, len, 2 * scene.opacities.len(), len, len].map(|len| vec![f32::NAN; len]);
+    let [sums, largest, squared, rises, shown] = &mut contributions;
     workspace.contributions(sums, largest).unwrap();
     let values: Vec<f32> = (0..2 * scene.pixels()).map(|i| (0.37 * i as f32).sin()).collect();
     workspace.squared_contributions(&values, 2, Target::write(squared)).unwrap();
+    let (planes, _) = scene.render_in(&mut workspace);
+    let counts = vec![1.0; scene.pixels()];
+    let map = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    let compared = Compared { image: &planes.image, error: &cotangents.image, counts: &counts, map };
+    workspace.removal(&compared, rises, shown).unwrap();
     (outcome, hits, contributions)
 }
 

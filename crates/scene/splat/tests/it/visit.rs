@@ -3,7 +3,7 @@
 use crate::scene::{Scene, relative};
 use proptest::prelude::*;
 use std::sync::Mutex;
-use weaver_splat::{Target, TileSide, Workspace, expected_depth, expected_depth_backward};
+use weaver_splat::{Compared, Target, TileSide, Workspace, expected_depth, expected_depth_backward};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 16, failure_persistence: None, ..Default::default() })]
@@ -57,6 +57,39 @@ proptest! {
         // The gradients after it are those without it.
         let cotangents = scene.cotangents(seed);
         prop_assert_eq!(scene.gradients_in(&cotangents, &mut workspace), scene.gradients(&cotangents));
+    }
+
+    /// The rises of the error without each Gaussian are those that the hits, walked by hand, say.
+    #[test]
+    fn removal_is_what_the_pixels_say(seed: u64, n in 0_usize..60, size in (1_usize..40, 1_usize..40)) {
+        let scene = Scene::random(seed, n, 2, size, None);
+        let mut workspace = Workspace::new();
+        let (planes, _) = scene.render_in(&mut workspace);
+        let error = scene.cotangents(seed).image;
+        let counts: Vec<f64> = (0..scene.pixels()).map(|pixel| f64::from(u8::from(pixel % 3 > 0))).collect();
+        let map = [1.1, 0.2, 0.0, -0.1, 0.9, 0.1, 0.3, 0.0, 0.8];
+        let hits = Mutex::new(vec![Vec::new(); scene.pixels()]);
+        workspace.for_each_hit(|pixel, n, weight, light| hits.lock().unwrap()[pixel].push((n, weight, light))).unwrap();
+        let (mut rises, mut shown) = (vec![0.0_f64; 2 * n], vec![0.0_f64; 2 * n]);
+        for (pixel, hits) in hits.into_inner().unwrap().iter().enumerate() {
+            let view = pixel / (size.0 * size.1);
+            let mut behind: [f64; 3] = std::array::from_fn(|c| scene.background[3 * view + c]);
+            for &(i, weight, light) in hits.iter().rev() {
+                let own: [f64; 3] = std::array::from_fn(|c| scene.colors[3 * i + c]);
+                let change: [f64; 3] = std::array::from_fn(|c| weight * (behind[c] - own[c]));
+                let mapped = |c: usize| (0..3).map(|k| map[3 * c + k] * change[k]).sum::<f64>();
+                let rise = |c: usize| mapped(c) * (2.0 * error[3 * pixel + c] + mapped(c));
+                rises[view * n + i] += counts[pixel] * (0..3).map(rise).sum::<f64>();
+                shown[view * n + i] += counts[pixel] * weight;
+                let alpha = weight / light;
+                behind = std::array::from_fn(|c| behind[c] + alpha * (own[c] - behind[c]));
+            }
+        }
+        let compared = Compared { image: &planes.image, error: &error, counts: &counts, map };
+        let (mut own_rises, mut own_shown) = (vec![f64::NAN; 2 * n], vec![f64::NAN; 2 * n]);
+        workspace.removal(&compared, &mut own_rises, &mut own_shown).unwrap();
+        prop_assert!(relative(&own_rises, &rises, 1.0) < 1e-10);
+        prop_assert!(relative(&own_shown, &shown, 1.0) < 1e-10);
     }
 
     /// The gradients of features alone are those that come with all others, to the bit.
