@@ -135,13 +135,13 @@ fn slow_steps_are_left_out_to_end_in_time() {
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));
     capture(&data, 10);
     let fit = FitSettings { gaussians: 6000, ..FitSettings::default() };
-    let in_time = RunSettings { minutes: Some(0.05), least_steps: 5, gaussians_in_time: true, ..settings(&data) };
+    let in_time = RunSettings { minutes: Some(0.1), least_steps: 5, gaussians_in_time: true, ..settings(&data) };
     let settings = RunSettings { fit, html: false, ..in_time };
     let mut run = create(&out, settings).unwrap();
     let planned = run.settings().fit.steps;
     assert!(planned > 20, "{planned} steps");
-    // All of them would take four seconds more than the three that there are.
-    let more = Duration::from_secs(4) / planned as u32;
+    // All of them would take eight seconds more than the six that there are.
+    let more = Duration::from_secs(8) / planned as u32;
     run.advance(&AtomicBool::new(false), |_| std::thread::sleep(more)).unwrap();
     let outcome = run.finish().unwrap();
     assert_eq!((outcome.steps, outcome.planned), (planned, planned));
