@@ -62,7 +62,7 @@ impl Fit {
     /// When the rasterizer refuses.
     pub fn clean(&mut self, rules: &CleaningRules) -> Result<Cleaned, FitError> {
         self.fetch()?;
-        let (photos, asked) = self.asked();
+        let photos = self.asked();
         let mut cleaned = Cleaned::default();
         // What rises is shared by the rounds.
         let [mut allowed, mut bound] = [f64::INFINITY; 2];
@@ -71,7 +71,7 @@ impl Fit {
             bound = bound.min((1.0 + rules.bound) * found.error);
             allowed = allowed.min((1.0 + rules.rise) * found.error);
             let rise = (allowed - found.error).max(0.0) / (rules.rounds - round) as f64;
-            let reasons = reasons(&found, asked, rise, rules, &self.neighbors());
+            let reasons = reasons(&found, photos.len() == self.photos(), rise, rules, &self.neighbors());
             // A scene that lies outside all photos is not judged by them.
             let shown = found.photos.iter().any(|photos| *photos > 0);
             if !shown || reasons.iter().flatten().next().is_none() {
@@ -114,7 +114,7 @@ impl Fit {
 
     /// Seconds that cleaning within a run takes, by a few of the photos.
     pub(crate) fn seconds_of_cleaning(&self) -> Result<f64, FitError> {
-        let (photos, _) = self.asked();
+        let photos = self.asked();
         let few = &photos[..photos.len().min(TIMED)];
         let start = Instant::now();
         self.judged(few, evidence)?;
@@ -137,12 +137,12 @@ impl Fit {
         neighbors
     }
 
-    /// The photos to ask, evenly spread, and the part of all that they are.
-    fn asked(&self) -> (Vec<usize>, f64) {
+    /// The photos to ask, evenly spread.
+    fn asked(&self) -> Vec<usize> {
         let all = self.photos();
         let pixels = |photo: usize| self.photo(photo).camera.width * self.photo(photo).camera.height;
         let most = (all * PIXELS / (0..all).map(pixels).sum::<usize>()).clamp(LEAST_PHOTOS.min(all), all);
-        ((0..most).map(|i| i * all / most).collect(), most as f64 / all as f64)
+        (0..most).map(|i| i * all / most).collect()
     }
 
     /// The scene as some photos judge it.
@@ -163,9 +163,15 @@ impl Fit {
     }
 }
 
-/// The Gaussians to remove in a round, `[N]`, by the evidence of a part of the photos: those with the most against them
+/// The Gaussians to remove in a round, `[N]`, by the evidence of all photos or of some: those with the most against them
 /// first, of neighbors one alone; then those that are needed least, as long as the error rises by no more than `rise`.
-fn reasons(found: &Evidence, asked: f64, rise: f64, rules: &CleaningRules, neighbors: &[u32]) -> Vec<Option<Reason>> {
+fn reasons(
+    found: &Evidence,
+    all_asked: bool,
+    rise: f64,
+    rules: &CleaningRules,
+    neighbors: &[u32],
+) -> Vec<Option<Reason>> {
     let Evidence { rise: rises, square, most, photos, .. } = found;
     // The sum of what photos say, and by how much the sum of others like them may be worse.
     let cautious = |sum: f64, square: f64, photos: u32| {
@@ -176,7 +182,7 @@ fn reasons(found: &Evidence, asked: f64, rise: f64, rules: &CleaningRules, neigh
         let all = cautious(rises[i], square[i], photos[i]);
         let others = cautious(rises[i] - most[i], square[i] - most[i] * most[i], photos[i].saturating_sub(1));
         match () {
-            () if photos[i] == 0 && asked < 1.0 => None,
+            () if photos[i] == 0 && !all_asked => None,
             () if photos[i] == 0 => Some((f64::NEG_INFINITY, i, Reason::Unseen)),
             () if rises[i] < 0.0 && (all < 0.0 || most[i] <= NEEDED * -rises[i]) => {
                 Some((rises[i], i, Reason::Harmful))
