@@ -163,8 +163,9 @@ impl Fit {
     }
 }
 
-/// The Gaussians to remove in a round, `[N]`, by the evidence of all photos or of some: those with the most against them
-/// first, of neighbors one alone; then those that are needed least, as long as the error rises by no more than `rise`.
+/// The Gaussians to remove in a round, `[N]`, by the evidence of all photos or of some: those with the most against
+/// them first, of neighbors one alone; then those that are needed least, as long as the error rises by no more than
+/// `rise`.
 fn reasons(
     found: &Evidence,
     all_asked: bool,
