@@ -3,7 +3,7 @@
 //!
 //! A kernel is written once, generic over [`Lanes`], as a [`LaneKernel`]; [`run`] calls it with the vector type of the
 //! instruction set in use ([`simd::level`]). For `f32` that is one AVX-512 register, two AVX2 registers, or an array;
-//! for `f64` it is always an array. A kernel with many numbers at hand may go through the parts of a vector
+//! for `f64` it is always an array. On x86 processors without AVX2, the operations of an array are calls. A kernel with many numbers at hand may go through the parts of a vector
 //! ([`Lanes::Part`]), each of which is one register. Fused operations round once on processors that have them, so
 //! results may differ in the last bits between instruction sets, but not between runs with the same one.
 //!
@@ -27,6 +27,8 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "x86_64")]
+mod called;
 mod portable;
 pub(crate) mod rows;
 
@@ -312,6 +314,12 @@ mod sealed {
     pub trait Sealed {}
 }
 
+/// The vectors of [`Level::Portable`].
+#[cfg(target_arch = "x86_64")]
+type Portable<T> = called::Called<T>;
+#[cfg(not(target_arch = "x86_64"))]
+type Portable<T> = portable::Array<T>;
+
 impl Laned for f32 {
     #[inline(always)]
     #[allow(unsafe_code)]
@@ -324,7 +332,7 @@ impl Laned for f32 {
             Level::Avx2 => return unsafe { avx2::run(kernel) },
             Level::Portable => {}
         }
-        kernel.run::<portable::Array<f32>>()
+        kernel.run::<Portable<f32>>()
     }
 }
 
@@ -332,11 +340,17 @@ impl Laned for f64 {
     #[inline(always)]
     #[allow(unsafe_code)]
     unsafe fn in_lanes<K: LaneKernel<f64>>(level: Level, kernel: K) -> K::Output {
-        // For checks of gradients and for Python: a third instance of each kernel would cost builds more than it saves.
-        simd::dispatch_up_to_avx2(
-            level,
-            #[inline(always)]
-            || kernel.run::<portable::Array<f64>>(),
-        )
+        // For checks of gradients and for Python: an instance for AVX-512 would cost builds more than it saves.
+        #[cfg(target_arch = "x86_64")]
+        if level >= Level::Avx2 {
+            // SAFETY: the caller guarantees the level; AVX-512 comes with AVX2.
+            return unsafe {
+                simd::x86::avx2(
+                    #[inline(always)]
+                    || kernel.run::<portable::Array<f64>>(),
+                )
+            };
+        }
+        kernel.run::<Portable<f64>>()
     }
 }

@@ -108,18 +108,6 @@ pub(crate) fn dispatch_at<R>(level: Level, body: impl FnOnce() -> R) -> R {
     body()
 }
 
-/// [`dispatch_at`] without an instance for AVX-512, in whose place the one for AVX2 runs.
-#[inline(always)]
-pub(crate) fn dispatch_up_to_avx2<R>(level: Level, body: impl FnOnce() -> R) -> R {
-    #[cfg(target_arch = "x86_64")]
-    #[allow(unsafe_code)]
-    if level >= Level::Avx2 {
-        // SAFETY: as above; AVX-512 comes with AVX2.
-        return unsafe { x86::avx2(body) };
-    }
-    body()
-}
-
 /// Prefetches the cache line at `x`: a hint for access patterns that the processor cannot predict.
 #[inline(always)]
 pub fn prefetch<T>(x: *const T) {
@@ -134,7 +122,7 @@ pub fn prefetch<T>(x: *const T) {
 }
 
 #[cfg(target_arch = "x86_64")]
-mod x86 {
+pub(crate) mod x86 {
     #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma")]
     pub fn avx512<R>(body: impl FnOnce() -> R) -> R {
         body()

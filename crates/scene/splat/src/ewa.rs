@@ -92,6 +92,7 @@ pub(crate) struct Loaded<V> {
 }
 
 impl Response for EwaGaussian {
+    const WITHOUT_DEPTH: bool = true;
     const SUMS: usize = SUMS;
     type Loaded<V: Vector> = Loaded<V>;
     /// u and v.

@@ -81,8 +81,9 @@ pub struct Tiles<T> {
     /// Where the sorted groups of a view end, `[K]`.
     ends: Vec<u32>,
     lists: Lists,
-    /// State after blending in each window, `[V * K * tiles * windows, planes]`.
+    /// State after blending in each window, `[V * K * tiles * windows, planes_per_window]`.
     planes: Vec<Plane<T>>,
+    planes_per_window: usize,
     /// State that [`Tiles::ranges`] left in each window, `[V * K * tiles * windows, 4]`.
     range_planes: Vec<Plane<T>>,
     /// Sums over pixels of each list entry.
@@ -108,6 +109,7 @@ impl<T: Real> Tiles<T> {
             ends: Vec::new(),
             lists: Lists::default(),
             planes: Vec::new(),
+            planes_per_window: 0,
             range_planes: Vec::new(),
             moments: Vec::new(),
             feature_sums: Vec::new(),

@@ -28,7 +28,7 @@ impl<T: Real> Tiles<T> {
         background: impl Fn(usize) -> [T; 3] + Sync,
         images: Images<'_, T>,
     ) {
-        let (channels, planes) = (blending.channels(), blending.planes());
+        let (channels, planes) = (blending.channels(), self.planes_per_window);
         let windows = WindowPlanes { planes: &self.planes, per_window: planes };
         self.assemble(images.alpha, windows, 1, |_, window, block, lane, out| {
             out.iter_mut().zip(&window[0][block].0[lane..]).for_each(|(out, &left)| *out = T::ONE - left);

@@ -1,7 +1,7 @@
 //! Backward: from cotangents of the images to sums over pixels for each list entry.
 
-use super::blend::planes;
 use super::blend_backward::{Attributes, BlendBackward, EntrySums, PictureCotangents, prepare};
+use super::forward::Forms;
 use super::lists::Lists;
 use super::primitive::{Footprint, Response};
 use super::traverse::traverse;
@@ -42,11 +42,16 @@ impl<T: Real> Tiles<T> {
         grown(&mut self.feature_sums, entries * channels);
         let tiles = self.tiles();
         grown(&mut self.background_sums, tiles);
-        match (pass.blending.depth, channels > 0 || pass.statistics) {
-            (false, false) => self.backward_tiles::<P, 3, false>(primitive, pass, &background),
-            (false, true) => self.backward_tiles::<P, 3, true>(primitive, pass, &background),
-            (true, false) => self.backward_tiles::<P, 4, false>(primitive, pass, &background),
-            (true, true) => self.backward_tiles::<P, 4, true>(primitive, pass, &background),
+        let more = channels > 0 || pass.statistics;
+        if const { Forms::of::<T, P>().without_depth } && !pass.blending.depth {
+            match more {
+                false => self.backward_tiles::<P, 3, false>(primitive, pass, &background),
+                true => self.backward_tiles::<P, 3, true>(primitive, pass, &background),
+            }
+        } else if const { Forms::of::<T, P>().without_more } && !more {
+            self.backward_tiles::<P, 4, false>(primitive, pass, &background);
+        } else {
+            self.backward_tiles::<P, 4, true>(primitive, pass, &background);
         }
     }
 
@@ -62,7 +67,7 @@ impl<T: Real> Tiles<T> {
         let groups = self.groups;
         let Self { grid, records, lists, planes, moments, feature_sums, background_sums, per_view, .. } = self;
         let channels = pass.blending.channels();
-        let per_tile = windows_per_tile(grid) * pass.blending.planes();
+        let per_tile = windows_per_tile(grid) * self.planes_per_window;
         let entries = lists.len();
         let sums = Sums {
             moments: &mut moments[..entries],
@@ -134,7 +139,7 @@ impl<T: Real, P: Footprint + Response, const C: usize, const MORE: bool> LaneKer
         self.sums.features.fill(T::ZERO);
         let per_window = self.blended.len() / windows_per_tile(self.grid);
         let channels = self.attributes.features.map_or(0, |features| features.channels);
-        let count = planes(C == 4, channels);
+        let count = 1 + C + channels;
         // Features are rare, and then the work is not in these few allocations.
         let (mut few, mut many) = ([[Row([T::ZERO; LANES]); LANES]; 5], Vec::new());
         let planes = if count <= few.len() { &mut few[..count] } else { grown(&mut many, count) };
@@ -190,7 +195,7 @@ impl<T: Send> TileParts for Sums<'_, T> {
 }
 
 /// Runs `body` on each tile of a range with the tile's part of the sums, in parallel.
-pub(crate) fn for_tiles<P: TileParts>(lists: &Lists, tiles: Range<usize>, parts: P, body: &(impl Fn(usize, P) + Sync)) {
+pub(crate) fn for_tiles<P: TileParts>(lists: &Lists, tiles: Range<usize>, parts: P, body: &(dyn Fn(usize, P) + Sync)) {
     match tiles.len() {
         0 => {}
         1 => body(tiles.start, parts),

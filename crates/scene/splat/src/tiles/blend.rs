@@ -8,11 +8,6 @@ use crate::each::each;
 use weaver_kernels::lanes::{LANES, Row, Vector};
 use weaver_scene::Features;
 
-/// Planes of a window: transmittance, red, green, blue, depth if requested, features.
-pub(crate) fn planes(depth: bool, channels: usize) -> usize {
-    4 + usize::from(depth) + channels
-}
-
 /// Place of the depth among the planes behind the transmittance.
 pub(crate) const DEPTH_PLANE: usize = 3;
 
@@ -28,8 +23,8 @@ pub(crate) fn at_pixels<V: Vector, R: Response>(response: &R, i: usize, value: V
     if i == DEPTH_PLANE { response.depth(sample, value) } else { value }
 }
 
-/// Adds primitives to the planes of a window, `C` planes of colors and depth among them. `MORE` says that there are
-/// features.
+/// Adds primitives to the planes of a window: transmittance, `C` planes of red, green, blue and, where C is 4, depth,
+/// then features. `MORE` says that there may be features.
 pub(crate) struct Blend<'a, V: Vector, R, const C: usize, const MORE: bool> {
     response: &'a R,
     features: Features<'a, V::Scalar>,
@@ -66,7 +61,7 @@ impl<'a, V: Vector, R, const C: usize, const MORE: bool> Blend<'a, V, R, C, MORE
         let (sums, more) = planes.split_first_chunk_mut().expect("planes of colors and depth");
         let features = features.unwrap_or(Features { values: &[], channels: 0 });
         // Features are rare, and then the work is not in this allocation.
-        let cells = if MORE { LANES * LANES / V::WIDTH } else { 0 };
+        let cells = if MORE && features.channels > 0 { LANES * LANES / V::WIDTH } else { 0 };
         let met = vec![Met { hits: [(V::zero(), &[][..]); LANES], count: 0 }; cells];
         Self { response, features, per_view, sums, more, met, values: [V::zero(); C], row: &[] }
     }
@@ -117,7 +112,7 @@ impl<V: Vector, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for
     #[inline(always)]
     fn begin(&mut self, primitive: usize, record: &[V::Scalar; LANES]) {
         self.values = values(record);
-        if MORE {
+        if MORE && self.features.channels > 0 {
             self.row = self.features.of(primitive % self.per_view);
         }
     }
@@ -129,8 +124,7 @@ impl<V: Vector, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for
             let value = at_pixels(self.response, i, self.values[i], &hit.sample);
             hit.cell.store(hit.weight.mul_add(value, hit.cell.load(plane)), plane);
         }
-        if MORE {
-            let Met { hits, count } = &mut self.met[hit.cell.0];
+        if MORE && let Some(Met { hits, count }) = self.met.get_mut(hit.cell.0) {
             hits[*count % LANES] = (hit.weight, self.row);
             *count += 1;
             if *count == LANES {

@@ -203,6 +203,8 @@ impl<V: Vector, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for
         if MORE {
             self.largest = zero;
             self.loaded = self.response.load(record);
+        }
+        if MORE && self.features.channels > 0 {
             self.row = self.features.of(primitive % self.per_view);
             self.row_sums.fill(Row::default());
         }

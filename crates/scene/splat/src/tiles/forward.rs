@@ -1,6 +1,6 @@
 //! Forward: project, sort, bin, blend.
 
-use super::blend::{Blend, planes};
+use super::blend::Blend;
 use super::coverage::{CHUNK, Chunk, Coverage};
 use super::lists::Picture;
 use super::primitive::{Footprint, Projection, Response};
@@ -32,10 +32,21 @@ impl<T> Blending<'_, T> {
     pub(crate) fn channels(&self) -> usize {
         self.features.as_ref().map_or(0, |features| features.channels)
     }
+}
 
-    /// Planes per window.
-    pub(crate) fn planes(&self) -> usize {
-        planes(self.depth, self.channels())
+/// The forms of blending that are compiled beside the one with everything.
+pub(crate) struct Forms {
+    /// Without depth.
+    pub without_depth: bool,
+    /// Without features and statistics.
+    pub without_more: bool,
+}
+
+impl Forms {
+    /// One form has to do in double precision, which is for checks of gradients.
+    pub(crate) const fn of<T, P: Response>() -> Self {
+        let single = size_of::<T>() == size_of::<f32>();
+        Self { without_depth: single && P::WITHOUT_DEPTH, without_more: single }
     }
 }
 
@@ -133,11 +144,17 @@ impl<T: Real> Tiles<T> {
     /// Returns how many pairs of a primitive and a pixel that it adds to there were, and how many pairs were evaluated.
     #[inline(never)]
     pub fn blend<P: Footprint + Response>(&mut self, primitive: &P, blending: &Blending<'_, T>) -> [u64; 2] {
-        let work = match (blending.depth, blending.channels() > 0) {
-            (false, false) => self.blend_tiles::<P, 3, false>(primitive, blending),
-            (false, true) => self.blend_tiles::<P, 3, true>(primitive, blending),
-            (true, false) => self.blend_tiles::<P, 4, false>(primitive, blending),
-            (true, true) => self.blend_tiles::<P, 4, true>(primitive, blending),
+        let features = blending.channels() > 0;
+        // Constants come first, so that forms that are never used are not compiled.
+        let work = if const { Forms::of::<T, P>().without_depth } && !blending.depth {
+            match features {
+                false => self.blend_tiles::<P, 3, false>(primitive, blending),
+                true => self.blend_tiles::<P, 3, true>(primitive, blending),
+            }
+        } else if const { Forms::of::<T, P>().without_more } && !features {
+            self.blend_tiles::<P, 4, false>(primitive, blending)
+        } else {
+            self.blend_tiles::<P, 4, true>(primitive, blending)
         };
         [work.pairs, work.evaluated]
     }
@@ -149,7 +166,8 @@ impl<T: Real> Tiles<T> {
     ) -> Work {
         let tiles = self.tiles();
         let Self { grid, lists, records, per_view, .. } = self;
-        let per_tile = windows_per_tile(grid) * blending.planes();
+        self.planes_per_window = 1 + C + blending.channels();
+        let per_tile = windows_per_tile(grid) * self.planes_per_window;
         let planes = grown(&mut self.planes, tiles * per_tile);
         let (pairs, evaluated) = (AtomicU64::new(0), AtomicU64::new(0));
         parallel::for_chunks(planes, per_tile, |tile, planes| {

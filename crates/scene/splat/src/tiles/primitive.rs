@@ -86,6 +86,9 @@ pub trait Response: Sync {
     /// Number of sums over pixels for the gradient of the primitive's shape, at most [`MAX_SUMS`]. With more than
     /// [`MAX_SUMS_WITH_STATISTICS`] there is no room for statistics.
     const SUMS: usize;
+    /// True if there is a form of blending without depth for calls that do not ask for it, which is more to compile.
+    /// Otherwise depth is always blended. Images and gradients are the same.
+    const WITHOUT_DEPTH: bool = false;
 
     /// A primitive's numbers, each in all lanes.
     type Loaded<V: Vector>: Copy;
