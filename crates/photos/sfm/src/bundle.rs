@@ -112,6 +112,11 @@ impl Bundle {
         self.adjust_within(scale, most_steps, &Limits::USUAL)
     }
 
+    /// The same until a step moves all cameras and lenses together by less than a tenth of a standard deviation.
+    pub(crate) fn adjust_nearly(&mut self, scale: f64, most_steps: usize) {
+        self.adjust_within(scale, most_steps, &Limits::NEAR);
+    }
+
     /// The same until a step moves cameras and lenses by less than a third of their standard deviation, which leaves
     /// them within one deviation of the minimum: for bundles that are adjusted again later. Many cameras are adjusted
     /// by [some](Self::some) of the observations alone, and all points then follow.

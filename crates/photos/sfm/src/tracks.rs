@@ -1,6 +1,10 @@
 //! Tracks: keypoints of many photos that are the same point.
 
 use crate::matching::Match;
+use std::collections::HashMap;
+
+/// Keypoints of a track up to which its photos are compared one by one.
+const FEW: u32 = 8;
 
 /// Keypoints of one point: photo and index within it, at most one a photo, ascending by photo.
 pub type Track = Vec<(usize, usize)>;
@@ -30,29 +34,11 @@ pub(crate) fn joined<'a>(counts: &[usize], pairs: impl Iterator<Item = ([usize; 
     links.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
     let photos: Vec<u32> =
         (counts.iter().enumerate()).flat_map(|(photo, count)| std::iter::repeat_n(photo as u32, *count)).collect();
-    let mut parent: Vec<u32> = (0..photos.len() as u32).collect();
-    let mut next = parent.clone();
-    // The photos of the keypoints joined with a root, modulo 64: without a common one, no photo is there twice.
-    let mut some: Vec<u64> = photos.iter().map(|photo| 1 << (photo % 64)).collect();
-    // The last link for which each photo was found in the first track.
-    let mut found = vec![usize::MAX; counts.len()];
-    for (number, (_, a, b)) in links.into_iter().enumerate() {
-        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
-        if a == b {
-            continue;
-        }
-        let photo = |keypoint: u32| photos[keypoint as usize] as usize;
-        let both = [some[a as usize], some[b as usize]];
-        let twice = both[0] & both[1] != 0 && {
-            ring(&next, a).for_each(|keypoint| found[photo(keypoint)] = number);
-            ring(&next, b).any(|keypoint| found[photo(keypoint)] == number)
-        };
-        if !twice {
-            next.swap(a as usize, b as usize);
-            parent[a.max(b) as usize] = a.min(b);
-            some[a.min(b) as usize] = both[0] | both[1];
-        }
+    let mut joined = Joined::new(photos, counts.len());
+    for (_, a, b) in links {
+        joined.join(a, b);
     }
+    let Joined { photos, parent, next, .. } = joined;
     let begins = |keypoint: &u32| parent[*keypoint as usize] == *keypoint && next[*keypoint as usize] != *keypoint;
     let track = |from: u32| {
         let seen = |keypoint: u32| {
@@ -64,6 +50,82 @@ pub(crate) fn joined<'a>(counts: &[usize], pairs: impl Iterator<Item = ([usize; 
         track
     };
     (0..photos.len() as u32).filter(begins).map(track).collect()
+}
+
+/// Keypoints that are joined so far: a forest, and a ring through each tree.
+struct Joined {
+    /// The photo of each keypoint.
+    photos: Vec<u32>,
+    parent: Vec<u32>,
+    next: Vec<u32>,
+    /// Number of keypoints of a root.
+    size: Vec<u32>,
+    /// The photos of a root, modulo 64: without a common one, no photo is there twice.
+    some: Vec<u64>,
+    /// The photos of a root of more than [`FEW`] keypoints, as bits: most links lead from one such root to another that
+    /// they must not be joined with, and each would walk both rings.
+    all: HashMap<u32, Box<[u64]>>,
+    /// Words of the bits of all photos.
+    words: usize,
+}
+
+impl Joined {
+    fn new(photos: Vec<u32>, count: usize) -> Self {
+        let parent: Vec<u32> = (0..photos.len() as u32).collect();
+        Self {
+            next: parent.clone(),
+            parent,
+            size: vec![1; photos.len()],
+            some: photos.iter().map(|photo| 1 << (photo % 64)).collect(),
+            all: HashMap::new(),
+            words: count.div_ceil(64),
+            photos,
+        }
+    }
+
+    /// Joins the keypoints of `a` with those of `b`, unless two of them are in one photo.
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (root(&mut self.parent, a), root(&mut self.parent, b));
+        if a == b || self.meet(a, b) {
+            return;
+        }
+        let (root, other) = (a.min(b), a.max(b));
+        let [large, small] = if self.size[a as usize] < self.size[b as usize] { [b, a] } else { [a, b] };
+        let mut all = self.all.remove(&large);
+        if all.is_none() && self.size[a as usize] + self.size[b as usize] > FEW {
+            let mut bits = vec![0; self.words].into_boxed_slice();
+            ring(&self.next, large).for_each(|keypoint| set(&mut bits, self.photos[keypoint as usize]));
+            all = Some(bits);
+        }
+        if let Some(mut all) = all {
+            ring(&self.next, small).for_each(|keypoint| set(&mut all, self.photos[keypoint as usize]));
+            self.all.remove(&small);
+            self.all.insert(root, all);
+        }
+        self.next.swap(a as usize, b as usize);
+        self.parent[other as usize] = root;
+        self.size[root as usize] += self.size[other as usize];
+        self.some[root as usize] |= self.some[other as usize];
+    }
+
+    /// True if two roots have keypoints in one photo.
+    fn meet(&self, a: u32, b: u32) -> bool {
+        if self.some[a as usize] & self.some[b as usize] == 0 {
+            return false;
+        }
+        let photos = |from: u32| ring(&self.next, from).map(|keypoint| self.photos[keypoint as usize]);
+        match (self.all.get(&a), self.all.get(&b)) {
+            (Some(a), Some(b)) => a.iter().zip(b).any(|(a, b)| a & b != 0),
+            (Some(all), None) => photos(b).any(|photo| all[photo as usize / 64] >> (photo % 64) & 1 == 1),
+            (None, Some(all)) => photos(a).any(|photo| all[photo as usize / 64] >> (photo % 64) & 1 == 1),
+            (None, None) => photos(a).any(|photo| photos(b).any(|other| other == photo)),
+        }
+    }
+}
+
+/// Sets the bit of a photo.
+fn set(bits: &mut [u64], photo: u32) {
+    bits[photo as usize / 64] |= 1 << (photo % 64);
 }
 
 fn root(parent: &mut [u32], mut at: u32) -> u32 {

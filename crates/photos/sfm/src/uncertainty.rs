@@ -4,7 +4,7 @@ mod flat;
 #[cfg(test)]
 mod tests;
 
-use crate::bundle::{Bundle, Covariance, Lens, Observation};
+use crate::bundle::{Bundle, Covariance, LARGE, Lens, Observation};
 use crate::lenses::PIXEL;
 use crate::photo::Find;
 use weaver_geometry::glam::DVec3;
@@ -133,6 +133,9 @@ fn left_out(bundle: &Bundle) -> LeftOut {
         rest.observations.retain(|o| agreed[o.point]);
         if plenty {
             rest.adjust_roughly(1.0, STEPS);
+        } else if bundle.cameras.len() > LARGE {
+            // The movement of hundreds of numbers together is seen well enough.
+            rest.adjust_nearly(1.0, STEPS);
         } else {
             rest.adjust(1.0, STEPS);
         }

@@ -44,6 +44,7 @@ pub(super) struct Limits {
 
 impl Limits {
     pub const USUAL: Self = Self { dense: 200, profile: 40_000_000, tolerance: 1e-8, iterations: 1000, settled: 1e-4 };
+    pub const NEAR: Self = Self { settled: 0.01, ..Self::USUAL };
     pub const ROUGH: Self = Self { settled: 0.1, ..Self::USUAL };
     /// The stored part of the matrix from which on a dense solver pays off; and blocks up to which it always does.
     const FULL: f64 = 0.1;
