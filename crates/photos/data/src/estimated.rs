@@ -19,7 +19,7 @@ use crate::{Error, Placement, remarks};
 pub use context::EstimatedContext;
 pub use doubt::Doubt;
 pub use learned_weights::{built_in_matcher, read_matcher};
-use loading::{Loaded, Small, lenses_of, load};
+use loading::{Loaded, lenses_of, load};
 use masks::PhotoMask;
 use model::UPRIGHT;
 use order::is_sequence;
@@ -29,7 +29,7 @@ pub use summary::{CameraSummary, CamerasSummary};
 use weaver_geometry::Distortion;
 use weaver_geometry::glam::DVec2;
 use weaver_io::colmap::Model;
-use weaver_io::{OutputFolder, PhotoFile, Transforms};
+use weaver_io::{Bitmap, OutputFolder, PhotoFile, Transforms};
 use weaver_scene::Frame;
 use weaver_sfm::{
     Confidence, Estimate, EstimateOptions, Find, LeftOut, Observation, PairMatcher, Photo, estimate_fisheye,
@@ -96,7 +96,7 @@ pub struct EstimatedPhotos {
     /// Remarks for the user: the photos that cannot be read, and data of the others that were changed or ignored.
     pub remarks: Vec<String>,
     /// The photos as they were matched.
-    images: Vec<Small>,
+    images: Vec<Bitmap>,
     /// Width and height of the files once they are upright.
     pub(crate) sizes: Vec<(usize, usize)>,
     /// Photos whose size leaves the EXIF rotation ambiguous.
@@ -196,7 +196,7 @@ pub fn estimate_set(set: &PhotoSet, options: &EstimatePhotosOptions) -> Result<E
     let lens_of = lenses_of(&loaded, &focals, &faces, options.shared);
     let photo = |i: usize| {
         let Loaded { image, mask, .. } = &loaded[i];
-        let photo = Photo::new(&image.bytes[..], [image.height, image.width]);
+        let photo = Photo::new(&image.pixels[..], [image.height, image.width]);
         let (w, h) = (image.width as f64, image.height as f64);
         let focal = options.focal.map(|f| f * w.max(h)).or(focals[i].map(|mm| mm / FILM * w.hypot(h)));
         let focal = faces[i].as_ref().map(|face| face.focal * w).or(focal);

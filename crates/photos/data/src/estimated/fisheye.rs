@@ -53,7 +53,7 @@ pub(super) fn prepare(paths: &[PathBuf], faces: &[Option<Face>], loaded: &mut [L
         return Ok(());
     }
     let (width, height) = first;
-    let bright = |i: usize| loaded.iter().any(|photo| photo.image.bytes[3 * i..3 * i + 3].iter().any(|x| *x > BLACK));
+    let bright = |i: usize| loaded.iter().any(|photo| photo.image.pixels[3 * i..3 * i + 3].iter().any(|x| *x > BLACK));
     let shown: Vec<bool> = (0..width * height).map(bright).collect();
     if !shown.contains(&false) {
         return Ok(());

@@ -6,37 +6,11 @@ use crate::capture::Mask;
 use crate::spheres::Face;
 use crate::unreadable::Fault;
 use std::path::Path;
-use weaver_geometry::glam::DVec2;
-use weaver_io::{Image, PhotoFile, path_in_utf8};
-
-/// A photo as it is matched, in a quarter of the memory of an [`Image`].
-#[derive(Clone, Debug)]
-pub(super) struct Small {
-    pub width: usize,
-    pub height: usize,
-    /// `[height, width, 3]`.
-    pub bytes: Vec<u8>,
-}
-
-impl Small {
-    pub fn new(image: &Image) -> Self {
-        Self { width: image.width, height: image.height, bytes: image.to_bytes() }
-    }
-
-    pub fn to_image(&self) -> Image {
-        Image::from_bytes(self.width, self.height, &self.bytes)
-    }
-
-    /// The color at a pixel.
-    pub fn color(&self, pixel: DVec2) -> Option<[u8; 3]> {
-        let at = 3 * ((pixel.y as usize).min(self.height - 1) * self.width + (pixel.x as usize).min(self.width - 1));
-        self.bytes.get(at..at + 3)?.try_into().ok()
-    }
-}
+use weaver_io::{Bitmap, PhotoFile, path_in_utf8};
 
 /// A photo for matching, upright.
 pub(super) struct Loaded {
-    pub image: Small,
+    pub image: Bitmap,
     /// Mask of the pixels that count, `[height, width]`; `None` if all do.
     pub mask: Option<Vec<bool>>,
     /// Width and height of the file once it is upright.
@@ -65,8 +39,7 @@ pub(super) fn load(path: &Path, mask: Option<&Mask>, options: &EstimatePhotosOpt
     let to = longest.min(options.long_side);
     let shrunk = |side: usize| ((side * to) as f64 / longest as f64).round().max(1.0) as usize;
     let (width, height) = (shrunk(size.0), shrunk(size.1));
-    let image = file.resize_whole(width, height).map_err(Fault::unreadable)?.to_image();
-    let image = Small::new(&image);
+    let image = file.resize_whole(width, height).map_err(Fault::unreadable)?;
     let mask = mask.map(|mask| mask.open(path, file.clone())).transpose()?;
     let mask = mask.map(|mask| mask.resize_whole(width, height)).transpose().map_err(Error::from)?;
     let mask = mask.map(|mask| mask.pixels.chunks_exact(3).map(|pixel| pixel[0] >= 128).collect());

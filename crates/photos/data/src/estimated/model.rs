@@ -8,8 +8,9 @@ use crate::spheres::Face;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use weaver_geometry::Camera;
+use weaver_geometry::glam::DVec2;
 use weaver_io::colmap::{Model, Point};
-use weaver_io::relative_path;
+use weaver_io::{Bitmap, relative_path};
 use weaver_scene::Frame;
 
 /// The folder of photos that are written because of their EXIF orientation alone.
@@ -79,7 +80,7 @@ impl EstimatedPhotos {
                 track.push((image.id, image.points.len() as u32));
                 image.points.push((pixel.x * scale, pixel.y * scale, Some(id as u64 + 1)));
                 errors += scale * off;
-                rgb = rgb.or_else(|| self.images[o.camera].color(o.pixel));
+                rgb = rgb.or_else(|| color(&self.images[o.camera], o.pixel));
             }
             let error = errors / track.len().max(1) as f64;
             let xyz = e.points[group[0].point].to_array();
@@ -87,6 +88,13 @@ impl EstimatedPhotos {
         }
         model
     }
+}
+
+/// The color at a pixel of a photo.
+fn color(photo: &Bitmap, pixel: DVec2) -> Option<[u8; 3]> {
+    let (x, y) = ((pixel.x as usize).min(photo.width - 1), (pixel.y as usize).min(photo.height - 1));
+    let at = 3 * (y * photo.width + x);
+    photo.pixels.get(at..at + 3)?.try_into().ok()
 }
 
 /// Name of a photo in a folder of those that are written.

@@ -24,8 +24,7 @@ impl EstimatedPhotos {
         for (i, photo) in shown.into_iter().enumerate() {
             corners[photo] = [i % columns * THUMBNAIL, i / columns * tallest];
             let image = &self.images[photo];
-            let whole = [0.0, 0.0, image.width as f64, image.height as f64];
-            paste(&mut sheet, &image.to_image().resize(THUMBNAIL, height(photo), whole), corners[photo]);
+            paste(&mut sheet, &image.resize(THUMBNAIL, height(photo)).to_image(), corners[photo]);
         }
         for o in &e.observations {
             let Some(off) = self.off(o) else { continue };
