@@ -3,9 +3,10 @@
 //!
 //! A kernel is written once, generic over [`Lanes`], as a [`LaneKernel`]; [`run`] calls it with the vector type of the
 //! instruction set in use ([`simd::level`]). For `f32` that is one AVX-512 register, two AVX2 registers, or an array;
-//! for `f64` it is always an array. On x86 processors without AVX2, the operations of an array are calls. A kernel with many numbers at hand may go through the parts of a vector
-//! ([`Lanes::Part`]), each of which is one register. Fused operations round once on processors that have them, so
-//! results may differ in the last bits between instruction sets, but not between runs with the same one.
+//! for `f64` it is always an array. On x86 processors without AVX2, the operations of an array are calls. A kernel with
+//! many numbers at hand may go through the parts of a vector ([`Lanes::Part`]), each of which is one register. Fused
+//! operations round once on processors that have them, so results may differ in the last bits between instruction sets,
+//! but not between runs with the same one.
 //!
 //! ```
 //! use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes};
