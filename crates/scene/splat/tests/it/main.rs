@@ -3,6 +3,7 @@
 mod blend_weights;
 mod covariance;
 mod differences;
+mod forms;
 mod groups;
 mod hostile;
 mod invariance;
