@@ -48,8 +48,8 @@ fn drawn(
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 8, failure_persistence: None, ..Default::default() })]
 
-    /// What else a call asks for changes no bit of images and gradients: checks of the form with everything, the only
-    /// one in double precision, hold for all.
+    /// Images and gradients are the same bits whatever else a call asks for. So checks of the form with everything, the
+    /// only one in double precision, hold for all.
     #[test]
     fn every_form_gives_the_same_bits(seed: u64, n in 1_usize..60, lens: bool) {
         let mut scene = Scene::random(seed, n, 2, (33, 21), Some(1));
