@@ -114,10 +114,12 @@ impl Joined {
             return false;
         }
         let photos = |from: u32| ring(&self.next, from).map(|keypoint| self.photos[keypoint as usize]);
+        let within =
+            |all: &[u64], from: u32| photos(from).any(|photo| all[photo as usize / 64] >> (photo % 64) & 1 == 1);
         match (self.all.get(&a), self.all.get(&b)) {
             (Some(a), Some(b)) => a.iter().zip(b).any(|(a, b)| a & b != 0),
-            (Some(all), None) => photos(b).any(|photo| all[photo as usize / 64] >> (photo % 64) & 1 == 1),
-            (None, Some(all)) => photos(a).any(|photo| all[photo as usize / 64] >> (photo % 64) & 1 == 1),
+            (Some(all), None) => within(all, b),
+            (None, Some(all)) => within(all, a),
             (None, None) => photos(a).any(|photo| photos(b).any(|other| other == photo)),
         }
     }
