@@ -69,6 +69,7 @@ impl Quintic {
 }
 
 /// Coefficients of 2^x on `[0, 1]`, relative error 8e-8 before rounding; 1 at 0.
+#[cfg(target_arch = "x86_64")]
 pub(crate) const EXP2_FLOOR: Quintic =
     Quintic([1.0, 0.693_151_3, 0.240_164_45, 0.055_799_91, 0.009_017_03, 0.001_867_13]);
 /// Coefficients of 2^x on `[-0.5, 0.5]`, relative error 9e-8 before rounding; 1 at 0.

@@ -13,6 +13,8 @@ use std::ops::Range;
 mod half_precision;
 mod matrix;
 mod pack;
+#[cfg(target_arch = "x86_64")]
+mod pairs;
 pub(crate) mod tile;
 
 pub use half_precision::{Half, gemm_half, gemm_half_scratch_len};
@@ -28,7 +30,7 @@ const fn k_block(level: Level) -> usize {
         // A and B arrive from the second-level cache in time.
         Level::Avx512 => 512,
         // A panel of B is at most three quarters of the smallest first-level cache, 32 KiB.
-        Level::Avx2 => 384,
+        Level::Avx2 | Level::Neon => 384,
         // There is no fused multiply-add, and products are rounded before they are added.
         Level::Portable => 256,
     }

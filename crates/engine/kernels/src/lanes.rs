@@ -2,11 +2,11 @@
 //! multiply-add, approximate reciprocals, transposes in registers.
 //!
 //! A kernel is written once, generic over [`Lanes`], as a [`LaneKernel`]; [`run`] calls it with the vector type of the
-//! instruction set in use ([`simd::level`]). For `f32` that is one AVX-512 register, two AVX2 registers, or an array;
-//! for `f64` it is always an array. On x86 processors without AVX2, the operations of an array are calls. A kernel with
-//! many numbers at hand may go through the parts of a vector ([`Lanes::Part`]), each of which is one register. Fused
-//! operations round once on processors that have them, so results may differ in the last bits between instruction sets,
-//! but not between runs with the same one.
+//! instruction set in use ([`simd::level`]). For `f32` that is one AVX-512 register, two AVX2 registers, four NEON
+//! registers, or an array; for `f64` it is always an array. [`Level::Portable`], where there is a better one, has an
+//! array whose operations are calls. A kernel with many numbers at hand may go through the parts of a vector
+//! ([`Lanes::Part`]): one register, or two of NEON. Fused operations round once on processors that have them, so results
+//! may differ in the last bits between instruction sets, but not between runs with the same one.
 //!
 //! ```
 //! use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes};
@@ -28,8 +28,12 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod called;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod eight;
+#[cfg(target_arch = "aarch64")]
+mod neon;
 mod portable;
 pub(crate) mod rows;
 
@@ -295,7 +299,7 @@ pub fn run<T: Real, K: LaneKernel<T>>(kernel: K) -> K::Output {
 /// If the processor does not support it.
 #[allow(unsafe_code)]
 pub fn run_at<T: Real, K: LaneKernel<T>>(level: Level, kernel: K) -> K::Output {
-    assert!(level <= simd::supported(), "{level:?} is beyond this processor");
+    assert!(simd::supports(level), "{level:?} is beyond this processor");
     // SAFETY: just checked.
     unsafe { T::in_lanes(level, kernel) }
 }
@@ -316,24 +320,26 @@ mod sealed {
 }
 
 /// The vectors of [`Level::Portable`].
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 type Portable<T> = called::Called<T>;
-#[cfg(not(target_arch = "x86_64"))]
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 type Portable<T> = portable::Array<T>;
 
 impl Laned for f32 {
     #[inline(always)]
     #[allow(unsafe_code)]
     unsafe fn in_lanes<K: LaneKernel<f32>>(level: Level, kernel: K) -> K::Output {
-        #[cfg(target_arch = "x86_64")]
         match level {
             // SAFETY: the caller guarantees the level.
-            Level::Avx512 => return unsafe { avx512::run(kernel) },
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { avx512::run(kernel) },
             // SAFETY: as above.
-            Level::Avx2 => return unsafe { avx2::run(kernel) },
-            Level::Portable => {}
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { avx2::run(kernel) },
+            #[cfg(target_arch = "aarch64")]
+            Level::Neon => kernel.run::<eight::Pair<neon::Quads>>(),
+            _ => kernel.run::<Portable<f32>>(),
         }
-        kernel.run::<Portable<f32>>()
     }
 }
 
@@ -342,16 +348,18 @@ impl Laned for f64 {
     #[allow(unsafe_code)]
     unsafe fn in_lanes<K: LaneKernel<f64>>(level: Level, kernel: K) -> K::Output {
         // For checks of gradients and for Python: an instance for AVX-512 would cost builds more than it saves.
-        #[cfg(target_arch = "x86_64")]
-        if level >= Level::Avx2 {
+        match level {
             // SAFETY: the caller guarantees the level; AVX-512 comes with AVX2.
-            return unsafe {
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 | Level::Avx512 => unsafe {
                 simd::x86::avx2(
                     #[inline(always)]
                     || kernel.run::<portable::Array<f64>>(),
                 )
-            };
+            },
+            #[cfg(target_arch = "aarch64")]
+            Level::Neon => kernel.run::<portable::Array<f64>>(),
+            _ => kernel.run::<Portable<f64>>(),
         }
-        kernel.run::<Portable<f64>>()
     }
 }

@@ -1,7 +1,7 @@
 //! Run-time CPU dispatch: safe code that is compiled for several instruction sets and runs with the best one.
 //!
 //! [`dispatch`] runs a closure inside a function compiled for AVX-512, for AVX2 with FMA, or for the baseline of the
-//! target, whichever is the best that the processor supports. The compiler vectorizes plain loops over slices in the
+//! target, which on ARM has NEON, whichever is the best that the processor supports. The compiler vectorizes plain loops over slices in the
 //! closure with those registers, without intrinsics. It never fuses or reorders floating-point operations on its own,
 //! so the results are the same with every instruction set.
 //!
@@ -18,6 +18,8 @@ use std::sync::OnceLock;
 pub enum Level {
     /// The baseline of the compilation target.
     Portable,
+    /// NEON, of every 64-bit ARM processor: 4 lanes of `f32`, used in pairs.
+    Neon,
     /// AVX2, FMA and the bit counts that come with them: 8 lanes of `f32`.
     Avx2,
     /// AVX-512 F, VL, BW and DQ: 16 lanes of `f32`.
@@ -25,7 +27,7 @@ pub enum Level {
 }
 
 /// The instruction set in use: the best one that this processor supports, or a lesser one by the environment variable
-/// `WEAVER_SIMD` (`portable`, `avx2` or `avx512`). The variable is read once.
+/// `WEAVER_SIMD` (`portable`, `neon`, `avx2` or `avx512`). The variable is read once.
 ///
 /// # Panics
 ///
@@ -33,7 +35,26 @@ pub enum Level {
 #[inline]
 pub fn level() -> Level {
     static LEVEL: OnceLock<Level> = OnceLock::new();
-    *LEVEL.get_or_init(|| requested_level().unwrap_or_else(|error| panic!("{error}")).min(supported()))
+    *LEVEL.get_or_init(|| {
+        let requested = requested_level().unwrap_or_else(|error| panic!("{error}"));
+        levels_to(requested).last().unwrap_or(Level::Portable)
+    })
+}
+
+/// The instruction sets that can be tried: those that this processor supports, up to the one in use.
+///
+/// ```
+/// use weaver_kernels::simd::{Level, level, levels};
+/// assert_eq!(levels().next(), Some(Level::Portable));
+/// assert_eq!(levels().last(), Some(level()));
+/// ```
+pub fn levels() -> impl Iterator<Item = Level> {
+    levels_to(level())
+}
+
+/// The supported instruction sets up to `best`, from the least.
+fn levels_to(best: Level) -> impl Iterator<Item = Level> {
+    [Level::Portable, Level::Neon, Level::Avx2, Level::Avx512].into_iter().filter(move |l| *l <= best && supports(*l))
 }
 
 /// The instruction set named by `WEAVER_SIMD`, or the best one if the variable is not set.
@@ -42,14 +63,26 @@ pub fn level() -> Level {
 pub fn requested_level() -> Result<Level, String> {
     match std::env::var("WEAVER_SIMD").as_deref() {
         Ok("portable") => Ok(Level::Portable),
+        Ok("neon") => Ok(Level::Neon),
         Ok("avx2") => Ok(Level::Avx2),
         Ok("avx512") | Err(VarError::NotPresent) => Ok(Level::Avx512),
-        other => Err(format!("the environment variable WEAVER_SIMD is {other:?}; expected portable, avx2 or avx512")),
+        other => {
+            Err(format!("the environment variable WEAVER_SIMD is {other:?}; expected portable, neon, avx2 or avx512"))
+        }
+    }
+}
+
+/// True if this processor has the instruction set.
+pub(crate) fn supports(level: Level) -> bool {
+    match level {
+        Level::Portable => true,
+        Level::Neon => cfg!(target_arch = "aarch64"),
+        Level::Avx2 | Level::Avx512 => level <= best_of_x86(),
     }
 }
 
 #[cfg(target_arch = "x86_64")]
-pub(crate) fn supported() -> Level {
+fn best_of_x86() -> Level {
     let avx2 = is_x86_feature_detected!("avx2")
         && is_x86_feature_detected!("fma")
         && is_x86_feature_detected!("bmi1")
@@ -69,7 +102,7 @@ pub(crate) fn supported() -> Level {
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-pub(crate) fn supported() -> Level {
+fn best_of_x86() -> Level {
     Level::Portable
 }
 
@@ -96,16 +129,17 @@ pub fn dispatch<R>(body: impl FnOnce() -> R) -> R {
 /// Runs `body`, compiled for `level`, which the processor must support.
 #[inline(always)]
 pub(crate) fn dispatch_at<R>(level: Level, body: impl FnOnce() -> R) -> R {
-    #[cfg(target_arch = "x86_64")]
     #[allow(unsafe_code)]
     match level {
         // SAFETY: callers in this crate never pass a level that the processor does not support.
-        Level::Avx512 => return unsafe { x86::avx512(body) },
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512 => unsafe { x86::avx512(body) },
         // SAFETY: as above.
-        Level::Avx2 => return unsafe { x86::avx2(body) },
-        Level::Portable => {}
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2 => unsafe { x86::avx2(body) },
+        // NEON belongs to the baseline.
+        _ => body(),
     }
-    body()
 }
 
 /// Prefetches the cache line at `x`: a hint for access patterns that the processor cannot predict.

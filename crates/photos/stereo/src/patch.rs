@@ -159,7 +159,7 @@ mod tests {
     use weaver_geometry::{Camera, Intrinsics, Pose};
     use weaver_kernels::lanes::{LaneKernel, run_at};
     use weaver_kernels::random::Stream;
-    use weaver_kernels::simd::{Level, level as best};
+    use weaver_kernels::simd::{Level, levels};
     use weaver_scene::Photo;
 
     const SIZE: [usize; 2] = [24, 17];
@@ -237,7 +237,7 @@ mod tests {
                 [0.3 * random(6), 1.0 + 0.3 * random(7), 0.01 * random(8)],
             ];
             let expected = slowly(&picture, at, warp, &other);
-            for level in [Level::Portable, Level::Avx2, Level::Avx512].into_iter().filter(|level| *level <= best()) {
+            for level in levels() {
                 let found = f64::from(run_at(level, One(&all[at], warp, &other)));
                 assert!((found - expected).abs() < 2e-3, "{level:?}, pixel {at}: {found} and {expected}");
             }

@@ -1,4 +1,5 @@
 //! Commands, in this process and as processes of their own.
+#![cfg_attr(not(unix), allow(unused, reason = "some tests are of what Unix systems have alone"))]
 
 mod align;
 mod bench;

@@ -79,7 +79,9 @@ fn an_instruction_set_that_is_none_is_refused() {
     let done = Command::new(BINARY).args(["completions", "bash"]).env("WEAVER_SIMD", "AVX2").output().unwrap();
     let stderr = text(&done.stderr);
     assert_eq!((done.status.code(), stderr.lines().count()), (Some(2), 1), "{stderr}");
-    assert!(stderr.contains("WEAVER_SIMD") && stderr.contains("AVX2") && stderr.contains("portable, avx2 or avx512"));
+    assert!(
+        stderr.contains("WEAVER_SIMD") && stderr.contains("AVX2") && stderr.contains("portable, neon, avx2 or avx512")
+    );
 }
 
 #[cfg(unix)]

@@ -21,7 +21,7 @@ impl Tile {
         match level {
             Level::Avx512 if is_x86_feature_detected!("avx512vnni") => return Self::Vnni,
             Level::Avx512 | Level::Avx2 => return Self::Avx2,
-            Level::Portable => {}
+            _ => {}
         }
         let _ = level;
         Self::Portable
@@ -84,28 +84,31 @@ fn portable(a: &[u8], panel: &[u8], number: u32, largest: &mut [Largest], maxima
 #[allow(unsafe_code)]
 pub fn chosen(level: Level, query: &[u8], b: &[u8], chosen: &[u32], out: &mut [u32]) {
     let depth = query.len();
-    let (mut ones, mut sums) = (chosen, out);
-    #[cfg(target_arch = "x86_64")]
-    if level >= Level::Avx2 {
-        let ((fours, rest), (totals, others)) = (chosen.as_chunks::<4>(), sums.as_chunks_mut::<4>());
-        for (four, total) in fours.iter().zip(totals) {
-            let vectors = four.map(|i| &b[i as usize * depth..][..depth]);
+    let (fours, ones) = chosen.as_chunks::<4>();
+    let (totals, sums) = out.as_chunks_mut::<4>();
+    for (four, total) in fours.iter().zip(totals) {
+        let vectors = four.map(|i| &b[i as usize * depth..][..depth]);
+        *total = match level {
             // SAFETY: the level is supported.
-            *total = unsafe { x86::four(query, vectors) };
-        }
-        (ones, sums) = (rest, others);
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 | Level::Avx512 => unsafe { x86::four(query, vectors) },
+            _ => vectors.map(|vector| product(query, vector)),
+        };
     }
-    let _ = level;
     for (i, sum) in ones.iter().zip(sums) {
-        let vector = &b[*i as usize * depth..][..depth];
-        let mut lanes = [0_u32; STEP];
-        for (a, b) in query.as_chunks::<STEP>().0.iter().zip(vector.as_chunks::<STEP>().0) {
-            for (lane, (a, b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
-                *lane += u32::from(*a) * u32::from(*b);
-            }
-        }
-        *sum = lanes.iter().sum();
+        *sum = product(query, &b[*i as usize * depth..][..depth]);
     }
+}
+
+/// The product of two vectors.
+fn product(a: &[u8], b: &[u8]) -> u32 {
+    let mut lanes = [0_u32; STEP];
+    for (a, b) in a.as_chunks::<STEP>().0.iter().zip(b.as_chunks::<STEP>().0) {
+        for (lane, (a, b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
+            *lane += u32::from(*a) * u32::from(*b);
+        }
+    }
+    lanes.iter().sum()
 }
 
 #[cfg(target_arch = "x86_64")]

@@ -1,10 +1,11 @@
 //! The register tile of [`gemm`](super) for each instruction set: a few rows of A times a packed panel of B, with the
 //! sums kept in vector registers over the whole depth.
 
-use super::half_precision::gemm_pairs;
+#[cfg(target_arch = "x86_64")]
+use super::pairs::gemm_pairs;
 use super::{Mat, MatMut};
 use crate::pages;
-use crate::simd::{Level, level};
+use crate::simd::Level;
 use half::bf16;
 use products::*;
 use std::cell::RefCell;
@@ -140,7 +141,7 @@ macro_rules! pairs {
             scratch: &mut [f32],
         ) -> Result<(), MatMut<'c, f32>> {
             #[cfg(target_arch = "x86_64")]
-            if level() == Level::Avx512 && is_x86_feature_detected!("avx512bf16") {
+            if crate::simd::level() == Level::Avx512 && is_x86_feature_detected!("avx512bf16") {
                 gemm_pairs(a, w, beta, c, scratch);
                 return Ok(());
             }
@@ -184,7 +185,7 @@ macro_rules! pairs {
 }
 
 macro_rules! scalar {
-    ($t:ty, $avx512:ident, $avx2:ident, $portable:ident, $pairs:ident) => {
+    ($t:ty, $avx512:ident, $avx2:ident, $neon:ident, $portable:ident, $pairs:ident) => {
         impl Tile for $t {
             #[inline]
             fn tile(level: Level) -> (usize, usize) {
@@ -193,6 +194,8 @@ macro_rules! scalar {
                     Level::Avx512 => ($avx512::ROWS, 2 * $avx512::LANES),
                     #[cfg(target_arch = "x86_64")]
                     Level::Avx2 => ($avx2::ROWS, 2 * $avx2::LANES),
+                    #[cfg(target_arch = "aarch64")]
+                    Level::Neon => ($neon::ROWS, 2 * $neon::LANES),
                     _ => ($portable::ROWS, 2 * $portable::LANES),
                 }
             }
@@ -230,6 +233,8 @@ macro_rules! scalar {
                         Level::Avx512 => $avx512::multiply(size, alpha, a, panel, beta, c),
                         #[cfg(target_arch = "x86_64")]
                         Level::Avx2 => $avx2::multiply(size, alpha, a, panel, beta, c),
+                        #[cfg(target_arch = "aarch64")]
+                        Level::Neon => $neon::multiply(size, alpha, a, panel, beta, c),
                         _ => $portable::multiply(size, alpha, a, panel, beta, c),
                     }
                 }
@@ -254,6 +259,8 @@ macro_rules! scalar {
                         Level::Avx512 => $avx512::multiply_shifted(size, a, b, offsets, beta, c),
                         #[cfg(target_arch = "x86_64")]
                         Level::Avx2 => $avx2::multiply_shifted(size, a, b, offsets, beta, c),
+                        #[cfg(target_arch = "aarch64")]
+                        Level::Neon => $neon::multiply_shifted(size, a, b, offsets, beta, c),
                         _ => $portable::multiply_shifted(size, a, b, offsets, beta, c),
                     }
                 }
@@ -276,6 +283,8 @@ macro_rules! scalar {
                         Level::Avx512 => $avx512::multiply_runs(size, a, offsets, panel, beta, c),
                         #[cfg(target_arch = "x86_64")]
                         Level::Avx2 => $avx2::multiply_runs(size, a, offsets, panel, beta, c),
+                        #[cfg(target_arch = "aarch64")]
+                        Level::Neon => $neon::multiply_runs(size, a, offsets, panel, beta, c),
                         _ => $portable::multiply_runs(size, a, offsets, panel, beta, c),
                     }
                 }
@@ -284,5 +293,5 @@ macro_rules! scalar {
     };
 }
 
-scalar!(f32, avx512_f32, avx2_f32, portable_f32, of_bf16);
-scalar!(f64, avx512_f64, avx2_f64, portable_f64, none);
+scalar!(f32, avx512_f32, avx2_f32, neon_f32, portable_f32, of_bf16);
+scalar!(f64, avx512_f64, avx2_f64, neon_f64, portable_f64, none);

@@ -4,7 +4,7 @@
 //! supports it. That makes every `unsafe` block below sound.
 #![allow(unsafe_code)]
 
-use super::{LANES, LaneKernel, LaneMask, Lanes, Vector, sealed::Sealed};
+use super::{LANES, LaneKernel, Lanes, Vector, sealed::Sealed};
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -41,29 +41,6 @@ impl Neg for Zmm {
     fn neg(self) -> Self {
         // SAFETY: AVX-512 is available, see the module.
         Self(unsafe { _mm512_xor_ps(self.0, _mm512_set1_ps(-0.0)) })
-    }
-}
-
-impl LaneMask for __mmask16 {
-    #[inline(always)]
-    fn from_bits(bits: u16) -> Self {
-        bits
-    }
-    #[inline(always)]
-    fn bits(self) -> u16 {
-        self
-    }
-    #[inline(always)]
-    fn and(self, other: Self) -> Self {
-        self & other
-    }
-    #[inline(always)]
-    fn and_not(self, other: Self) -> Self {
-        self & !other
-    }
-    #[inline(always)]
-    fn or(self, other: Self) -> Self {
-        self | other
     }
 }
 

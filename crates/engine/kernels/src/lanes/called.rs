@@ -1,4 +1,4 @@
-//! Vectors for x86 processors without AVX2: an [`Array`] whose operations are calls.
+//! Vectors for x86 processors without AVX2, and for comparisons on ARM: an [`Array`] whose operations are calls.
 //!
 //! Each kernel is compiled for each vector type. Arrays inlined into a kernel need more registers than there are, so
 //! that the code for processors that few people have took a third of the time that the rasterizer's kernels take to
@@ -14,6 +14,30 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 pub struct Called<T>(Array<T>);
 
 impl<T> Sealed for Called<T> {}
+
+/// Bits as they are, which AVX-512 has, too.
+impl LaneMask for u16 {
+    #[inline(always)]
+    fn from_bits(bits: u16) -> Self {
+        bits
+    }
+    #[inline(always)]
+    fn bits(self) -> u16 {
+        self
+    }
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        self & other
+    }
+    #[inline(always)]
+    fn and_not(self, other: Self) -> Self {
+        self & !other
+    }
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        self | other
+    }
+}
 
 /// Operations of an [`Array`] that take vectors and give a vector.
 macro_rules! calls {

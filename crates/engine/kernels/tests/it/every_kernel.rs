@@ -126,6 +126,11 @@ fn results() -> Vec<f64> {
     single.chain(double).collect()
 }
 
+/// The name by which `WEAVER_SIMD` knows an instruction set.
+fn name(level: simd::Level) -> String {
+    format!("{level:?}").to_lowercase()
+}
+
 /// The instruction set is chosen once in a process, so that each has a process of its own.
 #[test]
 fn instruction_sets_agree() {
@@ -145,7 +150,8 @@ fn instruction_sets_agree() {
     };
     let portable = run("portable");
     assert!(portable.len() > 100_000);
-    for level in ["avx2", "avx512"] {
+    for level in simd::levels().skip(1) {
+        let level = &name(level);
         let mut results = run(level).into_iter().zip(&portable);
         for seed in SEEDS {
             compare(level, every::<f32>(seed, false), &mut results, 3e-5);
@@ -161,7 +167,7 @@ fn instruction_sets_agree() {
 /// The tests against slow twins, by the instruction sets that this processor would not choose.
 #[test]
 fn lesser_instruction_sets_pass_the_same_tests() {
-    for level in ["portable", "avx2"] {
+    for level in simd::levels().filter(|level| *level < simd::level()).map(name) {
         let mut command = Command::new(std::env::current_exe().expect("a test has an executable"));
         command.args([
             "gemm::small",
@@ -172,7 +178,7 @@ fn lesser_instruction_sets_pass_the_same_tests() {
             "attention::matches",
         ]);
         command.args(["layer_norm::matches", "softmax::matches", "reduce::rows", "gemm::every_size", "gelu", "half"]);
-        command.args(["every_kernel::nan", "every_kernel::infinities", "byte_products"]).env("WEAVER_SIMD", level);
+        command.args(["every_kernel::nan", "every_kernel::infinities", "byte_products"]).env("WEAVER_SIMD", &level);
         let output = command.output().expect("a test can be started again");
         let text = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success() && !text.contains("running 0 tests"), "{level}: {text}");

@@ -8,7 +8,7 @@ use weaver_kernels::{Real, simd};
 
 /// The instruction sets that can be tried here.
 fn levels() -> Vec<Level> {
-    [Level::Portable, Level::Avx2, Level::Avx512].into_iter().filter(|&level| level <= simd::level()).collect()
+    simd::levels().collect()
 }
 
 /// The results of all operations on x, y, z, in a row.

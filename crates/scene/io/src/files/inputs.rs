@@ -51,7 +51,7 @@ fn list(path: &Path, above: &mut Vec<PathBuf>, files: &mut Vec<PathBuf>) -> Resu
     Ok(())
 }
 
-#[cfg(test)]
+#[cfg(all(test, unix))]
 mod tests {
     use super::*;
     use std::fs;
@@ -63,7 +63,6 @@ mod tests {
     /// circular links do not count.
     /// Promise (files): a unit of work is of all files that it reads: photos, `--config`, `--init`, `--weights`, a
     /// run's checkpoint, `--cameras`.
-    #[cfg(unix)]
     #[test]
     fn inputs_are_compared_by_their_files() {
         let folder = tempfile::tempdir().unwrap();

@@ -5,7 +5,7 @@ use std::fs::{File, FileType};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use tempfile::{Builder, NamedTempFile};
+use tempfile::Builder;
 
 /// Unfinished files that have a name of their own, since the system has no files without one.
 static NAMED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
@@ -57,12 +57,9 @@ impl UnfinishedFile {
     }
 
     fn named(to: PathBuf) -> io::Result<Self> {
-        let mut builder = builder();
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(PERMISSIONS));
         // Locked before it has a name, so that a concurrent removal of unfinished files sees the lock.
         let mut names = named_files();
-        let (file, name) = builder.tempfile_in(folder_of(&to))?.into_parts();
+        let (file, name) = builder().tempfile_in(folder_of(&to))?.into_parts();
         let name = name.keep().map_err(|error| error.error)?;
         names.insert(name.clone());
         Ok(Self { file, name: Some(name), path: to })
@@ -176,6 +173,8 @@ fn named_files() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 fn builder() -> Builder<'static, 'static> {
     let mut builder = Builder::new();
     builder.prefix(PREFIX);
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(PERMISSIONS));
     builder
 }
 
@@ -204,7 +203,7 @@ fn link(file: &File, path: &Path) -> io::Result<()> {
     match named(path) {
         // A link does not replace a file; a rename does.
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-            let linked: NamedTempFile<()> = builder().make_in(folder_of(path), named)?;
+            let linked: tempfile::NamedTempFile<()> = builder().make_in(folder_of(path), named)?;
             linked.into_temp_path().persist(path).map_err(|error| error.error)
         }
         linked => linked,
