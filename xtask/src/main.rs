@@ -3,6 +3,8 @@
 //! `cargo xtask check` is the definition of green: formatting, lints, documentation, and the invariants of
 //! docs/architecture.md (`cargo xtask tidy`).
 
+mod audit;
+mod cross;
 mod dial;
 mod embed;
 mod peers;
@@ -20,7 +22,8 @@ use std::process::{Command, ExitCode};
 
 const USAGE: &str = "usage: cargo xtask <command>
 
-  check           fmt, clippy, rustdoc, scripts and tidy: what must hold before a change lands
+  check           fmt, clippy, rustdoc, dependencies and public interfaces where cargo-deny and cargo-semver-checks are here, scripts and
+                  tidy: what must hold before a change lands
   test            [-p CRATE ...]: all tests, and how many could not run here, and why
   tidy            the crates' edges and the other invariants of docs/architecture.md; with UPDATE_PAGES=1 it writes
                   the page of promises, docs/contribute/tests.md
@@ -34,6 +37,8 @@ const USAGE: &str = "usage: cargo xtask <command>
   study own-photos  DIR CAPTURE ... [--lpips WEIGHTS] [-- FLAGS]: what lens distortion, orientation and masks cost, trained in the same way
   dial            the picture of the README's dial, drawn anew from its table in docs/results/density.md
   bench-peers     [--threads T]: `bench engine` beside PyTorch, as installed and with MKL's fast path, as far as they are here
+  cross           [WORD ...]: lints, a build and tests for Windows, Linux on ARM and macOS, as far as they can be compiled, linked and
+                  run here (wine, qemu); targets with one of the words in their names
   embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2
   wheel           [DIR]: the Python package built by maturin, installed where nothing else is, and tested there
@@ -54,6 +59,7 @@ fn main() -> ExitCode {
         "stress" => stress::run(rest),
         "study" => study::run(rest),
         "dial" => dial::run(),
+        "cross" => cross::run(rest),
         "embed" => embed::run(),
         "bench-peers" => peers::run(rest),
         "walk" => cargo_run(&["--release", "--package", "weaver-procedural", "--example", "walk"], rest),
@@ -86,6 +92,7 @@ fn check() -> Result<(), String> {
     // As it is built by default, too. The whole workspace again: crates without the feature are checked already.
     cargo(&[&["clippy", "--workspace", "--all-targets"], &lints[..]].concat(), &[])?;
     cargo(&["doc", "--workspace", "--no-deps", "--locked"], &[("RUSTDOCFLAGS", "-D warnings")])?;
+    audit::run()?;
     scripts::check(&tidy::root()?)?;
     tidy::run()?;
     println!("check: fine");

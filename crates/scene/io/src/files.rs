@@ -5,6 +5,7 @@ pub(crate) mod atomic;
 pub(crate) mod bytes;
 pub(crate) mod checksum;
 pub(crate) mod content;
+pub(crate) mod exclusive;
 pub(crate) mod file;
 pub(crate) mod folder;
 pub(crate) mod inner_folders;

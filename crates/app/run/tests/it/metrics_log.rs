@@ -26,6 +26,7 @@ fn a_resumed_run_drops_later_records() {
     let whole = fs::read_to_string(&path).unwrap();
     assert!(whole.starts_with("{\"step\":1,\"scene\":\"größe\",\"psnr\":null}\n"), "{whole}");
 
+    drop(log);
     let mut log = MetricsLog::open(&path, 10).unwrap();
     assert_eq!(fs::read_to_string(&path).unwrap(), whole.lines().take(2).flat_map(|l| [l, "\n"]).collect::<String>());
     log.append(&record(20)).unwrap();
@@ -41,6 +42,7 @@ fn a_log_cut_off_anywhere_goes_on() {
     let first = fs::read(&path).unwrap();
     log.append(&record(2)).unwrap();
     let whole = fs::read(&path).unwrap();
+    drop(log);
     // Within `ö`, too, where the rest is no UTF-8. The line break alone may be missing.
     for length in first.len()..whole.len() {
         fs::write(&path, &whole[..length]).unwrap();

@@ -62,7 +62,7 @@ fn photos_of_one_name_are_told_by_their_folders() {
     assert_eq!([0, 1].map(|i| shown.photo(i)), [Some(a), None]);
     photo(&photos.join("1.png"), [0.1, 0.9, 0.1]);
     std::fs::remove_file(photos.join("a/1.png")).unwrap();
-    let error = scene_page(None).with_cameras(&file, Some(&photos)).unwrap_err().to_string();
+    let error = scene_page(None).with_cameras(&file, Some(&photos)).unwrap_err().to_string().replace('\\', "/");
     for part in ["a/1.png and ", "b/1.png: expected a file for each of them, found ", "photos/1.png for both"] {
         assert!(error.contains(part), "{part}: {error}");
     }

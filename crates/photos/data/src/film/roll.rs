@@ -86,6 +86,7 @@ impl Roll {
             let camera = Camera { pose, intrinsics, width, height };
             let held_out = HeldOut { camera: take.test, time: take.test && !near(&trained, time) };
             let name = take.photo.strip_prefix(folder).unwrap_or(&take.photo).display().to_string();
+            let name = name.replace(std::path::MAIN_SEPARATOR, "/");
             Ok(Shot { name, camera, viewpoint: viewpoints[i], time, pixels, motion: None, held_out })
         };
         let shots: Vec<Result<Shot, Error>> = (0..files.len()).into_par_iter().map(read).collect();

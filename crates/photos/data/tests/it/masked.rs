@@ -127,8 +127,8 @@ fn missing_and_misfit_masks_are_errors() {
     captured(folder, None, None);
     image::GrayImage::new(32, 48).save(folder.join("masks/2.png")).unwrap();
     let says = |part: &str| {
-        let capture = load(folder, &OPTIONS).unwrap_err().to_string();
-        let photos = load_masked_images(&paths(folder), 20, 20).unwrap_err().to_string();
+        let capture = load(folder, &OPTIONS).unwrap_err().to_string().replace('\\', "/");
+        let photos = load_masked_images(&paths(folder), 20, 20).unwrap_err().to_string().replace('\\', "/");
         for message in [capture, photos] {
             assert!(message.contains(part), "{part}: {message}");
         }

@@ -120,7 +120,7 @@ fn unusable_masks_are_named() {
         let found = find().and_then(|masks| {
             estimate_masked_photos(&paths, &[false; PHOTOS], Some(&masks), &options()).map(|found| found.remarks)
         });
-        let text = found.map_or_else(|error| error.to_string(), |remarks| remarks.join("\n"));
+        let text = found.map_or_else(|error| error.to_string(), |remarks| remarks.join("\n")).replace('\\', "/");
         expected.iter().for_each(|part| assert!(text.contains(part), "{part}: {text}"));
     };
     says(&["own: masks: expected a folder of masks", "no such folder"]);

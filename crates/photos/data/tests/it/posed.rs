@@ -86,7 +86,7 @@ fn masks_are_found_by_name_or_frame() {
         assert_eq!((mask[0], mask.iter().filter(|m| **m).count()), (false, mask.len() - 1), "{}", photo.photo.name);
     }
     Image::filled(7, 7, [1.0; 3]).write_png(folder.join("masks/2.png")).unwrap();
-    let error = load(folder, &options).unwrap_err().to_string();
+    let error = load(folder, &options).unwrap_err().to_string().replace('\\', "/");
     assert!(error.contains("masks/2.png") && error.contains("40x30") && error.contains("7x7"), "{error}");
 
     let path = folder.join("transforms.json");

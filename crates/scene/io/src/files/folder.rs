@@ -99,9 +99,14 @@ pub fn is_taken(path: impl AsRef<Path>) -> bool {
     path.as_ref().symlink_metadata().is_ok()
 }
 
+/// A path that exists, without links; on Windows as people write it, without the prefix `\\\\?\\`.
+pub(crate) fn canonical(path: &Path) -> std::io::Result<PathBuf> {
+    dunce::canonicalize(path)
+}
+
 /// A path without links and without `..`, as far as it exists, and its remaining parts.
 pub(crate) fn followed(path: &Path) -> PathBuf {
-    let found = path.ancestors().find_map(|above| Some((above.canonicalize().ok()?, path.strip_prefix(above).ok()?)));
+    let found = path.ancestors().find_map(|above| Some((canonical(above).ok()?, path.strip_prefix(above).ok()?)));
     let Some((mut followed, rest)) = found else { return path.to_path_buf() };
     for part in rest.components() {
         if part == Component::ParentDir {

@@ -1,13 +1,14 @@
 //! Folders of results; a command replaces only its own files in them.
 
-use crate::files::folder::followed;
+use crate::files::exclusive::open_exclusive;
+use crate::files::folder::{canonical, followed};
 use crate::files::unfinished::kind;
 use crate::files::written::{RECORD, entry};
 use crate::{Advice, Error, Result, atomic_write, check_writable, is_taken, list_photos, read_bytes};
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{Read, Write};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -44,19 +45,41 @@ pub struct OutputFolder {
     /// Inputs of the command, without links.
     inputs: Vec<PathBuf>,
     record: Mutex<Record>,
-    /// The folders that were made, the deepest first.
-    made: Vec<PathBuf>,
 }
 
 /// A record of the files in a folder.
 #[derive(Debug)]
 struct Record {
-    /// Locked as long as it is open.
+    /// This process's alone to write, as long as it is open.
     file: File,
     /// Names of files, and the command that wrote each.
     written: BTreeMap<String, String>,
-    /// True if nothing was listed before.
-    is_new: bool,
+    /// The record's path, if it is to be removed unless a file is listed.
+    unlisted: Option<PathBuf>,
+    /// Goes after the file: an open one may hold its place.
+    _made: Made,
+}
+
+/// The folders that were made, the deepest first. Those that are empty go with this value.
+#[derive(Debug)]
+struct Made(Vec<PathBuf>);
+
+impl Drop for Made {
+    fn drop(&mut self) {
+        for folder in &self.0 {
+            let _ = std::fs::remove_dir(folder);
+        }
+    }
+}
+
+impl Drop for Record {
+    fn drop(&mut self) {
+        // Before the lock ends: whoever has it next must find a record that stays. Should this fail, an empty record
+        // stays, which does no harm.
+        if let Some(path) = &self.unlisted {
+            let _ = std::fs::remove_file(path);
+        }
+    }
 }
 
 impl OutputFolder {
@@ -72,7 +95,7 @@ impl OutputFolder {
         inputs: impl IntoIterator<Item = P>,
     ) -> Result<Self> {
         let path = path.into();
-        let inputs = canonical(inputs);
+        let inputs = existing(inputs);
         refuse_inputs(&path, &inputs)?;
         check_writable(&path)?;
         let made: Vec<PathBuf> =
@@ -113,9 +136,8 @@ impl OutputFolder {
     fn open(path: PathBuf, command: &str, inputs: Vec<PathBuf>, made: Vec<PathBuf>) -> Result<Self> {
         std::fs::create_dir_all(&path).map_err(Error::io(&path))?;
         // From here on, new folders are removed when something goes wrong.
-        let record = Record::open(&path.join(RECORD)).inspect_err(|_| remove(&made))?;
-        let claimed = Self { path, command: command.into(), inputs, record: Mutex::new(record), made };
-        Ok(claimed)
+        let record = Record::open(&path.join(RECORD), Made(made))?;
+        Ok(Self { path, command: command.into(), inputs, record: Mutex::new(record) })
     }
 
     /// The folder.
@@ -251,47 +273,15 @@ impl OutputFolder {
     }
 }
 
-impl Drop for OutputFolder {
-    fn drop(&mut self) {
-        let record = self.record.get_mut().unwrap_or_else(PoisonError::into_inner);
-        if record.is_new && record.written.is_empty() {
-            // Nothing was written. Should this fail, an empty record stays, which does no harm.
-            let _ = std::fs::remove_file(self.path.join(RECORD));
-            remove(&self.made);
-        }
-    }
-}
-
-/// Removes folders that are empty, the deepest first.
-fn remove(folders: &[PathBuf]) {
-    for folder in folders {
-        let _ = std::fs::remove_dir(folder);
-    }
-}
-
 impl Record {
-    fn open(path: &Path) -> Result<Self> {
+    fn open(path: &Path, made: Made) -> Result<Self> {
         // A record that came along with a folder may be a link to a file of the user, or a pipe that is never ready.
         if let Some(found) = path.symlink_metadata().ok().filter(|found| !found.is_file()) {
             return Err(refused(path, "the record of what this program wrote", kind(&found.file_type())));
         }
-        let mut file = loop {
-            let file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(Error::io(path))?;
-            match file.try_lock() {
-                // Whoever had the lock before may have removed the file.
-                Ok(()) if path.exists() => break file,
-                Ok(()) => {}
-                Err(TryLockError::WouldBlock) => {
-                    let folder = path.parent().unwrap_or(path);
-                    return Err(refused(
-                        folder,
-                        "a folder that nothing else writes into now",
-                        "one in use by another run",
-                    ));
-                }
-                // A file system without locks.
-                Err(TryLockError::Error(_)) => break file,
-            }
+        let Some(mut file) = open_exclusive(path).map_err(Error::io(path))? else {
+            let folder = path.parent().unwrap_or(path);
+            return Err(refused(folder, "a folder that nothing else writes into now", "one in use by another run"));
         };
         let mut text = String::new();
         file.read_to_string(&mut text).map_err(Error::io(path))?;
@@ -299,10 +289,12 @@ impl Record {
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
         if whole < text.len() {
             file.set_len(whole as u64).map_err(Error::io(path))?;
+            file.seek(SeekFrom::End(0)).map_err(Error::io(path))?;
         }
         let written: Option<BTreeMap<_, _>> = text[..whole].lines().map(entry).collect();
         let written = written.ok_or_else(|| refused(path, "the record of what this program wrote", "another file"))?;
-        Ok(Self { file, is_new: written.is_empty(), written })
+        let unlisted = written.is_empty().then(|| path.into());
+        Ok(Self { file, written, unlisted, _made: made })
     }
 
     fn add(&mut self, folder: &Path, name: &str, command: &str) -> Result<()> {
@@ -312,6 +304,7 @@ impl Record {
         let line = format!("{}\n", json!({ "file": name, "by": command }));
         self.file.write_all(line.as_bytes()).map_err(Error::io(&folder.join(RECORD)))?;
         self.written.insert(name.into(), command.into());
+        self.unlisted = None;
         Ok(())
     }
 }
@@ -326,7 +319,7 @@ pub fn check_output_file<P: AsRef<Path>>(path: impl AsRef<Path>, inputs: impl In
     let path = path.as_ref();
     if path.symlink_metadata().is_ok() {
         refuse_irregular(path)?;
-        refuse_inputs(path, &canonical(inputs))?;
+        refuse_inputs(path, &existing(inputs))?;
     }
     check_writable(path.parent().unwrap_or(Path::new("")))
 }
@@ -343,13 +336,13 @@ pub fn check_output_folder<P: AsRef<Path>>(path: impl AsRef<Path>, inputs: impl 
     let path = path.as_ref();
     let place = place(path);
     let holds_results = |input: &PathBuf| *input != place && RESULTS.iter().any(|name| input.join(name).is_file());
-    let inputs: Vec<PathBuf> = canonical(inputs).into_iter().filter(|input| !holds_results(input)).collect();
+    let inputs: Vec<PathBuf> = existing(inputs).into_iter().filter(|input| !holds_results(input)).collect();
     refuse_inputs(path, &inputs)
 }
 
 /// Paths that exist, without links.
-fn canonical<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Vec<PathBuf> {
-    paths.into_iter().filter_map(|path| path.as_ref().canonicalize().ok()).collect()
+fn existing<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Vec<PathBuf> {
+    paths.into_iter().filter_map(|path| canonical(path.as_ref()).ok()).collect()
 }
 
 /// A path without links, as far as it exists.

@@ -1,7 +1,7 @@
 //! Commands for a shell, as text.
 
 use std::borrow::Cow;
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::fmt::{self, Write as _};
 use std::path::Path;
 
@@ -62,7 +62,13 @@ impl ShellCommand {
     pub fn path(self, path: impl AsRef<Path>) -> Self {
         let path = path.as_ref();
         let dashed = bytes(path.as_os_str()).first() == Some(&b'-');
-        if dashed { self.word(Path::new(".").join(path)) } else { self.word(path) }
+        if !dashed {
+            return self.word(path);
+        }
+        // A slash by every system: shells on Windows take a backslash for an escape.
+        let mut word = OsString::from("./");
+        word.push(path);
+        self.word(word)
     }
 
     /// A path as one word, for texts that name an addition to a command.

@@ -35,10 +35,24 @@ const PERMISSIONS: u32 = 0o666;
 #[derive(Debug)]
 pub struct UnfinishedFile {
     file: File,
-    /// Its hidden name, if it has one.
-    name: Option<PathBuf>,
+    /// Its hidden name, if it has one. It goes after the file: an open one may hold its place.
+    name: Option<HiddenName>,
     /// The path that it takes.
     path: PathBuf,
+}
+
+/// The name of an unfinished file, which is removed with this value unless it was given up or removed before.
+#[derive(Debug)]
+struct HiddenName(PathBuf);
+
+impl Drop for HiddenName {
+    fn drop(&mut self) {
+        let mut names = named_files();
+        if names.remove(&self.0) {
+            // A file that another process removed needs no removing.
+            let _ = std::fs::remove_file(&self.0);
+        }
+    }
 }
 
 impl UnfinishedFile {
@@ -62,7 +76,7 @@ impl UnfinishedFile {
         let (file, name) = builder().tempfile_in(folder_of(&to))?.into_parts();
         let name = name.keep().map_err(|error| error.error)?;
         names.insert(name.clone());
-        Ok(Self { file, name: Some(name), path: to })
+        Ok(Self { file, name: Some(HiddenName(name)), path: to })
     }
 
     /// The file, to be written.
@@ -72,12 +86,12 @@ impl UnfinishedFile {
 
     /// The hidden name of a file that has one.
     pub fn name(&self) -> Option<&Path> {
-        self.name.as_deref()
+        self.name.as_ref().map(|name| name.0.as_path())
     }
 
     /// The path at which this process can open it.
     pub fn place(&self) -> PathBuf {
-        self.name.clone().unwrap_or_else(|| place(&self.file))
+        self.name().map_or_else(|| place(&self.file), Into::into)
     }
 
     /// Flushes the file to the disk.
@@ -94,24 +108,15 @@ impl UnfinishedFile {
     /// When it cannot be flushed, or cannot have that path.
     pub fn persist(mut self) -> io::Result<()> {
         self.flush()?;
-        let Some(name) = self.name.take() else { return link(&self.file, &self.path) };
-        let renamed = std::fs::rename(&name, &self.path);
-        if renamed.is_ok() {
-            named_files().remove(&name);
-        } else {
-            self.name = Some(name);
+        let Some(name) = self.name() else { return link(&self.file, &self.path) };
+        let mut names = named_files();
+        // Where the process ends, it is gone.
+        if !names.contains(name) {
+            return Err(io::ErrorKind::NotFound.into());
         }
-        renamed
-    }
-}
-
-impl Drop for UnfinishedFile {
-    fn drop(&mut self) {
-        if let Some(name) = self.name.take() {
-            // A file that another process removed needs no removing.
-            let _ = std::fs::remove_file(&name);
-            named_files().remove(&name);
-        }
+        std::fs::rename(name, &self.path)?;
+        names.remove(name);
+        Ok(())
     }
 }
 
@@ -251,8 +256,8 @@ mod tests {
         let left = UnfinishedFile::named(path.clone()).unwrap();
         assert_eq!(names(), 2);
         remove_unfinished();
-        assert_eq!(names(), 1);
         assert!(left.persist().is_err());
+        assert_eq!(names(), 1);
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "second");
     }
 }

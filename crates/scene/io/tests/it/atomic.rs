@@ -57,8 +57,9 @@ fn a_missing_folder_is_created() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new/ones/file");
     atomic_write(&path, |w| w.write_all(b"whole")).unwrap();
-    let error = atomic_write(path.join("below/a/file"), |_| Ok(())).unwrap_err();
-    assert!(error.to_string().contains("file/below/a/file: "), "{error}");
+    let below = path.join("below/a/file");
+    let error = atomic_write(&below, |_| Ok(())).unwrap_err();
+    assert!(error.to_string().contains(&format!("{}: ", below.display())), "{error}");
     assert_eq!(std::fs::read(&path).unwrap(), b"whole");
 }
 
