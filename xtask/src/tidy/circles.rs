@@ -17,9 +17,9 @@ const STATED: &[(&[&str], &str)] = &[
         &[
             "crates/engine/kernels/src/erf.rs",
             "crates/engine/kernels/src/exp.rs",
-            "crates/engine/kernels/src/gemm/half_precision.rs",
             "crates/engine/kernels/src/gemm/matrix.rs",
             "crates/engine/kernels/src/gemm/pack.rs",
+            "crates/engine/kernels/src/gemm/pairs.rs",
             "crates/engine/kernels/src/gemm/tile.rs",
             "crates/engine/kernels/src/lanes.rs",
             "crates/engine/kernels/src/real.rs",

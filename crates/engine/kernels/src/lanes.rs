@@ -5,8 +5,8 @@
 //! instruction set in use ([`simd::level`]). For `f32` that is one AVX-512 register, two AVX2 registers, four NEON
 //! registers, or an array; for `f64` it is always an array. [`Level::Portable`], where there is a better one, has an
 //! array whose operations are calls. A kernel with many numbers at hand may go through the parts of a vector
-//! ([`Lanes::Part`]): one register, or two of NEON. Fused operations round once on processors that have them, so results
-//! may differ in the last bits between instruction sets, but not between runs with the same one.
+//! ([`Lanes::Part`]): one register, or two of NEON. Fused operations round once on processors that have them, so
+//! results may differ in the last bits between instruction sets, but not between runs with the same one.
 //!
 //! ```
 //! use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes};

@@ -1,9 +1,9 @@
 //! Run-time CPU dispatch: safe code that is compiled for several instruction sets and runs with the best one.
 //!
 //! [`dispatch`] runs a closure inside a function compiled for AVX-512, for AVX2 with FMA, or for the baseline of the
-//! target, which on ARM has NEON, whichever is the best that the processor supports. The compiler vectorizes plain loops over slices in the
-//! closure with those registers, without intrinsics. It never fuses or reorders floating-point operations on its own,
-//! so the results are the same with every instruction set.
+//! target, which on ARM has NEON, whichever is the best that the processor supports. The compiler vectorizes plain
+//! loops over slices in the closure with those registers, without intrinsics. It never fuses or reorders floating-point
+//! operations on its own, so the results are the same with every instruction set.
 //!
 //! Mark the closure, closures inside it, and every function called in its inner loops `#[inline(always)]`; code that is
 //! not inlined uses the baseline instructions. Plain `for` loops are inlined more reliably than `for_each` with a long

@@ -1,5 +1,5 @@
-//! Vectors of eight `f32` in two NEON registers. NEON has twice as many registers as AVX2, half as wide, so that kernels
-//! which fit one fit the other.
+//! Vectors of eight `f32` in two NEON registers. NEON has twice as many registers as AVX2, half as wide, so that
+//! kernels which fit one fit the other.
 //!
 //! NEON belongs to every 64-bit ARM processor that Rust compiles for by default.
 

@@ -2,8 +2,8 @@
 
 use super::{LeftOperand, OutputRows};
 
-/// The vector functions of NEON, whose vectors are two registers, and the tile made of them: as wide and as high as that
-/// of AVX2, with twice as many registers half as wide.
+/// The vector functions of NEON, whose vectors are two registers, and the tile made of them: as wide and as high as
+/// that of AVX2, with twice as many registers half as wide.
 macro_rules! neon_tile {
     (
         $name:ident, $t:ty, $v:ty, $half:literal,
