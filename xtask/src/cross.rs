@@ -18,7 +18,7 @@ const SYSTEMS: &[System] = &[
         target: "x86_64-pc-windows-gnu",
         linker: Some("x86_64-w64-mingw32-gcc"),
         runner: Some("wine"),
-        tested: &["weaver-io", "weaver-clip", "weaver-run", "weaver-view-run"],
+        tested: &["weaver-io", "weaver-data", "weaver-run", "weaver-view"],
     },
     System {
         target: "aarch64-unknown-linux-gnu",

@@ -27,7 +27,12 @@ pub fn printed(folder: &Path, line: &str) -> String {
 pub fn refused(folder: &Path, line: &str, code: i32) -> String {
     let done = splatweaver(folder, line);
     assert_eq!(done.status.code(), Some(code), "{line}: {}", text(&done.stdout));
-    text(&done.stderr)
+    with_slashes(&text(&done.stderr))
+}
+
+/// A message with the separators of paths that tests expect, which Windows has others of.
+pub fn with_slashes(message: &str) -> String {
+    if cfg!(windows) { message.replace('\\', "/") } else { message.into() }
 }
 
 /// Writes a small capture to `capture/`.

@@ -45,7 +45,8 @@ impl Outcome {
         assert_eq!(errors.len(), 1, "{}", self.stderr);
         assert!(self.stderr.trim_end().ends_with(errors[0]) || code == 2, "{}", self.stderr);
         for part in parts {
-            assert!(errors[0].contains(part), "`{part}` is not in: {}", errors[0]);
+            let error = crate::command::with_slashes(errors[0]);
+            assert!(error.contains(part), "`{part}` is not in: {error}");
         }
         assert!(self.stdout.is_empty(), "{}", self.stdout);
         self

@@ -182,6 +182,7 @@ fn scans_pictures_and_results_are_described() {
 /// Names of files reach the terminal without control characters, in results, notes and errors.
 ///
 /// Promise of `names_do_not_steer_the_terminal`.
+#[cfg(unix)]
 #[test]
 fn names_of_files_do_not_steer_the_terminal() {
     let folder = tempfile::tempdir().unwrap();

@@ -27,6 +27,7 @@ mod image;
 mod in_process;
 mod info;
 mod inputs;
+#[cfg(unix)]
 mod killed;
 mod left_behind;
 mod lift;

@@ -1,6 +1,7 @@
 //! Commands as units of work, and lists of them.
 
 use crate::capture;
+use crate::command::with_slashes;
 use crate::in_process::{Outcome, line, splatweaver};
 use std::path::Path;
 use std::time::Duration;
@@ -70,14 +71,19 @@ fn a_list_becomes_a_command_a_line() {
         splatweaver(&[&"plan", &path("list.toml")])
     };
     let planned = list("['--minutes', '0.5', '--gaussians', '1000']").fine();
-    let lines: Vec<&str> = planned.stdout.lines().collect();
+    let planned = with_slashes(&planned.stdout);
+    let lines: Vec<&str> = planned.lines().collect();
     assert_eq!(lines.len(), 2);
     let first = format!(
         "splatweaver fit '{}' -o 'scenes/a one' --if-complete skip --minutes 0.5",
-        path("captures/a one").display()
+        with_slashes(&path("captures/a one").display().to_string())
     );
     assert!(lines[0].starts_with(&first) && lines[0].contains("  # 0.5 min, "), "{}", lines[0]);
-    assert!(lines[0].ends_with(" MB") && lines[1].contains("-o scenes/b "), "{}", lines[1]);
+    assert!(
+        lines[0].ends_with(" MB") && lines[1].contains(if cfg!(windows) { "-o 'scenes/b' " } else { "-o scenes/b " }),
+        "{}",
+        lines[1]
+    );
     let steps = list("['--steps', '5', '--gaussians', '300', '--init', 'random']").fine();
     assert!(!steps.stdout.contains(" min, "), "{}", steps.stdout);
     let measured = splatweaver(&[&"plan", &path("list.toml"), &"--measure"]).fine();

@@ -269,7 +269,9 @@ fn a_capture_that_changed_is_not_gone_on_with() {
     std::fs::rename(&data, &elsewhere).unwrap();
     let run = out.join("run.json");
     let text = std::fs::read_to_string(&run).unwrap();
-    std::fs::write(&run, text.replace(data.to_str().unwrap(), elsewhere.to_str().unwrap())).unwrap();
+    // As JSON has it: backslashes are escaped.
+    let in_json = |path: &Path| path.to_str().unwrap().replace('\\', r"\\");
+    std::fs::write(&run, text.replace(&in_json(&data), &in_json(&elsewhere))).unwrap();
     drop(resumed(&out).unwrap());
     // Runs of earlier versions lack checksums of their inputs.
     without(&run, "sources");

@@ -149,7 +149,7 @@ fn json_has_every_figure_and_nothing_else_is_printed() {
     assert!(forward.iter().sum::<f64>() <= ms(&figures["forward_ms"]));
     assert!(ms(&figures["forward_ms"]) + ms(&stages["backward"]) <= ms(&figures["forward_backward_ms"]));
     assert!(ms(&figures["peak_gflops"]) > 0.1);
-    assert_eq!(figures["peak_rss_mb"].is_number(), cfg!(target_os = "linux"));
+    assert!(figures["peak_rss_mb"].is_number() || !cfg!(target_os = "linux"));
 }
 
 #[test]
