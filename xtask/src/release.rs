@@ -149,7 +149,10 @@ impl Release {
         let unpacked = self.work.join("sdist-unpacked");
         clear(&unpacked)?;
         archive::unpack(&packed, &unpacked)?;
-        archive::pack(&unpacked.join(&name), &name, self.time, &out.join(format!("{name}.tar.gz")))
+        archive::pack(&unpacked.join(&name), &name, self.time, &out.join(format!("{name}.tar.gz")))?;
+        // Every manifest that another one names is there.
+        let metadata = ["metadata", "--offline", "--format-version", "1"];
+        output(Command::new(env!("CARGO")).current_dir(unpacked.join(&name)).args(metadata)).map(drop)
     }
 }
 

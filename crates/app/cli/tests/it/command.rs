@@ -1,5 +1,6 @@
 //! The binary as a user calls it: a line of arguments in a folder.
 
+use crate::in_process::with_slashes;
 use std::path::Path;
 use std::process::{Command, Output};
 use weaver_io::Transforms;
@@ -28,11 +29,6 @@ pub fn refused(folder: &Path, line: &str, code: i32) -> String {
     let done = splatweaver(folder, line);
     assert_eq!(done.status.code(), Some(code), "{line}: {}", text(&done.stdout));
     with_slashes(&text(&done.stderr))
-}
-
-/// A message with the separators of paths that tests expect, which Windows has others of.
-pub fn with_slashes(message: &str) -> String {
-    if cfg!(windows) { message.replace('\\', "/") } else { message.into() }
 }
 
 /// Writes a small capture to `capture/`.

@@ -45,10 +45,15 @@ impl Outcome {
         assert_eq!(errors.len(), 1, "{}", self.stderr);
         assert!(self.stderr.trim_end().ends_with(errors[0]) || code == 2, "{}", self.stderr);
         for part in parts {
-            let error = crate::command::with_slashes(errors[0]);
+            let error = with_slashes(errors[0]);
             assert!(error.contains(part), "`{part}` is not in: {error}");
         }
         assert!(self.stdout.is_empty(), "{}", self.stdout);
         self
     }
+}
+
+/// A message with the separators of paths that tests expect, which Windows has others of.
+pub fn with_slashes(message: &str) -> String {
+    if cfg!(windows) { message.replace('\\', "/") } else { message.into() }
 }

@@ -30,7 +30,7 @@ fn run(folder: &Path, line: &str) -> Output {
 
 fn said(output: &Output) -> String {
     let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    crate::command::with_slashes(&said)
+    crate::in_process::with_slashes(&said)
 }
 
 /// The object that a command with `--json` has printed.

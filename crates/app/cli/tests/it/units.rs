@@ -1,8 +1,7 @@
 //! Commands as units of work, and lists of them.
 
 use crate::capture;
-use crate::command::with_slashes;
-use crate::in_process::{Outcome, line, splatweaver};
+use crate::in_process::{Outcome, line, splatweaver, with_slashes};
 use std::path::Path;
 use std::time::Duration;
 

@@ -1,6 +1,7 @@
 //! Detectors of anomalies are trained, stopped, judged and used; mismatched inputs are refused by name.
 
-use crate::command::{BINARY, printed, refused, text, with_slashes};
+use crate::command::{BINARY, printed, refused, text};
+use crate::in_process::with_slashes;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};

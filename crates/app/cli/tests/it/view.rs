@@ -1,7 +1,8 @@
 //! Scenes that are looked at: pages in files, servers, live runs, paths and moving pictures.
 
-use crate::command::{BINARY, capture, printed, refused, with_slashes};
+use crate::command::{BINARY, capture, printed, refused};
 use crate::compare::gaussians;
+use crate::in_process::with_slashes;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
