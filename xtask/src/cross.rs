@@ -24,7 +24,7 @@ const SYSTEMS: &[System] = &[
         target: "aarch64-unknown-linux-gnu",
         linker: Some("aarch64-linux-gnu-gcc"),
         runner: Some("qemu-aarch64"),
-        tested: &["weaver-kernels", "weaver-stereo"],
+        tested: &["weaver-kernels", "weaver-splat", "weaver-stereo"],
     },
     System { target: "aarch64-apple-darwin", linker: None, runner: None, tested: &[] },
 ];
