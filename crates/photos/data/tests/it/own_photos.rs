@@ -342,7 +342,7 @@ fn a_masked_capture_is_the_clean_one_with_masks() {
         assert!(same && photo.photo.camera.intrinsics == expected.photo.camera.intrinsics, "{i}");
     }
 
-    let message = |folder: &Path| posed::load(folder, &options).unwrap_err().to_string();
+    let message = |folder: &Path| posed::load(folder, &options).unwrap_err().to_string().replace('\\', "/");
     fs::remove_file(folder.join("other.png")).unwrap();
     let missing = message(folder);
     assert!(missing.contains("4.png: mask_path: expected") && missing.contains("other.png"), "{missing}");
