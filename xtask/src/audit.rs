@@ -1,7 +1,6 @@
 //! Dependencies and public interfaces, checked by programs of their own where these are installed.
 
-use crate::{cargo, tidy};
-use std::path::PathBuf;
+use crate::{cargo, cargo_home, tidy};
 use std::process::{Command, Stdio};
 
 /// Crates whose interface keeps to Cargo's rules of compatible versions (docs/reference/stability.md).
@@ -20,12 +19,7 @@ fn dependencies() -> Result<(), String> {
         return Ok(());
     }
     let deny = ["deny", "--config", ".ci/deny.toml", "--workspace", "--all-features", "--offline", "check"];
-    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| {
-        let home = std::env::var_os(if cfg!(windows) { "USERPROFILE" } else { "HOME" })?;
-        Some(PathBuf::from(home).join(".cargo"))
-    });
-    let stored = home.is_some_and(|home| home.join("advisory-dbs").is_dir());
-    if stored {
+    if cargo_home().is_some_and(|home| home.join("advisory-dbs").is_dir()) {
         return cargo(&deny, &[]);
     }
     println!("skipped: no stored advisories (cargo deny fetch)");

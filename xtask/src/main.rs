@@ -18,6 +18,7 @@ mod tidy;
 mod valgrind;
 mod wheel;
 
+use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 
 const USAGE: &str = "usage: cargo xtask <command>
@@ -111,6 +112,14 @@ fn cargo_run(which: &[&str], arguments: &[String]) -> Result<(), String> {
     run.push("--");
     run.extend(arguments.iter().map(String::as_str));
     finish(&run, &[])
+}
+
+/// The folder in which cargo keeps what it fetches; none without a home.
+fn cargo_home() -> Option<PathBuf> {
+    std::env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| {
+        let home = std::env::var_os(if cfg!(windows) { "USERPROFILE" } else { "HOME" })?;
+        Some(PathBuf::from(home).join(".cargo"))
+    })
 }
 
 /// Prints a command of cargo, and runs it.

@@ -12,7 +12,7 @@ mod sbom;
 mod wheel;
 
 use crate::{
-    tidy,
+    cargo_home, tidy,
     wheel::{call, clear, venv},
 };
 use platform::Platform;
@@ -75,11 +75,7 @@ pub fn run(arguments: &[String]) -> Result<(), String> {
 impl Release {
     /// Compiles the program and the library of the Python package, without paths of this machine.
     fn build(&self) -> Result<(), String> {
-        let registry = std::env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| {
-            let home = std::env::var_os(if cfg!(windows) { "USERPROFILE" } else { "HOME" })?;
-            Some(PathBuf::from(home).join(".cargo"))
-        });
-        let registry = registry.ok_or("CARGO_HOME: expected a folder, found no home")?.join("registry/src");
+        let registry = cargo_home().ok_or("CARGO_HOME: expected a folder, found no home")?.join("registry/src");
         let sysroot = output(Command::new("rustc").current_dir(&self.root).args(["--print", "sysroot"]))?;
         let sysroot = Path::new(sysroot.trim());
         let folders = [(self.root.as_path(), "/splatweaver"), (&registry, "/registry"), (sysroot, "/rust")];

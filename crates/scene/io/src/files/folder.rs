@@ -99,7 +99,7 @@ pub fn is_taken(path: impl AsRef<Path>) -> bool {
     path.as_ref().symlink_metadata().is_ok()
 }
 
-/// A path that exists, without links; on Windows as people write it, without the prefix `\\\\?\\`.
+/// A path that exists, without links; on Windows as people write it, without the prefix `\\?\`.
 pub(crate) fn canonical(path: &Path) -> std::io::Result<PathBuf> {
     dunce::canonicalize(path)
 }
