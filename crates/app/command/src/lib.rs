@@ -9,6 +9,7 @@ pub mod device;
 mod drawing;
 mod drawing_flags;
 mod failure;
+mod film_path;
 mod flags;
 mod interrupt;
 mod lifted_file;
@@ -29,6 +30,7 @@ pub use console::Console;
 pub use drawing::DrawingOptions;
 pub use drawing_flags::{DrawingFlags, Rgb, background};
 pub use failure::Failure;
+pub use film_path::{FilmPath, film_path};
 pub use flags::{
     DeviceFlag, LiveFlag, MOST_SEED, MOST_THREADS, Threads, choice, fraction, number, positive, rate, rows_and_columns,
 };

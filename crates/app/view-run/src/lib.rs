@@ -8,6 +8,7 @@ mod features;
 mod follow;
 #[cfg(feature = "command")]
 mod live;
+mod notes_file;
 mod overview;
 #[cfg(feature = "command")]
 mod scene_files;
@@ -21,6 +22,7 @@ pub use features::Features;
 pub use follow::{DrawingOf, FilmOf, LiveRun, LiveView, SceneOf};
 #[cfg(feature = "command")]
 pub use live::live;
+pub use notes_file::notes_file;
 pub use overview::overview;
 #[cfg(feature = "command")]
 pub use scene_files::SceneFiles;

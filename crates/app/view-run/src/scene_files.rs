@@ -1,6 +1,6 @@
 //! Scenes in files and in folders of results, with their companions.
 
-use crate::{Features, ScenePage, overview};
+use crate::{Features, ScenePage, notes_file, overview};
 use std::path::{Path, PathBuf};
 use weaver_command::{DrawingOptions, Failure, LiftedFile};
 use weaver_io::{SceneFile, SceneFormat, read_scene};
@@ -70,6 +70,8 @@ impl<'a> SceneFiles<'a> {
             page.shots.push(overview());
             page.look.meters = Some(1.0);
         }
+        page.notes = notes_file::read(&file)?;
+        page.look.meters = page.notes.meters().or(page.look.meters);
         page.report = within("report.html");
         page.file = Some(file);
         Ok(page)

@@ -1,5 +1,6 @@
 //! Scenes with their cameras and photos.
 
+use crate::notes_file::{self, notes_file};
 use crate::{Error, Features};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -7,10 +8,11 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::{self, PosedOptions};
-use weaver_geometry::Undistortion;
+use weaver_geometry::glam::{DMat3, DQuat, DVec3};
+use weaver_geometry::{Similarity, Undistortion};
 use weaver_io::{Bitmap, Drawing, SceneFormat, Transforms, is_taken, read_cameras, write_scene};
 use weaver_scene::{Frame, Gaussians};
-use weaver_view::{HtmlOptions, Look, Shot, Subject, film_html, html, photo_file, pictured};
+use weaver_view::{HtmlOptions, Look, Notes, Shot, Subject, film_html, html, photo_file, pictured};
 
 /// Quality of photos that are served as libjpeg counts it.
 const QUALITY: u8 = 82;
@@ -40,8 +42,10 @@ pub struct ScenePage {
     pub moving: Option<Moving>,
     /// The report of the run that made the scene.
     pub report: Option<PathBuf>,
-    /// The file of the scene; edited ones are saved beside it.
+    /// The file of the scene; edited ones are saved beside it, and [notes](crate::notes_file).
     pub file: Option<PathBuf>,
+    /// Notes on the scene.
+    pub notes: Notes,
 }
 
 /// A scene as a function of time, 0 to 1.
@@ -78,7 +82,18 @@ impl ScenePage {
     pub fn new(title: impl Into<String>, gaussians: Gaussians, look: Look) -> Self {
         let (title, shots) = (title.into(), Vec::new());
         let (gallery, features, moving) = (None, None, None);
-        Self { title, gaussians, look, shots, gallery, features, moving, report: None, file: None }
+        Self {
+            title,
+            gaussians,
+            look,
+            shots,
+            gallery,
+            features,
+            moving,
+            report: None,
+            file: None,
+            notes: Notes::default(),
+        }
     }
 
     /// Adds the cameras of a file: transforms.json, a folder with a COLMAP model, or a RealEstate10K file. Photos are
@@ -114,7 +129,7 @@ impl ScenePage {
 
     /// The parts that a page is made of.
     pub fn subject(&self) -> Subject<'_> {
-        Subject { title: &self.title, gaussians: &self.gaussians, look: self.look }
+        Subject { title: &self.title, gaussians: &self.gaussians, look: self.look, notes: Some(&self.notes) }
     }
 
     /// The photo of a shot as a JPEG or PNG file, if it has one that can be read.
@@ -174,23 +189,38 @@ impl ScenePage {
     }
 
     /// Saves the Gaussians that `dropped` does not mark in this format, beside the scene's file and under a name that
-    /// is free.
+    /// is free, with the notes on them. With an up axis, the scene is turned so that it becomes -y, by the smallest
+    /// turn; of the notes, the meters of a unit are then kept.
     ///
     /// # Errors
-    /// When the scene has no file, or the new one cannot be written.
-    pub fn save(&self, dropped: &[u8], format: SceneFormat) -> Result<PathBuf, Error> {
+    /// When a file cannot be written.
+    pub fn save(
+        &self,
+        dropped: &[u8],
+        format: SceneFormat,
+        notes: &Notes,
+        up: Option<DVec3>,
+    ) -> Result<PathBuf, Error> {
         let file = self.file.clone().unwrap_or_else(|| "scene.ply".into());
-        let stem = file.file_name().map_or("scene".into(), |name| name.to_string_lossy().into_owned());
-        let stem = stem.split('.').next().unwrap_or("scene").to_string();
+        let notes = if up.is_some() { notes.turned() } else { notes.clone() };
+        let stem = notes_file::stem(&file);
         let numbered = |number: usize| {
             let number = if number == 1 { String::new() } else { format!("-{number}") };
             file.with_file_name(format!("{stem}-edited{number}{}", format.file_name_end()))
         };
-        let path = (1..).map(numbered).find(|path| !is_taken(path)).expect("one of infinitely many names is free");
+        let is_free = |path: &PathBuf| !is_taken(path) && (notes.is_empty() || !is_taken(notes_file(path)));
+        let path = (1..).map(numbered).find(is_free).expect("one of infinitely many names is free");
         let kept: Vec<usize> =
             (0..self.gaussians.len()).filter(|i| dropped.get(*i).is_none_or(|byte| *byte == 0)).collect();
-        let drawing = Drawing::antialiased(self.look.settings.antialiased);
-        write_scene(&path, &self.gaussians.select(&kept), drawing)?;
+        let mut scene = self.gaussians.select(&kept);
+        if let Some(up) = up {
+            let rotation = DMat3::from_quat(DQuat::from_rotation_arc(up.normalize_or(DVec3::NEG_Y), DVec3::NEG_Y));
+            scene = scene.transformed(&Similarity { scale: 1.0, rotation, translation: DVec3::ZERO });
+        }
+        write_scene(&path, &scene, Drawing::antialiased(self.look.settings.antialiased))?;
+        if !notes.is_empty() {
+            notes_file::write(&path, &notes)?;
+        }
         Ok(path)
     }
 }

@@ -9,7 +9,7 @@ mod visit;
 
 pub use listener::{Access, Listener};
 
-use crate::{Error, LiveRun, LiveView, ScenePage};
+use crate::{Error, LiveRun, LiveView, ScenePage, notes_file};
 use answer::Answer;
 use clients::{Clients, Limits};
 use guard::Guard;
@@ -17,16 +17,19 @@ use request::Request;
 use std::borrow::Cow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, TryLockError};
+use std::sync::{Mutex, MutexGuard, TryLockError};
 use std::thread::{self, Thread};
 use std::time::{Duration, Instant};
 use visit::Visit;
+use weaver_geometry::glam::DVec3;
 use weaver_io::{SceneFormat, write_gaussians_to};
 use weaver_scene::Gaussians;
-use weaver_view::{RunPage, ServedPage};
+use weaver_view::{Notes, RunPage, ServedPage};
 
 /// Formats that scenes are saved in.
 const FORMATS: [&str; 3] = ["ply", "spz", "compressed"];
+/// Bytes of notes at most.
+const MOST_NOTES: u64 = 1 << 20;
 /// Pauses between checks for clients: soon after a client, as they rarely come alone, and otherwise.
 const PAUSES: [Duration; 2] = [Duration::from_millis(1), Duration::from_millis(20)];
 /// Time after a client for which others are expected.
@@ -40,7 +43,8 @@ pub struct Server<'a> {
     followed: Option<LiveRun<'a>>,
     page: String,
     policy: String,
-    saving: Mutex<()>,
+    /// Notes as they were saved last; who holds them saves.
+    saving: Mutex<Notes>,
 }
 
 impl std::fmt::Debug for Server<'_> {
@@ -71,7 +75,15 @@ impl<'a> Server<'a> {
                 || followed.is_some_and(|followed| matches!(followed.showing, LiveView::Film(_))),
         };
         let (html, policy) = (page.html(&scene_page.subject(), &scene_page.shots)?, page.policy());
-        Ok(Self { listener, guard, scene_page: Some(scene_page), followed, page: html, policy, saving: Mutex::new(()) })
+        Ok(Self {
+            listener,
+            guard,
+            scene_page: Some(scene_page),
+            followed,
+            page: html,
+            policy,
+            saving: Mutex::new(scene_page.notes.clone()),
+        })
     }
 
     /// A server that follows a run without a scene: curves and the newest picture under a title.
@@ -82,7 +94,7 @@ impl<'a> Server<'a> {
         let (guard, nonce) = (Guard::of(&listener)?, random()?);
         let page = RunPage { title, nonce: &nonce };
         let (page, policy) = (page.html(), page.policy());
-        Ok(Self { listener, guard, scene_page: None, followed: Some(followed), page, policy, saving: Mutex::new(()) })
+        Ok(Self { listener, guard, scene_page: None, followed: Some(followed), page, policy, saving: Mutex::default() })
     }
 
     /// The address to open on this machine, with the token.
@@ -161,8 +173,14 @@ impl<'a> Server<'a> {
     fn check(&self, request: &Request) -> Result<(), Answer> {
         let (path, query) = request.parts();
         self.guard.check(request, query, request.method == "POST")?;
-        let savable = self.scene_page.filter(|scene_page| scene_page.file.is_some() && path == "/save");
-        let expected = savable.map_or(0, |scene_page| scene_page.gaussians.len() as u64);
+        let savable = self.scene_page.filter(|scene_page| scene_page.file.is_some());
+        if path == "/notes" && savable.is_some() {
+            if request.length <= MOST_NOTES {
+                return Ok(());
+            }
+            return Err(Answer::text(413, format!("expected notes of at most {MOST_NOTES} bytes")));
+        }
+        let expected = savable.filter(|_| path == "/save").map_or(0, |scene_page| scene_page.gaussians.len() as u64);
         if request.length == expected {
             return Ok(());
         }
@@ -179,6 +197,7 @@ impl<'a> Server<'a> {
             ("GET", "/picture") => self.picture(),
             ("GET", "/report") => self.report(),
             ("GET", photo) if photo.starts_with("/photo/") => Ok(self.photo(&photo["/photo/".len()..])),
+            ("POST", "/notes") => self.save_notes(body),
             ("POST", "/save") => self.save(body, query),
             ("POST", "/stop") => Ok(self.stop()),
             ("GET" | "POST", _) => Ok(Answer::nothing()),
@@ -241,6 +260,30 @@ impl<'a> Server<'a> {
         Answer::text(200, "The run ends after this step and saves.")
     }
 
+    /// Saves notes beside the scene.
+    fn save_notes(&self, body: &[u8]) -> Result<Answer, Error> {
+        let Some(file) = self.scene_page.and_then(|scene_page| scene_page.file.as_deref()) else {
+            return Ok(Answer::text(400, "this scene has no file to save beside"));
+        };
+        let notes = match Notes::parse(&String::from_utf8_lossy(body)) {
+            Ok(notes) => notes,
+            Err(error) => return Ok(Answer::text(400, error.to_string())),
+        };
+        let Some(mut saved) = self.turn_to_save() else { return Ok(busy()) };
+        let path = notes_file::write(file, &notes)?;
+        *saved = notes;
+        Ok(Answer::text(200, format!("Saved the notes in {}.", path.display())))
+    }
+
+    /// The notes as they were saved last, unless something else is being saved.
+    fn turn_to_save(&self) -> Option<MutexGuard<'_, Notes>> {
+        match self.saving.try_lock() {
+            Ok(saved) => Some(saved),
+            Err(TryLockError::Poisoned(saved)) => Some(saved.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        }
+    }
+
     /// Saves the Gaussians that are left: the body has a byte for each Gaussian, 1 where it is deleted.
     fn save(&self, dropped: &[u8], query: &str) -> Result<Answer, Error> {
         let Some(scene_page) = self.scene_page.filter(|scene_page| scene_page.file.is_some()) else {
@@ -252,14 +295,27 @@ impl<'a> Server<'a> {
         else {
             return Ok(Answer::text(400, format!("expected a format of {}", FORMATS.join(", "))));
         };
-        let one = self.saving.try_lock();
-        if let Err(TryLockError::WouldBlock) = one {
-            return Ok(Answer::text(409, "something else is being saved"));
-        }
-        let path = scene_page.save(dropped, format)?;
+        let up = match guard::value(query, "up").map(direction) {
+            None => None,
+            Some(Some(up)) => Some(up),
+            Some(None) => return Ok(Answer::text(400, "expected three numbers for the up axis")),
+        };
+        let Some(notes) = self.turn_to_save() else { return Ok(busy()) };
+        let path = scene_page.save(dropped, format, &notes, up)?;
         let kept = dropped.iter().filter(|byte| **byte == 0).count();
         Ok(Answer::text(200, format!("Saved {kept} Gaussians in {}.", path.display())))
     }
+}
+
+/// A direction of three numbers with commas between.
+fn direction(text: &str) -> Option<DVec3> {
+    let numbers: Vec<f64> = text.split(',').map(str::parse).collect::<Result<_, _>>().ok()?;
+    let up = DVec3::from(<[f64; 3]>::try_from(numbers).ok()?);
+    up.try_normalize()
+}
+
+fn busy() -> Answer {
+    Answer::text(409, "something else is being saved")
 }
 
 /// 128 random bits as text.

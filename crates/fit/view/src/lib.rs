@@ -6,12 +6,14 @@
 mod error;
 mod home;
 mod modules;
+mod notes;
 mod page;
 mod run_page;
 mod subject;
 mod template;
 
 pub use error::ViewError;
+pub use notes::{InvalidNotes, Notes};
 pub use page::{HtmlOptions, ServedPage, film_html, html};
 pub use run_page::RunPage;
 pub use subject::{Look, Shot, Subject, photo_file, pictured};

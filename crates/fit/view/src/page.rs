@@ -3,7 +3,7 @@
 use crate::home::Home;
 use crate::subject::{Shot, Subject, camera_json};
 use crate::template::{escape, fill};
-use crate::{ViewError, modules};
+use crate::{Notes, ViewError, modules};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
@@ -45,7 +45,7 @@ pub struct HtmlOptions {
 ///     sh: vec![1.0, 0.0, -1.0],
 ///     degree: 0,
 /// };
-/// let subject = Subject { title: "<one> Gaussian", gaussians: &gaussians, look: Look::default() };
+/// let subject = Subject { title: "<one> Gaussian", gaussians: &gaussians, look: Look::default(), notes: None };
 /// let page = html(&subject, &[], HtmlOptions::default())?;
 /// assert!(page.contains("<title>&lt;one&gt; Gaussian</title>"));
 /// # Ok::<(), weaver_view::ViewError>(())
@@ -194,6 +194,7 @@ impl Parts<'_> {
         for (key, value) in self.further.as_object().into_iter().flatten() {
             about[key] = value.clone();
         }
+        about["notes"] = subject.notes.map_or(Value::Null, Notes::json);
         // Within a script element, nothing but `<` could end it.
         let about = about.to_string().replace('<', "\\u003c");
         let alt = format!("A picture of {}, {} Gaussians", subject.title, subject.gaussians.len());

@@ -1,5 +1,6 @@
 //! Scenes and cameras to look at.
 
+use crate::Notes;
 use serde_json::{Value, json};
 use weaver_geometry::Camera;
 use weaver_io::Bitmap;
@@ -15,6 +16,8 @@ pub struct Subject<'a> {
     pub gaussians: &'a Gaussians,
     /// Rules of drawing it.
     pub look: Look,
+    /// Notes on it. The meters of a unit are those of [`Look::meters`].
+    pub notes: Option<&'a Notes>,
 }
 
 /// Rules of drawing that a page follows.

@@ -4,6 +4,8 @@
 const TURN = 3;
 /** Parts of the distance to the target that a second of flying covers. */
 const SPEED = 0.8;
+/** Pixels that a click may move. */
+const CLICK = 6;
 
 const FLY = { KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyQ: [0, 1, 0], KeyE: [0, -1, 0] };
 const ORBIT = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -21,7 +23,7 @@ export class Controls {
     on("pointerup", (event) => this.up(event));
     on("pointercancel", (event) => this.up(event));
     on("contextmenu", (event) => event.preventDefault());
-    on("dblclick", (event) => page.pick(event.offsetX, event.offsetY));
+    on("dblclick", (event) => page.tool?.clicks || page.pick(event.offsetX, event.offsetY));
     on("wheel", (event) => this.wheel(event));
     on("keydown", (event) => this.key(event));
     addEventListener("keyup", (event) => this.held.delete(event.code));
@@ -33,7 +35,8 @@ export class Controls {
     this.canvas.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
     const { tool } = this.page;
-    if (tool && event.button === 0 && this.pointers.size === 1) {
+    this.press = tool?.clicks && event.button === 0 && this.pointers.size === 1 ? [event.offsetX, event.offsetY] : null;
+    if (tool && !tool.clicks && event.button === 0 && this.pointers.size === 1) {
       this.tooling = true;
       tool.begin([event.offsetX, event.offsetY], event);
     } else if (this.tooling) {
@@ -41,7 +44,7 @@ export class Controls {
       tool?.cancel();
     }
     // Two taps in one place set the center, as two clicks do.
-    if (event.pointerType === "touch" && this.pointers.size === 1) {
+    if (event.pointerType === "touch" && this.pointers.size === 1 && !this.press) {
       const [now, last] = [performance.now(), this.tap];
       this.tap = { at: now, x: event.offsetX, y: event.offsetY };
       if (last && now - last.at < 300 && Math.hypot(last.x - event.offsetX, last.y - event.offsetY) < 24) this.page.pick(event.offsetX, event.offsetY);
@@ -72,6 +75,10 @@ export class Controls {
   }
 
   up(event) {
+    // A press that hardly moves is a click.
+    const { press } = this;
+    if (press && event.type === "pointerup" && Math.hypot(event.offsetX - press[0], event.offsetY - press[1]) < CLICK) this.page.tool?.click?.(...press);
+    this.press = null;
     if (this.tooling && this.pointers.has(event.pointerId)) {
       this.tooling = false;
       if (event.type === "pointerup") this.page.tool?.end([event.offsetX, event.offsetY], event);
@@ -89,6 +96,7 @@ export class Controls {
 
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key === "Enter" && this.page.tool?.clicks) return this.page.tool.click(this.canvas.clientWidth / 2, this.canvas.clientHeight / 2);
     if (!FLY[event.code] && !ORBIT[event.code] && !["+", "=", "-"].includes(event.key)) return;
     event.preventDefault();
     if (["+", "=", "-"].includes(event.key)) {

@@ -1,9 +1,18 @@
 // The page: it loads the scene, draws when something changes, and keeps the view in the address.
 
+import { Address } from "./address.js";
 import { Alike } from "./alike.js";
+import { Background } from "./background.js";
+import { Clean } from "./clean.js";
 import { Controls } from "./controls.js";
+import { Difference } from "./difference.js";
+import { History } from "./history.js";
+import { Keyframes } from "./keyframes.js";
 import { Live } from "./live.js";
+import { Measure } from "./measure.js";
 import { Moment } from "./moment.js";
+import { Notes, checked } from "./notes.js";
+import { Original } from "./original.js";
 import { Overlay } from "./overlay.js";
 import { Panel } from "./panel.js";
 import { Renderer } from "./renderer.js";
@@ -11,7 +20,8 @@ import { ScaleBar } from "./scale_bar.js";
 import { Selection, SelectionTool } from "./selection.js";
 import { Shots, placeOf } from "./shots.js";
 import { element, say, token } from "./status.js";
-import { add, times } from "./vectors.js";
+import { Tour } from "./tour.js";
+import { add, times, unit } from "./vectors.js";
 import { Viewpoint, between } from "./viewpoint.js";
 
 /** Milliseconds of a frame above which the picture is drawn coarser while it moves. */
@@ -22,46 +32,31 @@ const TRAVEL = 450;
 /** The row of a camera by which depths are computed. */
 const rowOf = (camera) => [...camera.A.slice(6), camera.t[2]];
 
-/** Calls of the worker, each answered by a promise. */
-class Background {
-  constructor() {
-    const source = new Blob([element("worker").textContent], { type: "text/javascript" });
-    this.worker = new Worker(URL.createObjectURL(source));
-    this.waiting = new Map();
-    this.count = 0;
-    this.worker.onmessage = ({ data: { id, result, error } }) => {
-      const { done, failed } = this.waiting.get(id);
-      this.waiting.delete(id);
-      if (error) failed(new Error(error));
-      else done(result);
-    };
-  }
-
-  call(action, request, transferred = []) {
-    const id = this.count++;
-    return new Promise((done, failed) => {
-      this.waiting.set(id, { done, failed });
-      this.worker.postMessage({ id, action, request }, transferred);
-    });
-  }
-}
-
 class Page {
-  constructor(about, background, scene) {
-    Object.assign(this, { about, background, scene });
+  constructor(about, background, scene, original) {
+    Object.assign(this, { about, background, scene, original });
     this.canvas = element("view");
     this.renderer = new Renderer(this.canvas, scene);
     this.look = { mode: "color", degree: scene.degree, exposure: 0, depths: [0, 1], ...about.look };
     this.viewpoint = new Viewpoint(about.home);
     this.ratio = 1;
     this.overlay = new Overlay(element("over"), this);
-    this.scaleBar = new ScaleBar(about.look.meters);
+    this.scaleBar = new ScaleBar();
+    this.history = new History();
+    this.notes = new Notes(this.history, (before, after) => this.noted(before, after));
     this.shots = new Shots(about.cameras, this);
-    this.selection = new Selection(scene.means, () => this.edited());
+    this.selection = new Selection(scene.means, this.history, () => this.edited());
     this.panel = new Panel(this);
     this.controls = new Controls(this.canvas, this);
+    this.measure = new Measure(this);
+    this.tour = new Tour(this);
+    this.keyframes = new Keyframes(this);
+    this.clean = new Clean(this);
+    this.difference = new Difference(this);
     if (about.features) this.alike = new Alike(this);
-    this.keepInAddress();
+    this.notes.set(checked({ meters: about.look.meters, ...about.notes }));
+    this.address = new Address(this);
+    this.history.forget();
     new ResizeObserver(() => this.resized()).observe(this.canvas);
     this.canvas.addEventListener("webglcontextlost", () => say("The graphics card was lost. Load the page again."));
     if (this.renderer.kind === "byte") say("This device blends in 8 bits: colors are coarser than those of the scene.", true);
@@ -83,14 +78,29 @@ class Page {
   turned() {
     this.movedAt = performance.now();
     this.changed();
-    clearTimeout(this.addressTimer);
-    this.addressTimer = setTimeout(() => this.toAddress(), 300);
+    this.address?.write();
+  }
+
+  /** The notes changed. */
+  noted(before, after) {
+    if (String(before.up) !== String(after.up)) {
+      this.viewpoint.up = unit(after.up ?? this.about.up);
+      this.level();
+    }
+    for (const part of [this.measure, this.tour, this.keyframes, this.panel]) part.refresh();
+    this.panel.selected();
+    this.turned();
+  }
+
+  /** Sets the up axis; null is that of the scene. */
+  setUp(up) {
+    this.notes.change((notes) => (notes.up = up));
   }
 
   /** Something is to be drawn anew. */
   changed() {
     this.overlay.draw();
-    this.scaleBar.show(this.camera(1), this.viewpoint.distance);
+    this.scaleBar.show(this.camera(1), this.viewpoint.distance, this.notes.state.meters);
     this.panel.refresh();
     if (this.pending) return;
     this.pending = true;
@@ -103,7 +113,7 @@ class Page {
   }
 
   edited() {
-    this.renderer.setFlags(this.selection.flags);
+    this.renderer.setFlags(this.selection.flags, this.clean.preview);
     this.panel.selected();
     this.changed();
   }
@@ -132,6 +142,7 @@ class Page {
     const pace = 1000 / Math.max(took, 1);
     element("pace").textContent = `· ${pace < 10 ? pace.toFixed(1) : pace.toFixed(0)} per second`;
     element("pace").title = `${took.toFixed(1)} ms for a picture of ${camera.width} x ${camera.height}`;
+    if (!moving) this.difference.measure();
     if (this.ratio < full) setTimeout(() => this.changed(), 220);
   }
 
@@ -158,16 +169,25 @@ class Page {
     this.travelTo(next);
   }
 
-  travelTo(next) {
-    if (matchMedia("(prefers-reduced-motion: reduce)").matches) this.viewpoint = next;
-    else this.travel = { from: this.viewpoint.copy(), to: next, start: performance.now() };
+  travelTo(next, time = TRAVEL) {
+    if (matchMedia("(prefers-reduced-motion: reduce)").matches) {
+      this.viewpoint = next;
+      return this.turned();
+    }
+    const from = this.viewpoint.copy();
+    this.follow({ time, view: (t) => (t < 1 ? between(from, next, t * t * (3 - 2 * t)) : next) });
+  }
+
+  /** Shows `view(t)` while t goes from 0 to 1 within so many milliseconds. */
+  follow(travel) {
+    this.travel = { ...travel, start: performance.now() };
     this.turned();
   }
 
   goOn(now) {
-    const { from, to, start } = this.travel;
-    const t = Math.min(1, Math.max(0, (now - start) / TRAVEL));
-    this.viewpoint = t < 1 ? between(from, to, t * t * (3 - 2 * t)) : to;
+    const { view, time, start } = this.travel;
+    const t = Math.min(1, Math.max(0, (now - start) / time));
+    this.viewpoint = view(t);
     if (t === 1) this.travel = null;
     this.turned();
     if (t === 1 && this.shots.current >= 0 && !this.shots.photo.hidden) this.shots.cut();
@@ -210,27 +230,10 @@ class Page {
   }
 
   setTool(name) {
-    this.tools ??= { box: new SelectionTool(this, "box"), brush: new SelectionTool(this, "brush"), like: this.alike };
+    this.tools ??= { box: new SelectionTool(this, "box"), brush: new SelectionTool(this, "brush"), like: this.alike, measure: this.measure.length, ground: this.measure.ground };
+    this.tool?.cancel();
     this.toolName = name;
     this.canvas.classList.toggle("tool", Boolean(name));
-  }
-
-  keepInAddress() {
-    const read = () => {
-      const text = new URLSearchParams(location.hash.slice(1)).get("view");
-      return text && text !== this.address && this.viewpoint.fromText(text);
-    };
-    read();
-    addEventListener("hashchange", () => read() && this.moved());
-  }
-
-  toAddress() {
-    this.address = this.viewpoint.toText();
-    try {
-      history.replaceState(null, "", `#view=${this.address}`);
-    } catch {
-      // Some browsers forbid it for files; the page works without.
-    }
   }
 
   /** Offers bytes as a file. */
@@ -246,13 +249,31 @@ class Page {
   }
 
   async download() {
-    const { blob } = await this.background.call("ply", { dropped: this.selection.deleted() });
+    const { blob } = await this.background.call("ply", { dropped: this.selection.deleted(), up: this.savedUp() });
     this.offer(blob, "scene.ply");
+  }
+
+  /** The up axis that saved files are turned by, if they are. */
+  savedUp() {
+    return element("turn-saved").checked && !element("turn-saved").disabled ? unit(this.notes.state.up) : null;
+  }
+
+  /** Keeps the notes: beside the scene of a server, else in this page, saved again. */
+  async saveNotes() {
+    const text = this.notes.toText() || "{}";
+    if (this.original) return this.offer(this.original.file(JSON.parse(text)), "view.html");
+    const answer = await fetch("notes", { method: "POST", headers: { "X-Token": token() }, body: text });
+    const said = await answer.text();
+    say(said, true);
+    if (!answer.ok) throw new Error(said);
+    this.savedNotes = text;
   }
 
   async save(format) {
     say(`Saving as ${format}.`, true);
-    const answer = await fetch(`save?format=${encodeURIComponent(format)}`, { method: "POST", headers: { "X-Token": token() }, body: this.selection.deleted() });
+    if ((this.savedNotes ?? this.address.given) !== this.notes.toText()) await this.saveNotes();
+    const up = this.savedUp();
+    const answer = await fetch(`save?format=${encodeURIComponent(format)}${up ? `&up=${up}` : ""}`, { method: "POST", headers: { "X-Token": token() }, body: this.selection.deleted() });
     say(await answer.text(), true);
   }
 
@@ -267,7 +288,11 @@ class Page {
     this.renderer.setOrder(order);
     [this.sortedRow, this.look.depths] = [row, range];
     if (same && scene.n === this.selection.flags.length) this.selection.means = scene.means;
-    else this.selection = new Selection(scene.means, () => this.edited());
+    else {
+      this.history.forget();
+      this.selection = new Selection(scene.means, this.history, () => this.edited());
+    }
+    this.clean.forget();
     this.counted();
     this.edited();
   }
@@ -325,13 +350,14 @@ async function begin() {
   const probe = document.createElement("canvas").getContext("webgl2");
   if (!probe) return say("This browser has no WebGL2: this is a picture of the scene.", false);
   probe.getExtension("WEBGL_lose_context")?.loseContext();
+  const original = about.source ? null : new Original(about);
   say("Loading the scene.");
   const background = new Background();
   const source = await request(about, about.beginning ? "?part=beginning" : "");
   const scene = await background.call("load", source, source.bytes ? [source.bytes] : []);
   element("scene")?.remove();
   say("");
-  const page = new Page(about, background, scene);
+  const page = new Page(about, background, scene, original);
   globalThis.splatweaver = page;
   page.counted();
   page.turned();

@@ -1,5 +1,6 @@
-// What is drawn over the picture: camera frusta, and the outline of a selection.
+// What is drawn over the picture: camera frusta, the outline of a selection, lengths and points.
 
+import { Marks } from "./points.js";
 import { add, dot, subtract, times } from "./vectors.js";
 
 /** Depth of a frustum as a part of the distance to the target. */
@@ -13,6 +14,7 @@ export class Overlay {
     this.context = canvas.getContext("2d");
     this.frusta = false;
     this.outline = null;
+    this.marks = new Marks(this.context);
   }
 
   draw() {
@@ -25,6 +27,20 @@ export class Overlay {
     context.clearRect(0, 0, width, height);
     if (this.frusta) this.drawFrusta(page.camera(1));
     if (this.outline) this.drawOutline();
+    this.drawMarks(width, height);
+  }
+
+  /** Lengths, and the points that a tool took. */
+  drawMarks(width, height) {
+    const { marks, page } = this;
+    const { measure, tool } = page;
+    if (!measure || (page.notes.state.lengths.length === 0 && !tool?.clicks)) return;
+    marks.camera = page.camera(1);
+    marks.near = 1e-3 * page.viewpoint.distance;
+    measure.draw(marks);
+    if (!tool?.clicks) return;
+    for (const point of tool.points ?? []) marks.dot(point);
+    marks.cross(width / 2, height / 2);
   }
 
   drawFrusta(camera) {

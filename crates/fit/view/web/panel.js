@@ -1,9 +1,8 @@
 // The panel: what its controls do, and the keys that do the same.
 
-import { unit } from "./vectors.js";
+import { element, say } from "./status.js";
 import { freeLens } from "./viewpoint.js";
 
-const element = (id) => document.getElementById(id);
 const degrees = (focal) => Math.round((360 / Math.PI) * Math.atan(0.5 / focal));
 const hex = (color) => `#${color.map((x) => Math.round(255 * x).toString(16).padStart(2, "0")).join("")}`;
 
@@ -29,12 +28,17 @@ export class Panel {
 
   upAxis() {
     const { page } = this;
-    const choices = [["as it is", page.about.up], ["−y", [0, -1, 0]], ["+y", [0, 1, 0]], ["+z", [0, 0, 1]], ["−z", [0, 0, -1]], ["+x", [1, 0, 0]], ["−x", [-1, 0, 0]]];
+    const choices = [["as it is", null], ["−y", [0, -1, 0]], ["+y", [0, 1, 0]], ["+z", [0, 0, 1]], ["−z", [0, 0, -1]], ["+x", [1, 0, 0]], ["−x", [-1, 0, 0]]];
     const up = element("up");
-    up.replaceChildren(...choices.map(([name], i) => new Option(name, i)));
+    const points = Object.assign(new Option("by points", choices.length), { hidden: true });
+    up.replaceChildren(...choices.map(([name], i) => new Option(name, i)), points);
+    this.showUp = () => {
+      const at = choices.findIndex(([, axis]) => String(axis) === String(page.notes.state.up));
+      up.value = at < 0 ? choices.length : at;
+      element("turn-saved").disabled = !page.notes.state.up;
+    };
     up.addEventListener("change", () => {
-      page.viewpoint.up = unit(choices[Number(up.value)][1]);
-      page.level();
+      page.setUp(Number(up.value) === 0 ? null : choices[Number(up.value)][1]);
     });
     element("fov").addEventListener("input", ({ target }) => {
       const { viewpoint } = page;
@@ -87,7 +91,11 @@ export class Panel {
     const act = (id, of) => element(id).addEventListener("click", of);
     act("box", () => this.tool("box"));
     act("brush", () => this.tool("brush"));
-    for (const name of ["invert", "hide", "undo", "redo"]) act(name, () => page.selection[name]());
+    for (const name of ["invert", "hide"]) act(name, () => page.selection[name]());
+    for (const name of ["undo", "redo"]) act(name, () => page.history[name]());
+    act("save-notes", () => page.saveNotes());
+    element("save-notes").hidden = !page.original && !page.about.formats?.length;
+    element("save-notes").textContent = page.original ? "Save page" : "Save notes";
     act("unhide", () => page.selection.show());
     act("delete", () => page.selection.remove());
     act("ply", () => page.download());
@@ -107,24 +115,38 @@ export class Panel {
     const { page } = this;
     const on = page.toolName === name ? null : name;
     page.setTool(on);
-    for (const id of ["box", "brush", "like"]) element(id).setAttribute("aria-pressed", String(id === on));
+    if (on === "measure" || on === "ground") {
+      element("measuring").open = true;
+      say(on === "measure" ? "Click both ends. Enter takes the point under the cross." : "Click three points of the ground. Enter takes the point under the cross.", true);
+    }
+    page.overlay.draw();
+    for (const id of ["box", "brush", "like", "measure", "ground"]) element(id).setAttribute("aria-pressed", String(id === on));
+  }
+
+  /** Opens a part of the panel and goes to its first control. */
+  open(part, first) {
+    if (document.body.classList.contains("folded")) this.fold();
+    element(part).open = true;
+    element(first).focus();
   }
 
   /** Says what is selected, and which buttons have something to do. */
   selected() {
-    const { selection } = this.page;
+    const { selection, history } = this.page;
     const [selected, hidden, deleted] = [1, 2, 4].map((bit) => selection.count(bit));
     const parts = [selected > 0 && `${selected.toLocaleString("en")} selected`, hidden > 0 && `${hidden.toLocaleString("en")} hidden`, deleted > 0 && `${deleted.toLocaleString("en")} deleted`];
     element("selected").textContent = parts.filter(Boolean).join(", ") || "Nothing is selected.";
     element("hide").disabled = element("delete").disabled = selected === 0;
     element("unhide").disabled = hidden === 0;
-    element("undo").disabled = selection.past.length === 0;
-    element("redo").disabled = selection.future.length === 0;
+    element("undo").disabled = history.past.length === 0;
+    element("redo").disabled = history.future.length === 0;
   }
 
   /** Brings what depends on the view up to date. */
   refresh() {
-    const { viewpoint, look } = this.page;
+    const { viewpoint, look, travel } = this.page;
+    this.showUp();
+    element("play-path").setAttribute("aria-pressed", String(Boolean(travel?.path)));
     const value = degrees(viewpoint.lens.fx / viewpoint.lens.width);
     element("fov").value = value;
     element("fov-value").textContent = `${value}°`;
@@ -144,17 +166,20 @@ export class Panel {
       f: () => element("frusta").click(), t: () => page.about.moves && element("play").click(), b: () => this.tool("box"), r: () => this.tool("brush"), i: () => page.selection.invert(),
       x: () => page.selection.hide(), u: () => page.selection.show(), 1: () => this.mode("color"), 2: () => this.mode("depth"),
       3: () => this.mode("count"), 4: () => this.mode("coverage"), 5: () => this.mode("centers"), 6: () => page.renderer.alike && this.mode("alike"), k: () => page.alike && this.tool("like"), "?": () => element("help").showModal(),
-      delete: () => page.selection.remove(), backspace: () => page.selection.remove(),
-      escape: () => (page.toolName ? this.tool(page.toolName) : page.selection.clear()),
+      g: () => this.tool("measure"), y: () => this.tool("ground"), o: () => page.tour.keep(), "[": () => page.tour.step(-1), "]": () => page.tour.step(1), ".": () => page.tour.present(!page.tour.presenting),
+      j: () => page.keyframes.add(), 0: () => page.keyframes.play(), c: () => this.open("cleaning", "faint"), z: () => !element("errors").disabled && element("errors").click(),
+      delete: () => (page.clean.count > 0 ? page.clean.remove() : page.selection.remove()), backspace: () => actions.delete(),
+      arrowright: () => page.tour.presenting && page.tour.step(1), arrowleft: () => page.tour.presenting && page.tour.step(-1),
+      escape: () => (page.tour.presenting ? page.tour.present(false) : page.toolName ? this.tool(page.toolName) : page.selection.clear()),
     };
     addEventListener("keydown", (event) => {
-      if (element("help").open || event.target.matches("select, input[type=color], input[type=text]")) return;
+      if (element("help").open || event.target.matches("select, textarea, input[type=color], input[type=text]")) return;
       const key = event.key.toLowerCase();
       if (event.ctrlKey || event.metaKey) {
         const name = key === "y" || (key === "z" && event.shiftKey) ? "redo" : key === "z" ? "undo" : null;
         if (name) {
           event.preventDefault();
-          page.selection[name]();
+          page.history[name]();
         }
       } else if (actions[key] && !event.altKey) {
         actions[key]();

@@ -122,10 +122,10 @@ export class Renderer {
     this.drawn = order.length;
   }
 
-  /** Takes a byte per Gaussian: 1 selected, 2 hidden, 4 deleted; how alike they are goes along. */
-  setFlags(flags) {
+  /** Takes a byte per Gaussian: 1 selected, 2 hidden, 4 deleted; those of `preview` are hidden too, and how alike they are goes along. */
+  setFlags(flags, preview) {
     const { alike } = this;
-    const words = Uint16Array.from(flags, alike ? (flag, i) => flag | (alike[i] << 8) : undefined);
+    const words = Uint16Array.from(flags, alike || preview ? (flag, i) => flag | (preview?.[i] ? 2 : 0) | ((alike?.[i] ?? 0) << 8) : undefined);
     this.fill(this.flags, "RED_INTEGER", "UNSIGNED_SHORT", words, 1);
   }
 

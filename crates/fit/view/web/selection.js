@@ -1,20 +1,17 @@
-// Selecting, hiding and deleting Gaussians, with undo.
+// Selecting, hiding and deleting Gaussians.
 
 /** Bits of a Gaussian's flags. */
 const [SELECTED, HIDDEN, DELETED] = [1, 2, 4];
-/** Changes that can be undone. */
-const MOST_CHANGES = 50;
 /** Radius of the brush, pixels of the page. */
 const BRUSH = 24;
 
 export class Selection {
-  /** `changed` is called after every change. */
-  constructor(means, changed) {
+  /** `changed` is called after every change, also when one is undone. */
+  constructor(means, history, changed) {
     this.means = means;
     this.flags = new Uint8Array(means.length / 3);
+    this.history = history;
     this.changed = changed;
-    this.past = [];
-    this.future = [];
   }
 
   count(bit) {
@@ -28,26 +25,11 @@ export class Selection {
     const before = this.flags;
     const after = before.map(of);
     if (after.every((flag, i) => flag === before[i])) return;
-    this.past.push(before);
-    if (this.past.length > MOST_CHANGES) this.past.shift();
-    this.future = [];
-    this.flags = after;
-    this.changed();
-  }
-
-  undo() {
-    this.swap(this.past, this.future);
-  }
-
-  redo() {
-    this.swap(this.future, this.past);
-  }
-
-  swap(from, to) {
-    if (from.length === 0) return;
-    to.push(this.flags);
-    this.flags = from.pop();
-    this.changed();
+    const set = (flags) => {
+      this.flags = flags;
+      this.changed();
+    };
+    this.history.change(set, before, after);
   }
 
   clear() {

@@ -94,6 +94,7 @@ export class Shots {
   show(visible) {
     this.photo.hidden = this.wipe.hidden = !visible;
     document.getElementById("sides").hidden = !visible;
+    this.page.difference?.show();
     if (visible) this.cut();
   }
 
@@ -102,11 +103,12 @@ export class Shots {
     const { clientWidth, clientHeight } = this.page.canvas;
     const { left, top, width, height } = this.page.viewpoint.frame(clientWidth, clientHeight);
     const share = Number(this.wipe.value);
-    for (const element of [this.photo, this.wipe, document.getElementById("sides")]) {
+    const error = document.getElementById("error");
+    for (const element of [this.photo, error, this.wipe, document.getElementById("sides")]) {
       Object.assign(element.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
     }
     for (const element of [this.wipe, document.getElementById("sides")]) element.style.setProperty("--at", `${share}%`);
-    this.photo.style.clipPath = `inset(0 ${100 - share}% 0 0)`;
+    this.photo.style.clipPath = error.style.clipPath = `inset(0 ${100 - share}% 0 0)`;
   }
 
   /** The up axis that cameras agree about: the mean of their image's upward directions. */

@@ -13,3 +13,11 @@ export function say(text, quiet = false) {
 
 /** The word that writing takes, from the address that was printed. */
 export const token = () => new URLSearchParams(location.search).get("token") ?? "";
+
+/** A small button with a text and a name that is read out. */
+export function control(text, name, act) {
+  const button = Object.assign(document.createElement("button"), { type: "button", textContent: text, title: name });
+  button.setAttribute("aria-label", name);
+  button.addEventListener("click", act);
+  return button;
+}

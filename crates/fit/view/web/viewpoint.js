@@ -94,23 +94,31 @@ export class Viewpoint {
 
   /** A text that keeps the view, for the address. */
   toText() {
-    const numbers = [...this.eye, ...this.target, ...times(this.down, -1), this.lens.fx / this.lens.width];
-    return numbers.map((x) => Number(x.toPrecision(6))).join(",");
+    return this.textOf(this.eye, times(this.forward, this.distance), times(this.down, -1), this.lens.fx / this.lens.width);
   }
 
-  /** Takes the view of such a text; false where it is none. */
-  fromText(text) {
+  /** The text of a view from an eye along a vector to the target, with a focal length in widths of the image. */
+  textOf(eye, ahead, up, focal) {
+    return [...eye, ...add(eye, ahead), ...up, focal].map((x) => Number(x.toPrecision(6))).join(",");
+  }
+
+  /** The viewpoint of such a text; null where it is none. */
+  ofText(text) {
     const numbers = text.split(",").map(Number);
-    if (numbers.length !== 10 || !numbers.every(Number.isFinite) || !(numbers[9] > 0)) return false;
+    if (numbers.length !== 10 || !numbers.every(Number.isFinite) || !(numbers[9] > 0)) return null;
     const [eye, target, up] = [0, 3, 6].map((from) => numbers.slice(from, from + 3));
     const made = this.copy();
     made.lens = freeLens(numbers[9], this.lens);
     made.place(eye, target, times(up, -1));
     // Numbers too large to be squared, and a view in no direction, would leave nothing that one could turn.
     const { right, down, forward, distance } = made;
-    if (![distance, ...right, ...down].every(Number.isFinite) || !(length(right) > 0.5 && length(forward) > 0.5)) return false;
-    Object.assign(this, made);
-    return true;
+    if (![distance, ...right, ...down].every(Number.isFinite) || !(length(right) > 0.5 && length(forward) > 0.5)) return null;
+    return made;
+  }
+
+  /** Becomes the camera of a path. */
+  along({ eye, right, down, forward, distance, focal }) {
+    return Object.assign(this, { eye, right, down, forward, distance, lens: freeLens(focal, this.lens) });
   }
 }
 

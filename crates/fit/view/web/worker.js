@@ -1,7 +1,9 @@
 // The worker: it unpacks the scene, sorts, and writes files, so that the page never waits.
 
+import { floaters } from "./floaters.js";
 import { pack, parse, toPly } from "./scene.js";
 import { Sorter } from "./sort.js";
+import { upright } from "./upright.js";
 
 let table;
 let sorter;
@@ -35,7 +37,11 @@ const ACTIONS = {
     const { order, range } = sorter.order(request);
     return [{ order, range, milliseconds: performance.now() - start }, [order.buffer]];
   },
-  ply: ({ dropped }) => [{ blob: toPly(table, dropped) }, []],
+  floaters() {
+    const scores = floaters(table, sorter.means);
+    return [scores, [scores.opacity.buffer, scores.size.buffer, scores.room.buffer]];
+  },
+  ply: ({ dropped, up }) => [{ blob: toPly(up ? upright(table, up) : table, dropped) }, []],
 };
 
 onmessage = async ({ data: { id, action, request } }) => {

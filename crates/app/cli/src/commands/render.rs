@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use weaver_clip::{Film, Gif, PictureSink, VIDEOS, Video, WebP};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{
-    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Output, Progress, Projection, Threads, choice, device,
-    memory, projection, rate,
+    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, FilmPath, Output, Progress, Projection, Threads,
+    device, film_path, memory, projection, rate,
 };
 use weaver_io::{Image, OutputFolder, SceneFile, read_scene};
-use weaver_scene::{CameraPath, Frame, Gaussians, middle};
+use weaver_scene::{Frame, Gaussians, middle};
 use weaver_splat::Renderer;
 
 /// Draws a file of Gaussians from given cameras or along an orbit.
@@ -18,12 +18,13 @@ use weaver_splat::Renderer;
 /// the PATH; or a GIF; or a WebP; or all of them.
 #[derive(Args, Debug)]
 #[command(group(ArgGroup::new("film").multiple(true).args(["video", "gif", "webp"])))]
-#[command(group(ArgGroup::new("viewpoints").required(true).args(["cameras", "orbit"])))]
+#[command(group(ArgGroup::new("viewpoints").required(true).multiple(true).args(["cameras", "orbit", "path"])))]
 #[command(after_help = "Examples:
   splatweaver render scene.ply --cameras transforms.json -o renders
   splatweaver render scene.ply --cameras capture/sparse/0 --width 640 -o renders
   splatweaver render scene.ply --cameras clip.txt --width 640 --height 360 -o renders
   splatweaver render scene.ply --cameras transforms.json --path ellipse --width 480 --gif around.gif
+  splatweaver render scene.ply --path path.json --video film.mp4
   splatweaver render scene.ply --orbit 90 --background 0,0,0 -o turn
   splatweaver render scene.ply --cameras transforms.json --projection equirectangular -o spheres
   splatweaver render scene.ply --orbit 120 --width 1280 --height 720 --video turn.mp4")]
@@ -35,14 +36,15 @@ pub struct Render {
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     /// Cameras on a circle around the scene instead, this many
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", conflicts_with_all = ["cameras", "path"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub orbit: Option<u32>,
-    /// A path along these cameras in place of the cameras themselves
-    #[arg(long, value_parser = choice(&PATHS), conflicts_with = "orbit")]
-    pub path: Option<CameraPath>,
-    /// Cameras of the path
-    #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(2..=100_000), requires = "path")]
-    pub pictures: u32,
+    /// A path along these cameras in place of the cameras themselves: around their target, through them, or from behind
+    /// the middle one and back; or through the keyframes in a file, as the page of `view` exports them
+    #[arg(long, value_name = "ellipse|spline|dolly|FILE.json", value_parser = film_path)]
+    pub path: Option<FilmPath>,
+    /// Cameras of the path [default: 120; through keyframes as many as their seconds take]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000), requires = "path")]
+    pub pictures: Option<u32>,
     /// Lens of the pictures: pinhole, equirectangular (the whole sphere), or fisheye:DEGREES, a full angle
     #[arg(long, value_name = "equirectangular|pinhole|fisheye:DEGREES", default_value = "pinhole", value_parser = projection)]
     pub projection: Projection,
@@ -78,18 +80,13 @@ pub struct Render {
     pub drawing: DrawingFlags,
 }
 
-/// Paths along cameras.
-const PATHS: [(&str, CameraPath, &str); 3] = [
-    ("ellipse", CameraPath::Ellipse, "Around what the cameras look at, as far away and as high as they are"),
-    ("spline", CameraPath::Spline, "Through the cameras in their order, smoothed"),
-    ("dolly", CameraPath::Dolly, "From behind the middle camera toward what it looks at, and back"),
-];
-
 /// Width of an orbit's pictures.
 const WIDTH: usize = 640;
 
 pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
-    let read: Vec<&Path> = std::iter::once(&arguments.scene).chain(&arguments.cameras).map(PathBuf::as_path).collect();
+    let keys = arguments.path.iter().filter_map(FilmPath::file);
+    let read: Vec<&Path> =
+        std::iter::once(&arguments.scene).chain(&arguments.cameras).chain(keys).map(PathBuf::as_path).collect();
     let out = arguments.out.as_ref().map(|folder| OutputFolder::claim(folder, "render", &read)).transpose()?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let plane = arguments.projection == Projection::Pinhole;
@@ -98,15 +95,15 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("--projection: {expected}, found --device {device}")));
     }
     let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
-    let mut cameras = match (&arguments.cameras, arguments.orbit) {
-        (Some(file), _) => {
-            let cameras = if plane { camera_files::read(file, size)? } else { camera_files::read_poses(file)? };
-            match arguments.path {
-                Some(path) => path.along(&cameras, arguments.pictures as usize, middle(&gaussians).unwrap_or_default()),
-                None => cameras,
-            }
+    let load = |file: &PathBuf| if plane { camera_files::read(file, size) } else { camera_files::read_poses(file) };
+    let given = arguments.cameras.as_ref().map(load).transpose()?;
+    let mut cameras = match (&arguments.path, given) {
+        (Some(path), given) => {
+            let middle = middle(&gaussians).unwrap_or_default();
+            path.cameras(given.as_deref(), (arguments.pictures, arguments.fps), size, middle)?
         }
-        (None, count) => orbit(&gaussians, count.unwrap_or(1) as usize, size).ok_or_else(|| {
+        (None, Some(given)) => given,
+        (None, None) => orbit(&gaussians, arguments.orbit.unwrap_or(1) as usize, size).ok_or_else(|| {
             Failure::message(format!("{}: expected Gaussians to turn around, found none", arguments.scene.display()))
         })?,
     };

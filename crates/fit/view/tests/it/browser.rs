@@ -140,6 +140,46 @@ impl Browser {
         self.post("actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": actions }] }));
     }
 
+    /// Presses a key while Control is held.
+    pub fn control(&self, key: &str) {
+        let act = |kind: &str, key: &str| json!({ "type": kind, "value": key });
+        let actions = [act("keyDown", "\u{e009}"), act("keyDown", key), act("keyUp", key), act("keyUp", "\u{e009}")];
+        self.post("actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": actions }] }));
+    }
+
+    /// Writes a text into a field in place of its own, and leaves it by Enter.
+    pub fn fill(&self, field: &str, text: &str) {
+        self.value(&format!("(({field}).focus(), ({field}).select())"));
+        let letters: Vec<String> = text.chars().map(String::from).collect();
+        let keys: Vec<&str> = letters.iter().map(String::as_str).chain(["\u{e007}"]).collect();
+        self.press(&keys);
+    }
+
+    /// Clicks the middle of an element, which is brought into view.
+    pub fn click_on(&self, element: &str) {
+        let middle = format!(
+            "(() => {{ const e = {element}; e.scrollIntoView({{ block: 'center' }}); const b = e.getBoundingClientRect(); \
+             return [Math.round(b.left + b.width / 2), Math.round(b.top + b.height / 2)]; }})()"
+        );
+        let place = self.value(&middle);
+        let at = |i: usize| place[i].as_i64().unwrap_or_else(|| panic!("{element} has a place")) as i32;
+        self.click([at(0), at(1)], 1);
+    }
+
+    /// The file of this name that the page offers when `act` is done.
+    pub fn downloaded(&self, name: &str, act: impl FnOnce()) -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let place = json!({ "behavior": "allow", "downloadPath": folder.path() });
+        self.browser("Browser.setDownloadBehavior", place);
+        act();
+        let (start, path) = (Instant::now(), folder.path().join(name));
+        while !path.exists() {
+            assert!(start.elapsed() < Duration::from_secs(60), "no file {name} came");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        std::fs::read(path).unwrap()
+    }
+
     /// Drags from one place to another.
     pub fn drag(&self, from: [i32; 2], to: [i32; 2]) {
         let go =

@@ -17,13 +17,13 @@ impl Written {
     }
 
     pub fn page(gaussians: &Gaussians, look: Look, shots: &[Shot], lossless: bool) -> Self {
-        let subject = Subject { title: "scene", gaussians, look };
+        let subject = Subject { title: "scene", gaussians, look, notes: None };
         Self::text(&html(&subject, shots, HtmlOptions { lossless }).unwrap())
     }
 
     /// Writes a page of a scene that moves, which begins with the first of its moments.
     pub fn film(moments: &[Gaussians]) -> Self {
-        let subject = Subject { title: "film", gaussians: &moments[0], look: Look::default() };
+        let subject = Subject { title: "film", gaussians: &moments[0], look: Look::default(), notes: None };
         Self::text(&film_html(&subject, moments, &[], HtmlOptions::default()).unwrap())
     }
 

@@ -1,8 +1,8 @@
 //! Scenes that tests look at.
 
 use std::path::PathBuf;
-use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Intrinsics, trajectory};
+use weaver_geometry::glam::{DMat3, DVec3};
+use weaver_geometry::{Camera, Intrinsics, Similarity, trajectory};
 use weaver_scene::Gaussians;
 
 /// Numbers from 0 to 1, the same in every run.
@@ -37,6 +37,23 @@ pub fn cloud(n: usize, degree: usize, seed: u64) -> Gaussians {
         gaussians.sh.extend((3..3 * (degree + 1) * (degree + 1)).map(|_| chance.between(-0.2, 0.2)));
     }
     gaussians
+}
+
+/// A floor of Gaussians through the origin, tilted by an angle about z.
+pub fn floor(tilt: f64) -> Gaussians {
+    let mut gaussians = Gaussians { degree: 1, ..Gaussians::default() };
+    let mut chance = Chance::new(3);
+    for i in 0..61 {
+        for j in 0..61 {
+            gaussians.means.push([0.05 * i as f32 - 1.5, 0.0, 0.05 * j as f32 - 1.5]);
+            gaussians.log_scales.push([-3.2, -7.0, -3.2]);
+            gaussians.quats.push([1.0, 0.0, 0.0, 0.0]);
+            gaussians.opacity_logits.push(6.0);
+            gaussians.sh.extend((0..12).map(|_| chance.between(-0.3, 0.3)));
+        }
+    }
+    let rotation = DMat3::from_rotation_z(tilt);
+    gaussians.transformed(&Similarity { scale: 1.0, rotation, translation: DVec3::ZERO })
 }
 
 /// A camera that looks at the origin.
