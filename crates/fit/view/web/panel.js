@@ -77,6 +77,7 @@ export class Panel {
       page.overlay.frusta = target.checked;
       page.overlay.draw();
     });
+    element("error-switch").hidden = !page.shots.all.some((shot) => shot.photo);
     element("frusta").parentElement.hidden = page.shots.all.length === 0;
   }
 

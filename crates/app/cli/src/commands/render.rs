@@ -38,8 +38,8 @@ pub struct Render {
     /// Cameras on a circle around the scene instead, this many
     #[arg(long, value_name = "N", conflicts_with_all = ["cameras", "path"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub orbit: Option<u32>,
-    /// A path along these cameras in place of the cameras themselves: around their target, through them, or from behind
-    /// the middle one and back; or through the keyframes in a file, as the page of `view` exports them
+    /// A path along these cameras: around their target, through them, or from behind the middle one and back; or the
+    /// path through the keyframes of a file, as the page of `view` exports it
     #[arg(long, value_name = "ellipse|spline|dolly|FILE.json", value_parser = film_path)]
     pub path: Option<FilmPath>,
     /// Cameras of the path [default: 120; through keyframes as many as their seconds take]

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use weaver_scene::Gaussians;
 use weaver_view::Look;
-use weaver_view_run::{Access, Features, Listener, LiveRun, LiveView, Moving, ScenePage, Server};
+use weaver_view_run::{Access, Features, Listener, LiveRun, LiveView, Moving, SceneFiles, ScenePage, Server};
 
 pub fn gaussians(n: usize) -> Gaussians {
     let at = |i: usize| [(i % 7) as f32 * 0.2 - 0.6, (i % 5) as f32 * 0.2 - 0.4, 2.0 + (i % 3) as f32 * 0.1];
@@ -231,6 +231,65 @@ fn saving_takes_the_token_and_replaces_nothing() {
         assert!(saved == scene_page.gaussians.select(&kept));
     });
     assert!(std::fs::read(&file).unwrap() == before);
+}
+
+/// Promise (scenes): notes take the token, are checked, and are read back with the scene; an edited scene has them
+/// beside it, and a turned one only its unit.
+#[test]
+fn notes_are_saved_beside_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.ply");
+    let page = scene_page(Some(file.clone()));
+    weaver_io::write_gaussians(&file, &page.gaussians).unwrap();
+    let notes = r#"{"meters": 0.5, "up": [0, 0, 1], "lengths": [[[0, 0, 2], [1, 0, 2]]]}"#;
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    let server = Server::new(&page, None, here()).unwrap();
+    server.during(|| {
+        let token = token(&server);
+        assert_eq!(post(&server, "/notes", "wrong", notes.as_bytes()).0, 403);
+        for (wrong, said) in
+            [("{", "notes: expected JSON"), (r#"{"meters": 0}"#, "meters: expected a positive number, found 0")]
+        {
+            let (status, text) = post(&server, "/notes", &token, wrong.as_bytes());
+            assert!(status == 400 && text.starts_with(said), "{text}");
+        }
+        assert_eq!(post(&server, "/notes", &token, &vec![b' '; (1 << 20) + 1]).0, 413);
+        assert!(!folder.path().join("scene.view.json").exists());
+        let (status, text) = post(&server, "/notes", &token, notes.as_bytes());
+        assert!(status == 200 && text.contains("scene.view.json"), "{text}");
+        assert_eq!(post(&server, "/save?format=ply", &token, &[0; 35]).0, 200);
+        assert_eq!(post(&server, "/save?format=ply&up=0,0", &token, &[0; 35]).0, 400);
+        assert_eq!(post(&server, "/save?format=ply&up=0,0,0", &token, &[0; 35]).0, 400);
+        assert_eq!(post(&server, "/save?format=ply&up=0,0,2", &token, &[0; 35]).0, 200);
+    });
+    assert_eq!(read("scene-edited.view.json"), read("scene.view.json"));
+    assert_eq!(read("scene-edited-2.view.json"), "{\n  \"meters\": 0.5\n}\n");
+    let turned = weaver_io::read_gaussians(folder.path().join("scene-edited-2.ply")).unwrap();
+    let [x, y, z] = page.gaussians.means[3];
+    let [a, b, c] = turned.means[3];
+    assert!(
+        (a - x).abs() < 1e-6 && (b + z).abs() < 1e-6 && (c - y).abs() < 1e-6,
+        "{:?} to {:?}",
+        page.gaussians.means[3],
+        turned.means[3]
+    );
+    let again = SceneFiles::of(&file).page().unwrap();
+    assert_eq!((again.look.meters, again.notes.meters()), (Some(0.5), Some(0.5)));
+    assert!(again.html(Default::default()).unwrap().contains(r#""lengths":[[[0,0,2],[1,0,2]]]"#));
+    std::fs::write(folder.path().join("scene.view.json"), r#"{"up": 3}"#).unwrap();
+    let message = format!("{:?}", SceneFiles::of(&file).page().unwrap_err());
+    assert!(message.contains("scene.view.json: up: expected three numbers"), "{message}");
+}
+
+/// Promise of `notes_are_saved_beside_the_scene`.
+#[test]
+fn a_scene_without_a_file_has_no_notes_to_save() {
+    let page = scene_page(None);
+    let server = Server::new(&page, None, here()).unwrap();
+    server.during(|| {
+        assert_eq!(post(&server, "/notes", &token(&server), b"{}").0, 413);
+        assert_eq!(post(&server, "/notes", &token(&server), b"").0, 400);
+    });
 }
 
 #[test]

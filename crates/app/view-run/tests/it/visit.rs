@@ -9,7 +9,7 @@ use weaver_io::Image;
 use weaver_io::safetensors::Tensors;
 use weaver_run::Folder;
 use weaver_scene::Gaussians;
-use weaver_view_run::{Features, LiveRun, LiveView, Moving, ScenePage, Server};
+use weaver_view_run::{Features, LiveRun, LiveView, Moving, SceneFiles, ScenePage, Server};
 
 /// Promise of `deletions_are_not_saved_and_come_back`.
 #[test]
@@ -28,6 +28,41 @@ fn what_is_deleted_and_saved_is_read_back() {
     let kept: Vec<usize> = (5..35).collect();
     let saved = weaver_io::read_gaussians(folder.path().join("scene-edited.ply")).unwrap();
     assert!(saved == scene_page.gaussians.select(&kept));
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
+/// Promise of `notes_are_saved_beside_the_scene`.
+#[test]
+fn a_measured_scale_is_saved_and_read_back() {
+    let Some(browser) = Browser::start("a_measured_scale_is_saved") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.ply");
+    let page = scene_page(Some(file.clone()));
+    weaver_io::write_gaussians(&file, &page.gaussians).unwrap();
+    let server = Server::new(&page, None, here()).unwrap();
+    let meters = server.during(|| {
+        browser.open_page(&server.address());
+        browser.press(&["g"]);
+        browser.click([440, 350], 1);
+        browser.click([560, 330], 1);
+        browser.fill("document.getElementById('known')", "3");
+        browser.wait("splatweaver.notes.state.meters > 0");
+        browser.value("splatweaver.canvas.focus()");
+        browser.press(&["o"]);
+        browser.click_on("document.getElementById('save-notes')");
+        browser.wait("document.getElementById('status').textContent.startsWith('Saved the notes in ')");
+        browser.number("splatweaver.notes.state.meters")
+    });
+    let again = SceneFiles::of(&file).page().unwrap();
+    assert_eq!(again.look.meters, Some(meters));
+    let server = Server::new(&again, None, here()).unwrap();
+    server.during(|| {
+        browser.open("about:blank");
+        browser.open_page(&server.address());
+        assert_eq!(browser.text("document.querySelector('#lengths button').textContent"), "3 m");
+        assert_eq!(browser.text("document.querySelector('#places button').textContent"), "View 1");
+        assert!(browser.is("!document.getElementById('scale').hidden && !location.hash.includes('notes')"));
+    });
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 

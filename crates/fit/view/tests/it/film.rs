@@ -85,7 +85,10 @@ fn keys_are_moved_removed_played_and_read_back() {
     let json = browser.text("JSON.stringify(splatweaver.keyframes.file())");
     browser.value("splatweaver.canvas.focus()");
     browser.press(&["0"]);
-    browser.wait("!splatweaver.travel && splatweaver.viewpoint.toText() === splatweaver.notes.state.keys[2].view");
+    let last = "splatweaver.viewpoint.ofText(splatweaver.notes.state.keys[2].view).eye";
+    browser.wait(&format!(
+        "!splatweaver.travel && {last}.every((x, i) => Math.abs(x - splatweaver.viewpoint.eye[i]) < 1e-4)"
+    ));
     browser.click_on("document.querySelectorAll('#path-keys li')[0].lastElementChild");
     assert_eq!(browser.number("splatweaver.notes.state.keys.length"), 2.0);
     let take = |text: &str| {

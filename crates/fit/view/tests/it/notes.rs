@@ -58,7 +58,8 @@ fn two_clicks_measure_a_length_and_set_the_scale() {
     let row = "document.querySelector('#lengths button').textContent";
     let (number, unit) =
         browser.text(row).split_once(' ').map(|(n, u)| (n.parse::<f64>().unwrap(), u.to_string())).unwrap();
-    assert!((number - expected).abs() < 0.01 * expected && unit == "units", "{number} {unit}, expected {expected}");
+    // A pixel's depth is a mean of those of centers: off by less than a standard deviation.
+    assert!((number - expected).abs() < 0.04 && unit == "units", "{number} {unit}, expected {expected}");
     // Where nothing is, there is no point.
     browser.click([300, 20], 1);
     assert!(browser.text(STATUS).contains("Nothing is there"));
@@ -131,6 +132,7 @@ fn three_clicks_level_the_ground() {
     };
     let scene = floor(tilt);
     assert!(file(&browser) == scene, "without the tick the file is as it was");
+    browser.click_on("document.querySelector('#measuring summary')");
     browser.click_on("document.getElementById('turn-saved')");
     let rotation = DMat3::from_quat(DQuat::from_rotation_arc(up(&browser), DVec3::NEG_Y));
     let expected = scene.transformed(&Similarity { scale: 1.0, rotation, translation: DVec3::ZERO });
@@ -191,7 +193,10 @@ fn viewpoints_are_kept_presented_and_sent() {
     browser.fill("document.getElementById('place-title')", title);
     assert_eq!(browser.text("document.querySelectorAll('#places button')[1].textContent"), title);
     browser.value("splatweaver.canvas.focus()");
-    let near = |i: usize| format!("splatweaver.notes.state.views[{i}].view === splatweaver.viewpoint.toText()");
+    let near = |i: usize| {
+        let eye = format!("splatweaver.viewpoint.ofText(splatweaver.notes.state.views[{i}].view).eye");
+        format!("{eye}.every((x, i) => Math.abs(x - splatweaver.viewpoint.eye[i]) < 1e-4)")
+    };
     for (key, at) in [("]", 0), ("]", 1), ("[", 0)] {
         browser.press(&[key]);
         browser.wait(&format!("!splatweaver.travel && {}", near(at)));
