@@ -12,11 +12,13 @@ import { Live } from "./live.js";
 import { Measure } from "./measure.js";
 import { Moment } from "./moment.js";
 import { Notes, checked } from "./notes.js";
+import { Order, rowOf } from "./order.js";
 import { Original } from "./original.js";
 import { Overlay } from "./overlay.js";
 import { Panel } from "./panel.js";
 import { Renderer } from "./renderer.js";
 import { ScaleBar } from "./scale_bar.js";
+import { Second } from "./second.js";
 import { Selection, SelectionTool } from "./selection.js";
 import { Shots, placeOf } from "./shots.js";
 import { element, say, token } from "./status.js";
@@ -29,14 +31,15 @@ const SLOW = 50;
 /** Milliseconds of the way from one camera to another. */
 const TRAVEL = 450;
 
-/** The row of a camera by which depths are computed. */
-const rowOf = (camera) => [...camera.A.slice(6), camera.t[2]];
-
 class Page {
   constructor(about, background, scene, original) {
     Object.assign(this, { about, background, scene, original });
     this.canvas = element("view");
     this.renderer = new Renderer(this.canvas, scene);
+    this.order = new Order(background, this.renderer, (range) => {
+      this.look.depths = range;
+      this.changed();
+    });
     this.look = { mode: "color", degree: scene.degree, exposure: 0, depths: [0, 1], ...about.look };
     this.viewpoint = new Viewpoint(about.home);
     this.ratio = 1;
@@ -53,6 +56,7 @@ class Page {
     this.keyframes = new Keyframes(this);
     this.clean = new Clean(this);
     this.difference = new Difference(this);
+    this.second = new Second(this);
     if (about.features) this.alike = new Alike(this);
     this.notes.set(checked({ meters: about.look.meters, ...about.notes }));
     this.address = new Address(this);
@@ -87,7 +91,8 @@ class Page {
       this.viewpoint.up = unit(after.up ?? this.about.up);
       this.level();
     }
-    for (const part of [this.measure, this.tour, this.keyframes, this.panel]) part.refresh();
+    for (const part of [this.measure, this.tour, this.keyframes]) part.refresh();
+    this.panel.showUp();
     this.panel.selected();
     this.turned();
   }
@@ -128,9 +133,10 @@ class Page {
     const camera = this.camera();
     if (this.canvas.width !== camera.width) this.canvas.width = camera.width;
     if (this.canvas.height !== camera.height) this.canvas.height = camera.height;
-    this.sort(camera);
+    this.order.follow(camera, this.look);
     const start = performance.now();
     this.renderer.draw(camera, this.look);
+    this.second.draw(camera, this.look);
     // Reading a pixel waits for the picture, so that the time is that of drawing.
     const { gl } = this.renderer;
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
@@ -146,18 +152,8 @@ class Page {
     if (this.ratio < full) setTimeout(() => this.changed(), 220);
   }
 
-  /** Sorts anew where the direction changed; one sort at a time, the last one wanted follows. */
-  async sort(camera) {
-    const row = rowOf(camera);
-    if (this.sortedRow?.every((x, i) => x === row[i])) return;
-    if (this.sorting) return;
-    this.sorting = true;
-    this.sortedRow = row;
-    const { order, range } = await this.background.call("order", { row, near: this.look.near, far: this.look.far });
-    this.renderer.setOrder(order);
-    this.look.depths = range;
-    this.sorting = false;
-    this.changed();
+  get sorting() {
+    return this.order.busy;
   }
 
   /** Travels to a shot. */
@@ -258,20 +254,19 @@ class Page {
     return element("turn-saved").checked && !element("turn-saved").disabled ? unit(this.notes.state.up) : null;
   }
 
-  /** Keeps the notes: beside the scene of a server, else in this page, saved again. */
+  /** Keeps the notes: beside the scene of a server, else in this page, saved again. False where they could not be kept. */
   async saveNotes() {
-    const text = this.notes.toText() || "{}";
-    if (this.original) return this.offer(this.original.file(JSON.parse(text)), "view.html");
-    const answer = await fetch("notes", { method: "POST", headers: { "X-Token": token() }, body: text });
-    const said = await answer.text();
-    say(said, true);
-    if (!answer.ok) throw new Error(said);
-    this.savedNotes = text;
+    const text = this.notes.toText();
+    if (this.original) return this.offer(this.original.file(JSON.parse(text || "{}")), "view.html");
+    const answer = await fetch("notes", { method: "POST", headers: { "X-Token": token() }, body: text || "{}" });
+    say(await answer.text(), true);
+    if (answer.ok) this.savedNotes = text;
+    return answer.ok;
   }
 
   async save(format) {
     say(`Saving as ${format}.`, true);
-    if ((this.savedNotes ?? this.address.given) !== this.notes.toText()) await this.saveNotes();
+    if ((this.savedNotes ?? this.address.given) !== this.notes.toText() && !(await this.saveNotes())) return;
     const up = this.savedUp();
     const answer = await fetch(`save?format=${encodeURIComponent(format)}${up ? `&up=${up}` : ""}`, { method: "POST", headers: { "X-Token": token() }, body: this.selection.deleted() });
     say(await answer.text(), true);
@@ -286,7 +281,7 @@ class Page {
     this.scene = scene;
     this.renderer.setScene(scene);
     this.renderer.setOrder(order);
-    [this.sortedRow, this.look.depths] = [row, range];
+    [this.order.row, this.look.depths] = [row, range];
     if (same && scene.n === this.selection.flags.length) this.selection.means = scene.means;
     else {
       this.history.forget();
@@ -313,7 +308,7 @@ class Page {
     this.canvas.height = height;
     this.renderer.draw(camera, { ...this.look, ...look }, kind);
     const pixels = this.renderer.pixels(width, height);
-    this.sortedRow = null;
+    this.order.row = null;
     let text = "";
     for (let i = 0; i < pixels.length; i += 32768) text += String.fromCharCode(...pixels.subarray(i, i + 32768));
     return btoa(text);

@@ -15,7 +15,8 @@ export class Original {
 
   /** The file with these notes. */
   file(notes) {
-    const about = JSON.stringify({ ...this.about, notes }).replaceAll("<", "\\u003c");
+    const look = { ...this.about.look, meters: notes.meters ?? null };
+    const about = JSON.stringify({ ...this.about, look, notes }).replaceAll("<", "\\u003c");
     const [head, first, middle, second, end] = this.parts;
     return new Blob([head, first, about, middle, second, this.scene, end], { type: "text/html" });
   }

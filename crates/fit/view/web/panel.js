@@ -18,7 +18,8 @@ export class Panel {
     element("shot").addEventListener("click", () => page.picture());
     element("menu").addEventListener("click", () => this.fold());
     element("keys").addEventListener("click", () => element("help").showModal());
-    if (matchMedia("(max-width: 700px), (max-height: 480px)").matches) this.fold();
+    this.small = matchMedia("(max-width: 700px), (max-height: 480px)");
+    if (this.small.matches) this.fold();
   }
 
   fold() {
@@ -118,6 +119,7 @@ export class Panel {
     page.setTool(on);
     if (on === "measure" || on === "ground") {
       element("measuring").open = true;
+      if (this.small.matches && !document.body.classList.contains("folded")) this.fold();
       say(on === "measure" ? "Click both ends. Enter takes the point under the cross." : "Click three points of the ground. Enter takes the point under the cross.", true);
     }
     page.overlay.draw();
@@ -146,7 +148,6 @@ export class Panel {
   /** Brings what depends on the view up to date. */
   refresh() {
     const { viewpoint, look, travel } = this.page;
-    this.showUp();
     element("play-path").setAttribute("aria-pressed", String(Boolean(travel?.path)));
     const value = degrees(viewpoint.lens.fx / viewpoint.lens.width);
     element("fov").value = value;
@@ -168,7 +169,7 @@ export class Panel {
       x: () => page.selection.hide(), u: () => page.selection.show(), 1: () => this.mode("color"), 2: () => this.mode("depth"),
       3: () => this.mode("count"), 4: () => this.mode("coverage"), 5: () => this.mode("centers"), 6: () => page.renderer.alike && this.mode("alike"), k: () => page.alike && this.tool("like"), "?": () => element("help").showModal(),
       g: () => this.tool("measure"), y: () => this.tool("ground"), o: () => page.tour.keep(), "[": () => page.tour.step(-1), "]": () => page.tour.step(1), ".": () => page.tour.present(!page.tour.presenting),
-      j: () => page.keyframes.add(), 0: () => page.keyframes.play(), c: () => this.open("cleaning", "faint"), z: () => !element("errors").disabled && element("errors").click(),
+      j: () => page.keyframes.add(), 0: () => page.keyframes.play(), c: () => this.open("cleaning", "faint"), "/": () => element("open-second").click(), z: () => !element("errors").disabled && element("errors").click(),
       delete: () => (page.clean.count > 0 ? page.clean.remove() : page.selection.remove()), backspace: () => actions.delete(),
       arrowright: () => page.tour.presenting && page.tour.step(1), arrowleft: () => page.tour.presenting && page.tour.step(-1),
       escape: () => (page.tour.presenting ? page.tour.present(false) : page.toolName ? this.tool(page.toolName) : page.selection.clear()),

@@ -3,11 +3,11 @@
 use crate::capture;
 use crate::in_process::splatweaver;
 use std::path::{Path, PathBuf};
-use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::realestate::{Clip, ClipFrame};
-use weaver_io::{Background, Image, write_gaussians};
-use weaver_scene::Gaussians;
+use weaver_io::{Background, Image, Transforms, write_gaussians};
+use weaver_scene::{Frame, Gaussians, Keyframes};
 
 /// A red Gaussian before a large blue one, on the z axis.
 pub fn splats() -> Gaussians {
@@ -93,6 +93,46 @@ fn an_orbit_goes_around() {
     let (front, back) = (middle("0000.png"), middle("0002.png"));
     assert!(front[0] > front[1], "the red one is in front: {front:?}");
     assert!(back[1] > back[0], "the blue one is, from behind: {back:?}");
+}
+
+/// Promise (scenes): `render --path` films keyframes at equal times, and refuses keys that contradict.
+#[test]
+fn keyframes_are_filmed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, keys, out) = (scene(folder.path()), folder.path().join("path.json"), folder.path().join("out"));
+    let intrinsics = Intrinsics { fx: 20.0, fy: 20.0, cx: 10.0, cy: 8.0 };
+    let key = |time: f64, x: f64| {
+        let pose = Pose::new(Default::default(), DVec3::new(x, 0.0, 0.0));
+        Frame { time: Some(time), ..Frame::new("key", Camera { pose, intrinsics, width: 20, height: 16 }) }
+    };
+    let write = |path: &Path, frames: &[Frame]| {
+        Transforms { frames: frames.to_vec(), ..Transforms::default() }.write(path).unwrap();
+    };
+    let frames = [key(0.0, 0.0), key(0.1, 0.4), key(0.3, -0.2)];
+    write(&keys, &frames);
+    let done = splatweaver(&[&"render", &scene, &"--path", &keys, &"-o", &out]).fine();
+    assert!(done.stdout.contains("pictures: 10 of 2 Gaussians"), "{}", done.stdout);
+    let (cameras, same) = (folder.path().join("film.json"), folder.path().join("same"));
+    write(&cameras, &Keyframes::new(&frames).unwrap().frames(10));
+    splatweaver(&[&"render", &scene, &"--cameras", &cameras, &"-o", &same]).fine();
+    for i in 0..10 {
+        let [film, single] = [&out, &same].map(|folder| std::fs::read(folder.join(format!("{i:04}.png"))).unwrap());
+        assert!(film == single, "picture {i}");
+    }
+    let few = folder.path().join("few");
+    splatweaver(&[&"render", &scene, &"--path", &keys, &"--pictures", &"3", &"-o", &few]).fine();
+    assert!(few.join("0002.png").exists() && !few.join("0003.png").exists());
+    let render = |path: &dyn AsRef<std::ffi::OsStr>| splatweaver(&[&"render", &scene, &"--path", path, &"-o", &out]);
+    render(&"ellipse").refused(2, &["--path: expected --cameras"]);
+    render(&"circle").refused(2, &["ellipse, spline, dolly"]);
+    let both = [&"render" as &dyn AsRef<_>, &scene, &"--path", &keys, &"--cameras", &cameras, &"-o", &out];
+    splatweaver(&both).refused(2, &["without --cameras"]);
+    write(&keys, &frames[..1]);
+    render(&keys).refused(1, &["path.json", "at least two keys, found 1"]);
+    write(&keys, &[key(0.0, 0.0), key(0.0, 1.0)]);
+    render(&keys).refused(1, &["path.json", "frames[1].time: expected a time after 0, found 0"]);
+    std::fs::write(&keys, r#"{"frames": [{"time": NaN}]}"#).unwrap();
+    render(&keys).refused(1, &["path.json", "NaN"]);
 }
 
 #[test]

@@ -1,11 +1,14 @@
-//! Cleaning, and the error of photos.
+//! Cleaning, the error of photos, and a second scene.
 
 use crate::browser::Browser;
 use crate::page::QUIET;
 use crate::pages::Written;
 use crate::scenes::{camera, cloud};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use weaver_geometry::Camera;
-use weaver_io::{Bitmap, Image};
+use weaver_io::{Bitmap, Image, write_gaussians_to};
+use weaver_scene::Gaussians;
 use weaver_splat::{Workspace, render};
 use weaver_view::{Look, Shot};
 
@@ -91,5 +94,50 @@ fn the_error_of_a_photo_is_a_picture() {
     assert!(same > 30.0 && dark < 60.0 && other < 15.0 && bright > 150.0, "{same} dB, {dark}; {other} dB, {bright}");
     browser.drag([300, 300], [360, 330]);
     assert!(browser.is("document.getElementById('error').hidden && document.getElementById('errors').disabled"));
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
+/// A file that is dropped onto the page is drawn over its scene, right of the slider.
+#[test]
+fn a_second_scene_lies_over_the_first() {
+    let Some(browser) = Browser::start("a_second_scene") else { return };
+    browser.resize(900, 600, false);
+    let (scene, other) = (cloud(600, 1, 1), cloud(700, 0, 9));
+    browser.open_page(&Written::page(&scene, Look::default(), &[], true).address());
+    let drop = |name: &str, bytes: &[u8]| {
+        let text = STANDARD.encode(bytes);
+        browser.value(&format!(
+            "(() => {{ const files = new DataTransfer(); files.items.add(new File([Uint8Array.from(atob('{text}'), (c) => c.charCodeAt(0))], '{name}')); \
+             document.body.dispatchEvent(new DragEvent('drop', {{ dataTransfer: files, bubbles: true, cancelable: true }})); }})()"
+        ));
+    };
+    let ply = |scene: &Gaussians| {
+        let mut bytes = Vec::new();
+        write_gaussians_to(&mut bytes, "ply".parse().unwrap(), scene).unwrap();
+        bytes
+    };
+    drop("bad.ply", b"no scene at all");
+    browser.wait("document.getElementById('status').textContent === 'bad.ply: The scene is neither PLY nor SPZ.'");
+    let sums = "[splatweaver.renderer, splatweaver.second.renderer].map((r) => r.pixels(r.gl.canvas.width, r.gl.canvas.height).reduce((a, x, i) => (a * 31 + x) % 1000000007, 7))";
+    let shown = |name: &str, n: usize| {
+        browser.wait(&format!(
+            "{QUIET} && document.getElementById('second-name').textContent.startsWith('{name}, {n} Gaussians') && !splatweaver.second.order?.busy && splatweaver.second.order?.row"
+        ));
+        browser.wait(QUIET);
+        browser.value(sums)
+    };
+    drop("other.ply", &ply(&other));
+    let different = shown("other.ply", 700);
+    assert_ne!(different[0], different[1]);
+    assert!(browser.is("!document.getElementById('second').hidden"));
+    slide(&browser, "split", "30");
+    assert!(browser.text("document.getElementById('second').style.clipPath").contains("30%"));
+    drop("same.ply", &ply(&scene));
+    let same = shown("same.ply", 600);
+    assert_eq!(same[0], same[1]);
+    browser.click_on("document.getElementById('remove-second')");
+    browser.wait(&format!(
+        "{QUIET} && document.getElementById('second').hidden && document.getElementById('split').hidden"
+    ));
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
