@@ -1,7 +1,7 @@
 // The camera path: its keys, playing it, and its file.
 
 import { Path } from "./path.js";
-import { control, element, say } from "./status.js";
+import { control, element, fill, say } from "./status.js";
 import { positive } from "./units.js";
 import { length, times } from "./vectors.js";
 
@@ -122,7 +122,7 @@ export class Keyframes {
       item.append(go, input, up, down, control("✕", `Remove key ${i + 1}`, () => page.notes.move("keys", i, 0)));
       return item;
     });
-    element("path-keys").replaceChildren(...rows);
+    fill(element("path-keys"), rows);
     const seconds = keys.slice(0, -1).reduce((sum, key) => sum + key.seconds, 0);
     element("path-length").textContent = keys.length > 1 ? `${keys.length} keys, ${Number(seconds.toPrecision(4))} seconds.` : "";
     element("play-path").disabled = element("export-path").disabled = keys.length < 2;

@@ -1,7 +1,7 @@
 // Lengths between points, the scale that one of them sets, and the ground through three points.
 
 import { PointTool } from "./points.js";
-import { control, element, say } from "./status.js";
+import { control, element, fill, say } from "./status.js";
 import { UNITS, lengthText, positive } from "./units.js";
 import { cross, dot, length, subtract, unit } from "./vectors.js";
 
@@ -66,7 +66,7 @@ export class Measure {
       item.append(choose, control("✕", `Remove length ${i + 1}`, () => this.page.notes.move("lengths", i, 0)));
       return item;
     });
-    element("lengths").replaceChildren(...rows);
+    fill(element("lengths"), rows);
     element("known-length").hidden = this.chosen < 0;
     element("scale-is").hidden = !meters;
     element("meters").textContent = meters ? `A unit is ${lengthText(1, meters)}.` : "";

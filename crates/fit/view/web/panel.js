@@ -163,6 +163,8 @@ export class Panel {
 
   keys() {
     const { page } = this;
+    // Elsewhere these keys scroll, or go through a control.
+    const tours = () => page.tour.presenting || document.activeElement === page.canvas;
     const actions = {
       h: () => page.home(), l: () => page.level(), p: () => page.picture(), m: () => this.fold(), n: () => page.shots.step(1), v: () => page.shots.step(-1),
       f: () => element("frusta").click(), t: () => page.about.moves && element("play").click(), b: () => this.tool("box"), r: () => this.tool("brush"), i: () => page.selection.invert(),
@@ -171,6 +173,7 @@ export class Panel {
       g: () => this.tool("measure"), y: () => this.tool("ground"), o: () => page.tour.keep(), "[": () => page.tour.step(-1), "]": () => page.tour.step(1), ".": () => page.tour.present(!page.tour.presenting),
       j: () => page.keyframes.add(), 0: () => page.keyframes.play(), c: () => this.open("cleaning", "faint"), "/": () => element("open-second").click(), z: () => !element("errors").disabled && element("errors").click(),
       delete: () => (page.clean.count > 0 ? page.clean.remove() : page.selection.remove()), backspace: () => actions.delete(),
+      pageup: () => tours() && page.tour.step(-1), pagedown: () => tours() && page.tour.step(1),
       arrowright: () => page.tour.presenting && page.tour.step(1), arrowleft: () => page.tour.presenting && page.tour.step(-1),
       escape: () => (page.tour.presenting ? page.tour.present(false) : page.toolName ? this.tool(page.toolName) : page.selection.clear()),
     };

@@ -14,6 +14,14 @@ export function say(text, quiet = false) {
 /** The word that writing takes, from the address that was printed. */
 export const token = () => new URLSearchParams(location.search).get("token") ?? "";
 
+/** Puts rows into a list; the control there that has the focus keeps it by its place. */
+export function fill(list, rows) {
+  const controls = () => [...list.querySelectorAll("button, input")];
+  const at = controls().indexOf(document.activeElement);
+  list.replaceChildren(...rows);
+  if (at >= 0) controls()[Math.min(at, controls().length - 1)]?.focus();
+}
+
 /** A small button with a text and a name that is read out. */
 export function control(text, name, act) {
   const button = Object.assign(document.createElement("button"), { type: "button", textContent: text, title: name });

@@ -1,6 +1,6 @@
 // Viewpoints with a title and a text, and their presentation.
 
-import { control, element, say } from "./status.js";
+import { control, element, fill, say } from "./status.js";
 
 /** Milliseconds of the way from one viewpoint to the next. */
 const WAY = 1400;
@@ -77,7 +77,7 @@ export class Tour {
       item.append(button);
       return item;
     });
-    element("places").replaceChildren(...items);
+    fill(element("places"), items);
     element("present").disabled = views.length === 0;
     const view = views[this.chosen];
     element("place").hidden = !view;
