@@ -45,9 +45,9 @@ impl FilmPath {
         }
     }
 
-    /// The cameras of the path. `pictures` is their number, `fps` that of a second: keyframes have a duration, and
-    /// by themselves as many pictures as it takes. `along` are the cameras of `--cameras`, `middle` a point of the
-    /// scene to look at where they do not agree on one.
+    /// The cameras of the path. `pictures` is their number. Without it, keyframes get `fps` pictures for each of their
+    /// seconds, and the last one. `along` are the cameras of `--cameras`, `middle` a point of the scene to look at
+    /// where they do not agree on one.
     ///
     /// # Errors
     /// When there are cameras and keyframes, or neither; when the file of keyframes cannot be read, or they are no

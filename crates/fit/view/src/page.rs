@@ -93,7 +93,8 @@ pub struct ServedPage<'a> {
     pub scene: &'a str,
     /// The address of the photo of the shot with this number, if there is one.
     pub photo: &'a dyn Fn(usize) -> Option<String>,
-    /// Names of the formats that the server saves in, at `POST save?format=NAME`.
+    /// Names of the formats that the server saves in, at `POST save?format=NAME`, turned with `&up=X,Y,Z`; if there are
+    /// any, it saves notes at `POST notes`.
     pub formats: &'a [&'a str],
     /// The address of a report.
     pub report: Option<&'a str>,
