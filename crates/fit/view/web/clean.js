@@ -27,9 +27,12 @@ export class Clean {
   async look() {
     const { page } = this;
     if (!this.scores && NAMES.some((name) => this.limit(name))) {
-      this.asking ??= page.background.call("floaters");
+      const asking = (this.asking ??= page.background.call("floaters"));
       try {
-        this.scores = await this.asking;
+        const scores = await asking;
+        // Of a scene that another one replaced meanwhile.
+        if (asking !== this.asking) return;
+        this.scores = scores;
       } catch (error) {
         this.asking = null;
         return say(`The Gaussians could not be measured: ${error.message}`, true);
@@ -70,7 +73,8 @@ export class Clean {
 
   /** Another scene is there. */
   forget() {
+    const { preview } = this;
     this.scores = this.asking = this.preview = null;
-    this.reset();
+    if (preview) this.reset();
   }
 }
