@@ -69,6 +69,18 @@ pub(super) struct Extensions {
 pub(super) struct Splatting {
     pub kernel: Option<String>,
     pub color_space: Option<String>,
+    #[serde(default = "perspective")]
+    pub projection: Option<String>,
+    #[serde(default = "camera_distance")]
+    pub sorting_method: Option<String>,
+}
+
+fn perspective() -> Option<String> {
+    Some("perspective".into())
+}
+
+fn camera_distance() -> Option<String> {
+    Some("cameraDistance".into())
 }
 
 #[derive(Deserialize)]
