@@ -41,4 +41,5 @@ mod spz;
 mod spz_versions;
 mod torch;
 mod transforms;
+mod usd;
 mod written;

@@ -65,7 +65,7 @@ fn of_prim(path: &Path, prim: &mut Prim) -> Result<Gaussians> {
     let n = means.len();
     let mut degree = degree as usize;
     let sh = numbers(prim, "radiance:sphericalHarmonicsCoefficients").unwrap_or_else(|| {
-        degree = 0;
+        degree = if n > 0 { 0 } else { degree };
         vec![forms::harmonic(0.5); 3 * n]
     });
     check_length(path, prim, "radiance:sphericalHarmonicsCoefficients", [sh.len(), 3 * n * sh::coefficients(degree)])?;

@@ -142,12 +142,14 @@ impl<'a> Text<'a> {
 
     fn word(&mut self) -> Result<Token> {
         let mut word = Vec::new();
-        while let Some(byte) = self.byte()?.filter(|byte| is_word(*byte)) {
-            if word.len() == LONGEST {
+        while self.byte()?.is_some_and(is_word) {
+            let rest = &self.part[self.at..];
+            let length = rest.iter().take_while(|byte| is_word(**byte)).count();
+            word.extend(&rest[..length]);
+            self.at += length;
+            if word.len() > LONGEST {
                 return Err(self.invalid(format!("a word of at most {LONGEST} bytes"), "a longer one"));
             }
-            word.push(byte);
-            self.pass(byte);
         }
         let word = String::from_utf8(word).map_err(|e| self.invalid("UTF-8", e))?;
         Ok(Token::Word(word))
