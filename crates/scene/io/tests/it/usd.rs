@@ -240,6 +240,10 @@ fn faults_of_layers_are_named() {
             "Degree: expected a degree of 0 to 4, found 9",
         ),
         (
+            with("    uniform int radiance:sphericalHarmonicsDegree = 1.5\n"),
+            "Degree: expected a degree of 0 to 4, found 1.5",
+        ),
+        (
             with("    float3[] radiance:sphericalHarmonicsCoefficients = [(1, 1, 1)]\n"),
             "Coefficients: expected 96 numbers, as many as its positions ask for, found 3",
         ),

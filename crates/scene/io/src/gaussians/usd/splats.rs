@@ -56,7 +56,7 @@ fn placed(path: &Path, mut prim: Prim, to_world: &DMat4) -> Result<Gaussians> {
 /// Gaussians in the axes of their prim.
 fn of_prim(path: &Path, prim: &mut Prim) -> Result<Gaussians> {
     let degree = prim.attributes.get("radiance:sphericalHarmonicsDegree").map_or(DEGREE, |degree| degree[0]);
-    if !(0.0..=sh::MAX_DEGREE as f32).contains(&degree) {
+    if degree.fract() != 0.0 || !(0.0..=sh::MAX_DEGREE as f32).contains(&degree) {
         let place = format!("{}.radiance:sphericalHarmonicsDegree", prim.path);
         return Err(Error::invalid(path, place, format!("a degree of 0 to {}", sh::MAX_DEGREE), degree));
     }

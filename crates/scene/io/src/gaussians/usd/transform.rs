@@ -54,9 +54,9 @@ fn rotation(axes: &str, degrees: &[f64]) -> Option<DMat4> {
             _ => return None,
         })
     };
-    match degrees {
-        &[degrees] => about(axes, degrees),
-        &[x, y, z] if axes.len() == 3 => {
+    match *degrees {
+        [degrees] => about(axes, degrees),
+        [x, y, z] if axes.len() == 3 => {
             let angle = |axis| [("X", x), ("Y", y), ("Z", z)].into_iter().find(|(name, _)| *name == axis);
             (0..3).try_fold(DMat4::IDENTITY, |done, i| {
                 let (axis, degrees) = angle(axes.get(i..=i)?)?;
