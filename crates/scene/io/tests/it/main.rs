@@ -12,6 +12,7 @@ mod files;
 mod fixtures;
 mod formats;
 mod gltf;
+mod gltf_packed;
 mod heif;
 mod images;
 mod info;

@@ -109,6 +109,9 @@ fn readers() -> Vec<Reader> {
         one("gltf accessors", "a.gltf", crate::gltf::hard().to_string().into_bytes(), |path| {
             weaver_io::read_gaussians(path).is_ok()
         }),
+        one("gltf packed", "a.gltf", text(&crate::gltf_packed::packed(2).0.to_string()), |path| {
+            weaver_io::read_gaussians(path).is_ok()
+        }),
         one("usda", "a.usda", gaussians("a.usda"), |path| weaver_io::read_gaussians(path).is_ok()),
         one("usda of another program", "a.usda", text(crate::usd::LAYER), |path| {
             weaver_io::read_gaussians(path).is_ok()

@@ -1,6 +1,5 @@
 //! Text of Gaussians.
 
-use super::PRIM;
 use crate::gaussians::blocks::Blocks;
 use crate::gaussians::fields::{check_rows, unit};
 use crate::{Error, Result};
@@ -12,6 +11,20 @@ use weaver_scene::{Gaussians, forms};
 
 /// Standard deviations from a center to the end of the extent, where the schema's kernel has 99.7 % of its support.
 const REACH: f32 = 3.0;
+
+const HEAD: &str = r#"#usda 1.0
+(
+    defaultPrim = "Gaussians"
+    doc = "Written by SplatWeaver"
+    metersPerUnit = 1
+    upAxis = "Y"
+)
+
+def ParticleField3DGaussianSplat "Gaussians"
+{
+    uniform token projectionModeHint = "perspective"
+    uniform token sortingModeHint = "zDepth"
+"#;
 
 /// Adds the elements of one Gaussian to the text.
 type Row = fn(&Gaussians, usize, &mut String);
@@ -34,12 +47,8 @@ const ATTRIBUTES: [(&str, Row); 5] = [
 /// Writes the whole text, a pass over all Gaussians for each attribute.
 pub(super) fn text(path: &Path, gaussians: &dyn Blocks, extent: &[[f32; 3]; 2], w: &mut dyn Write) -> Result<()> {
     let degree = gaussians.degree();
-    let mut text = format!(
-        "#usda 1.0\n(\n    defaultPrim = \"Gaussians\"\n    doc = \"Written by SplatWeaver\"\n    metersPerUnit = 1\n    \
-         upAxis = \"Y\"\n)\n\ndef {PRIM} \"Gaussians\"\n{{\n    uniform token projectionModeHint = \"perspective\"\n    \
-         uniform token sortingModeHint = \"zDepth\"\n    uniform int radiance:sphericalHarmonicsDegree = {degree}\n    \
-         float3[] extent = ["
-    );
+    let mut text =
+        format!("{HEAD}    uniform int radiance:sphericalHarmonicsDegree = {degree}\n    float3[] extent = [");
     tuple(&extent[0], &mut text);
     text.push_str(", ");
     tuple(&extent[1], &mut text);
