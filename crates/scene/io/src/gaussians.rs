@@ -87,7 +87,7 @@ pub fn read_gaussians(path: impl AsRef<Path>) -> Result<Gaussians> {
 
 /// Writes Gaussians in one of the [formats](SCENE_FORMATS), atomically; the file's name selects it.
 ///
-/// PLY, glTF and USD keep every bit of numbers, the other formats round.
+/// PLY keeps every bit of numbers, glTF and USD of positions and harmonics; the other formats round.
 ///
 /// # Errors
 /// On any other extension, and on one that is only read; when the fields' lengths disagree, a value is not finite where
