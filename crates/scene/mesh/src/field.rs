@@ -1,6 +1,7 @@
 //! Truncated signed distances in blocks near surfaces.
 
 use crate::blocks::{CELLS, Place, SIDE, cell};
+use crate::texture::SIDES;
 use rayon::prelude::*;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
@@ -38,6 +39,32 @@ pub enum MeshError {
         ranges: usize,
         /// Normals.
         normals: usize,
+    },
+    /// A photo whose pixels do not have its camera's size.
+    #[error("photo {view}: expected {expected} pixels, and no mask or as large a one, found {pixels} and {masked}")]
+    Photo {
+        /// Number of the photo.
+        view: usize,
+        /// Pixels of its camera.
+        expected: usize,
+        /// Pixels.
+        pixels: usize,
+        /// Pixels of its mask.
+        masked: usize,
+    },
+    /// A side of a texture that is too short or too long.
+    #[error("texture: expected a side of {} to {} texels, found {found}", SIDES.start(), SIDES.end())]
+    Side {
+        /// Its length.
+        found: usize,
+    },
+    /// A texture without room for its charts.
+    #[error("texture: expected room for {charts} charts, found {size} x {size} texels; fewer triangles have fewer charts")]
+    Charts {
+        /// Texels of a side.
+        size: usize,
+        /// Number of charts.
+        charts: usize,
     },
     /// More blocks than can be numbered.
     #[error("cells of {voxel} m: expected at most {MOST_BLOCKS} blocks of 8 x 8 x 8 cells, found more")]

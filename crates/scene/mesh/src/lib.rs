@@ -11,11 +11,14 @@ mod benchmark;
 mod blocks;
 mod comparison;
 mod field;
+mod manifold;
 mod mesh;
 mod nets;
 mod pieces;
 mod scale;
 mod scene;
+mod simplification;
+mod texture;
 
 pub use benchmark::{Benchmark, Chamfer, mesh_chamfer, point_chamfer, spread};
 pub use comparison::{FAR, MeshErrors, compare, thinned};
@@ -23,6 +26,7 @@ pub use field::{DistanceField, FieldProgress, MeshError, RangeView};
 pub use mesh::Mesh;
 pub use scale::SceneScale;
 pub use scene::DrawnScene;
+pub use texture::{PhotoView, Texture};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

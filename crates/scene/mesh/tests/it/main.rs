@@ -1,6 +1,9 @@
 //! Integration tests.
 
 mod scenes;
+mod simplification;
+mod solids;
+mod textures;
 
 use proptest::prelude::*;
 use weaver_geometry::Pose;
