@@ -8,7 +8,7 @@ use weaver_geometry::glam::DVec3;
 use weaver_surfel::SurfelCamera;
 
 /// The most blocks of a field, whose vertices 32 bits can number.
-const MOST_BLOCKS: usize = 1 << 21;
+pub(crate) const MOST_BLOCKS: usize = 1 << 21;
 /// Bytes of a block while a mesh is made of a field: distances and weights of cells, numbers of vertices, and vertices
 /// and triangles of the surface, which crosses about half of the blocks.
 const BLOCK_BYTES: u64 = 10_000;
@@ -104,6 +104,8 @@ pub struct RangeView<'a> {
 pub struct DistanceField {
     /// Side of a cell, meters.
     pub(crate) voxel: f64,
+    /// Largest distance, meters.
+    pub(crate) truncation: f64,
     /// Places of blocks, ascending.
     pub(crate) blocks: Vec<Place>,
     /// Distances and weights at the lower corners of cells, block by block.
@@ -170,7 +172,7 @@ impl DistanceField {
                 .for_each(|(cells, block)| average(views, *block, voxel, truncation, cells));
             observe(FieldProgress { done: views.len() + i + 1, of, bytes })?;
         }
-        Ok(Self { voxel, blocks, cells })
+        Ok(Self { voxel, truncation, blocks, cells })
     }
 
     /// Number of blocks.
@@ -227,7 +229,7 @@ fn near(view: &RangeView<'_>, voxel: f64, truncation: f64) -> Vec<Place> {
 }
 
 /// The distance of a point from the surface that a view sees there, and its weight.
-fn distance(view: &RangeView<'_>, point: DVec3, truncation: f64) -> Option<[f64; 2]> {
+pub(crate) fn distance(view: &RangeView<'_>, point: DVec3, truncation: f64) -> Option<[f64; 2]> {
     let p = view.pose.apply(point);
     let at = view.camera.project(p);
     let (width, height) = (view.camera.width, view.camera.height);

@@ -9,6 +9,7 @@
 
 mod benchmark;
 mod blocks;
+mod closing;
 mod comparison;
 mod field;
 mod manifold;

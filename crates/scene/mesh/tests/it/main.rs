@@ -1,5 +1,6 @@
 //! Integration tests.
 
+mod drawn;
 mod scenes;
 mod simplification;
 mod solids;
