@@ -14,6 +14,8 @@ pub(crate) const MOST_BLOCKS: usize = 1 << 21;
 const BLOCK_BYTES: u64 = 10_000;
 /// Blocks farther from the origin than this, in blocks, have cells that 32 bits cannot number.
 const FARTHEST: u32 = 1 << 27;
+/// The weight of a distance of the whole truncation behind a surface.
+const LEAST_TRUST: f64 = 1e-3;
 /// Parts in which blocks are averaged.
 const PARTS: usize = 32;
 
@@ -188,6 +190,7 @@ fn average(views: &[RangeView<'_>], block: Place, voxel: f64, truncation: f64, c
         let (mut sum, mut weights) = (0.0, 0.0);
         for view in views {
             if let Some([distance, weight]) = distance(view, corner, truncation) {
+                let weight = weight * trust(distance, voxel, truncation);
                 sum += weight * distance;
                 weights += weight;
             }
@@ -196,6 +199,13 @@ fn average(views: &[RangeView<'_>], block: Place, voxel: f64, truncation: f64, c
             *mean = [(sum / weights) as f32, weights as f32];
         }
     }
+}
+
+/// The weight of a distance: behind a surface it is guessed, and yields to views that see what is there, so that a wall
+/// thinner than the truncation keeps both sides. 1 down to a cell behind, then falling to nearly nothing.
+fn trust(distance: f64, voxel: f64, truncation: f64) -> f64 {
+    let depth = (-distance - voxel) / (truncation - voxel).max(voxel);
+    (1.0 - depth.clamp(0.0, 1.0)).powi(4).max(LEAST_TRUST)
 }
 
 /// The blocks that rays go through within the truncation of their ranges.
