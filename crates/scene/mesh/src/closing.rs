@@ -120,7 +120,11 @@ impl DistanceField {
                 for corner in 0..27 {
                     let offset = [corner % 3, corner / 3 % 3, corner / 9].map(|x| x - 1);
                     let corner = std::array::from_fn(|axis| {
-                        if axis == k / 2 { p[axis].min(other[axis]) + (offset[axis] + 1) / 2 } else { p[axis] + offset[axis] }
+                        if axis == k / 2 {
+                            p[axis].min(other[axis]) + (offset[axis] + 1) / 2
+                        } else {
+                            p[axis] + offset[axis]
+                        }
                     });
                     reached[of(corner)] = true;
                 }

@@ -61,7 +61,9 @@ pub enum MeshError {
         found: usize,
     },
     /// A texture without room for its charts.
-    #[error("texture: expected room for {charts} charts, found {size} x {size} texels; fewer triangles have fewer charts")]
+    #[error(
+        "texture: expected room for {charts} charts, found {size} x {size} texels; fewer triangles have fewer charts"
+    )]
     Charts {
         /// Texels of a side.
         size: usize,

@@ -103,7 +103,9 @@ impl Mesh {
         around.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
         // Seen along the edge, the solid lies clockwise of a triangle that runs along it.
         let mut pairs = Vec::new();
-        while let Some(i) = (0..around.len()).find(|i| around[*i].1 && !around[i.checked_sub(1).unwrap_or(around.len() - 1)].1) {
+        while let Some(i) =
+            (0..around.len()).find(|i| around[*i].1 && !around[i.checked_sub(1).unwrap_or(around.len() - 1)].1)
+        {
             let before = i.checked_sub(1).unwrap_or(around.len() - 1);
             pairs.push(vec![around[i].2, around[before].2]);
             around.remove(i.max(before));

@@ -177,7 +177,7 @@ impl Surface {
         let mut done = 0;
         while self.left > most {
             let Some(Reverse(Candidate { edge: [a, b], changes, .. })) = heap.pop() else { return };
-        if [a, b].map(|v| self.changes[v as usize]) != changes || !self.is_sound(a, b) {
+            if [a, b].map(|v| self.changes[v as usize]) != changes || !self.is_sound(a, b) {
                 continue;
             }
             let at = self.target(a, b);

@@ -94,7 +94,8 @@ impl Texture {
         let weights = Weights::new(mesh, &normals, &sights);
         let painter = Painter { mesh, normals, gains: gains(mesh, &weights, &sights), weights, sights };
         let charts = charts::charts(mesh, size);
-        let (texels, places) = packing::placed(&charts, size).ok_or(MeshError::Charts { size, charts: charts.len() })?;
+        let (texels, places) =
+            packing::placed(&charts, size).ok_or(MeshError::Charts { size, charts: charts.len() })?;
         let mut texture = Self { size, corners: vec![[0; 3]; mesh.triangles.len()], ..Self::default() };
         // Which chart a triangle is in, and where that is.
         for (chart, place) in charts.iter().zip(&places) {
@@ -154,8 +155,7 @@ impl Painter<'_> {
         let (mut seen, mut all) = (0, 0);
         let triangles: Vec<usize> = (0..self.mesh.triangles.len()).collect();
         for (i, part) in triangles.chunks(triangles.len().div_ceil(PARTS).max(1)).enumerate() {
-            let painted: Vec<Vec<Texel>> =
-                part.par_iter().map(|t| self.triangle(*t, texture, &unseen)).collect();
+            let painted: Vec<Vec<Texel>> = part.par_iter().map(|t| self.triangle(*t, texture, &unseen)).collect();
             for (at, [r, g, b], by_photo) in painted.into_iter().flatten() {
                 texels[at] = [r, g, b, 255];
                 all += 1;

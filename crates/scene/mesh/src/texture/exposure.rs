@@ -42,8 +42,11 @@ pub fn gains(mesh: &Mesh, weights: &Weights, sights: &[Sight<'_>]) -> Vec<DVec3>
     };
     let vertices: Vec<usize> = (0..mesh.vertices.len()).step_by(step).collect();
     let pairs: Vec<Pair> = vertices.par_iter().map(|v| of_vertex(*v)).collect::<Vec<_>>().concat();
-    let solved: Vec<Vec<f64>> = (0..3).into_par_iter().map(|channel| logarithms(&pairs, sights.len(), channel)).collect();
-    (0..sights.len()).map(|view| DVec3::new(solved[0][view].exp(), solved[1][view].exp(), solved[2][view].exp())).collect()
+    let solved: Vec<Vec<f64>> =
+        (0..3).into_par_iter().map(|channel| logarithms(&pairs, sights.len(), channel)).collect();
+    (0..sights.len())
+        .map(|view| DVec3::new(solved[0][view].exp(), solved[1][view].exp(), solved[2][view].exp()))
+        .collect()
 }
 
 /// The logarithms of the gains of one channel.

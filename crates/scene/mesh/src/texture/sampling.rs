@@ -38,7 +38,11 @@ impl Sight<'_> {
         let part = corner - corner.floor();
         let pixel = |x: usize, y: usize| {
             let first = 3 * (y.min(height - 1) * width + x.min(width - 1));
-            DVec3::new(f64::from(self.photo.rgb[first]), f64::from(self.photo.rgb[first + 1]), f64::from(self.photo.rgb[first + 2]))
+            DVec3::new(
+                f64::from(self.photo.rgb[first]),
+                f64::from(self.photo.rgb[first + 1]),
+                f64::from(self.photo.rgb[first + 2]),
+            )
         };
         let row = |y: usize| pixel(x, y).lerp(pixel(x + 1, y), part.x);
         row(y).lerp(row(y + 1), part.y)

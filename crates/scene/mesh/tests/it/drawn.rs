@@ -120,8 +120,12 @@ fn walls_and_ground_are_where_they_are() {
     );
     // The wall alone: its two sides, which lie two cells apart.
     let side = |x: f64| {
-        let near = mesh.vertices.iter().filter(|v| v[2] > 0.1 && v[2] < 0.7 && v[1].abs() < 0.6 && (f64::from(v[0]) - x).abs() < 0.2);
-        let off: Vec<f64> = near.map(|v| (f64::from(v[0]) - x).abs().min((f64::from(v[0]) - x - 2.0 * CELL).abs())).collect();
+        let near = mesh
+            .vertices
+            .iter()
+            .filter(|v| v[2] > 0.1 && v[2] < 0.7 && v[1].abs() < 0.6 && (f64::from(v[0]) - x).abs() < 0.2);
+        let off: Vec<f64> =
+            near.map(|v| (f64::from(v[0]) - x).abs().min((f64::from(v[0]) - x - 2.0 * CELL).abs())).collect();
         off.iter().sum::<f64>() / off.len() as f64
     };
     assert!(accuracy > 0.99 && completeness > 0.98, "{said}");

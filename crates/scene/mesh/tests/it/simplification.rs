@@ -52,7 +52,8 @@ fn borders_and_colors_stay_where_they_are() {
     let quad = |i: u32| [[i, i + 1, i + count + 1], [i, i + count + 1, i + count]];
     let triangles = (0..side * count).filter(|i| i % count < side).flat_map(quad).collect();
     let square = Mesh { vertices, triangles };
-    let colors: Vec<[u8; 3]> = square.vertices.iter().map(|v| if v[0] < 16.0 { [250, 10, 10] } else { [10, 10, 250] }).collect();
+    let colors: Vec<[u8; 3]> =
+        square.vertices.iter().map(|v| if v[0] < 16.0 { [250, 10, 10] } else { [10, 10, 250] }).collect();
     let (mesh, colors) = square.simplified(&colors, 60, |_| {});
     assert!(mesh.triangles.len() <= 60 && (mesh.area() - 1024.0).abs() < 0.01, "{}", mesh.area());
     for (v, color) in mesh.vertices.iter().zip(&colors) {

@@ -46,7 +46,8 @@ fn middles(mesh: &Mesh, texture: &Texture) -> Vec<(DVec3, [u8; 3])> {
     let triangles = mesh.triangles.iter().zip(&texture.corners);
     let middle = |(triangle, corners): (&[u32; 3], &[u32; 3])| {
         let [a, b, c] = mesh.corners(*triangle);
-        let at: DVec2 = corners.iter().map(|k| DVec2::from_array(texture.coordinates[*k as usize].map(f64::from))).sum();
+        let at: DVec2 =
+            corners.iter().map(|k| DVec2::from_array(texture.coordinates[*k as usize].map(f64::from))).sum();
         let [x, y] = (at / 3.0 * texture.size as f64).to_array().map(|x| x as usize);
         let first = 3 * (y * texture.size + x);
         ((a + b + c) / 3.0, [0, 1, 2].map(|k| texture.pixels[first + k]))
@@ -194,7 +195,8 @@ fn textures_that_make_no_sense_are_refused() {
     let mesh = cube(4, |p| p);
     let cameras = [camera(DVec3::new(3.0, 2.0, 2.0), 16)];
     let rgb = vec![0; 12];
-    let error = |size: usize| Texture::paint(&mesh, &views(&cameras, &[rgb.clone()]), size, |_, _| {}).unwrap_err().to_string();
+    let error =
+        |size: usize| Texture::paint(&mesh, &views(&cameras, &[rgb.clone()]), size, |_, _| {}).unwrap_err().to_string();
     assert_eq!(error(64), "photo 0: expected 256 pixels, and no mask or as large a one, found 4 and 256");
     assert_eq!(error(1), "texture: expected a side of 16 to 16384 texels, found 1");
     let apart = Mesh {
