@@ -1,7 +1,6 @@
 //! Meshes of scenes, with textures from the photos.
 
 use crate::Error;
-use rayon::prelude::*;
 use std::path::Path;
 use weaver_data::capture::posed::{PosedOptions, load_frames};
 use weaver_geometry::Camera;
@@ -163,8 +162,7 @@ impl<'a> TexturePhotos<'a> {
             }
             told(observe, "photos", photos.len(), self.frames.len());
         }
-        let view = |photo: &'_ Photo| PhotoView { camera: photo.camera, rgb: &photo.rgb, mask: photo.mask.as_deref() };
-        let views: Vec<PhotoView<'_>> = photos.par_iter().map(view).collect();
+        let views: Vec<PhotoView<'_>> = photos.iter().map(view).collect();
         observe.begin(&Stage { label: "texture", done: 0, total: views.len(), stops_after: None });
         let texture = Texture::paint(&surface.mesh, &views, size, |done, total| told(observe, "texture", done, total))?;
         let unseen = 100.0 * (1.0 - texture.seen);
@@ -173,6 +171,10 @@ impl<'a> TexturePhotos<'a> {
         surface.texture = Some(texture);
         Ok(())
     }
+}
+
+fn view(photo: &Photo) -> PhotoView<'_> {
+    PhotoView { camera: photo.camera, rgb: &photo.rgb, mask: photo.mask.as_deref() }
 }
 
 fn told(observe: &mut dyn Observe, label: &'static str, done: usize, total: usize) {

@@ -25,8 +25,7 @@ impl DistanceField {
     /// Unseen space takes the harmonic interpolation between what was seen, 1 where a view looks through and at the
     /// border of a box around everything, on a grid of blocks; beside known cells, that of cells. A sheet that was seen
     /// from one side alone becomes a slab.
-    /// Source: Davis et al., "Filling holes in complex surfaces using volumetric diffusion", 2002, with space that views
-    /// look through as in its section on carving.
+    /// Source: Davis et al., "Filling holes in complex surfaces using volumetric diffusion", 2002.
     ///
     /// # Errors
     /// [`MeshError::TooMany`] where the closed surface has too many blocks.

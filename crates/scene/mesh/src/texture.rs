@@ -51,7 +51,7 @@ pub struct Texture {
     pub size: usize,
     /// Texels `[size, size, 3]`, sRGB.
     pub pixels: Vec<u8>,
-    /// Share of the texels of triangles that a photo sees.
+    /// Share of the area of triangles that a photo sees, of those that have a texel.
     pub seen: f64,
 }
 
@@ -92,8 +92,10 @@ impl Texture {
         }
         let normals = mesh.vertex_normals();
         let weights = Weights::new(mesh, &normals, &sights);
+        let seen = |t: &[u32; 3]| t.iter().any(|v| !weights.of(*v as usize).is_empty());
+        let seen: Vec<bool> = mesh.triangles.iter().map(seen).collect();
+        let charts = charts::charts(mesh, size, &seen);
         let painter = Painter { mesh, normals, gains: gains(mesh, &weights, &sights), weights, sights };
-        let charts = charts::charts(mesh, size);
         let (texels, places) =
             packing::placed(&charts, size).ok_or(MeshError::Charts { size, charts: charts.len() })?;
         let mut texture = Self { size, corners: vec![[0; 3]; mesh.triangles.len()], ..Self::default() };
@@ -152,20 +154,22 @@ impl Painter<'_> {
         let size = texture.size;
         let unseen = self.unseen_colors();
         let mut texels = vec![[0_u8; 4]; size * size];
-        let (mut seen, mut all) = (0, 0);
+        let (mut seen, mut all) = (0.0, 0.0);
         let triangles: Vec<usize> = (0..self.mesh.triangles.len()).collect();
         for (i, part) in triangles.chunks(triangles.len().div_ceil(PARTS).max(1)).enumerate() {
             let painted: Vec<Vec<Texel>> = part.par_iter().map(|t| self.triangle(*t, texture, &unseen)).collect();
-            for (at, [r, g, b], by_photo) in painted.into_iter().flatten() {
-                texels[at] = [r, g, b, 255];
-                all += 1;
-                seen += usize::from(by_photo);
+            for (t, own) in part.iter().zip(painted).filter(|(_, own)| !own.is_empty()) {
+                let [a, b, c] = self.mesh.corners(self.mesh.triangles[*t]);
+                let area = (b - a).cross(c - a).length();
+                all += area;
+                seen += area * own.iter().filter(|texel| texel.2).count() as f64 / own.len() as f64;
+                own.into_iter().for_each(|(at, [r, g, b], _)| texels[at] = [r, g, b, 255]);
             }
             observe(i + 1);
         }
         fill::fill(&mut texels, size);
         texture.pixels = texels.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
-        texture.seen = seen as f64 / all.max(1) as f64;
+        texture.seen = seen / f64::max(all, f64::MIN_POSITIVE);
         observe(PARTS);
     }
 

@@ -51,9 +51,9 @@ impl Quadric {
         let (normal, area) = (across / double, 0.5 * double);
         let mut all = Self { area, ..Self::of_plane(normal, a, area) };
         let slopes = [c - b, a - c, b - a].map(|edge| normal.cross(edge) / double);
-        for k in 0..3 {
-            let g: DVec3 = (0..3).map(|i| slopes[i] * colors[i][k]).sum();
-            let e = colors[0][k] - g.dot(a);
+        for (k, first) in colors[0].to_array().into_iter().enumerate() {
+            let g: DVec3 = slopes.iter().zip(colors).map(|(slope, color)| *slope * color[k]).sum();
+            let e = first - g.dot(a);
             all.planes += outer(g) * area;
             all.linear += g * (area * e);
             all.constant += area * e * e;

@@ -13,6 +13,8 @@ const STAYS: f64 = 0.3;
 const WITHIN: f64 = 1e-6;
 /// Rectangles around a chart that the smallest is chosen from.
 const TURNS: usize = 18;
+/// Texels along a chart that no photo sees, over those along one that is seen.
+const UNSEEN: f64 = 0.25;
 const NONE: u32 = u32::MAX;
 
 /// Triangles that do not overlap as seen along one direction.
@@ -22,12 +24,13 @@ pub struct Chart {
     axes: [DVec3; 2],
     /// The corner of its rectangle.
     low: DVec2,
-    /// Sides of its rectangle, world units.
+    /// Sides of its rectangle, world units times its scale.
     pub size: DVec2,
+    scale: f64,
 }
 
 impl Chart {
-    fn new(mesh: &Mesh, triangles: Vec<u32>, normal: DVec3) -> Self {
+    fn new(mesh: &Mesh, triangles: Vec<u32>, normal: DVec3, scale: f64) -> Self {
         let bounds = |axes: [DVec3; 2]| {
             let corners = triangles.iter().flat_map(|t| mesh.corners(mesh.triangles[*t as usize]));
             let points = corners.map(|p| DVec2::new(p.dot(axes[0]), p.dot(axes[1])));
@@ -47,18 +50,19 @@ impl Chart {
             axes = [axes[1], -axes[0]];
             (low, size) = bounds(axes);
         }
-        Self { triangles, axes, low, size }
+        Self { triangles, axes, low, size: size * scale, scale }
     }
 
-    /// The place of a point on the chart's rectangle, world units.
+    /// The place of a point on the chart's rectangle.
     pub fn flat(&self, point: DVec3) -> DVec2 {
-        DVec2::new(point.dot(self.axes[0]), point.dot(self.axes[1])) - self.low
+        (DVec2::new(point.dot(self.axes[0]), point.dot(self.axes[1])) - self.low) * self.scale
     }
 }
 
 /// The charts of a mesh: from the first triangle without a chart on, those beside it that face as the chart does. What
-/// would lie over others, as far as texels of a picture of that size tell, waits for a further chart.
-pub fn charts(mesh: &Mesh, size: usize) -> Vec<Chart> {
+/// would lie over others, as far as texels of a picture of that size tell, waits for a further chart. Triangles that a
+/// photo has `seen` are apart from others, which get less room.
+pub fn charts(mesh: &Mesh, size: usize, seen: &[bool]) -> Vec<Chart> {
     let normals: Vec<DVec3> = mesh
         .triangles
         .iter()
@@ -78,20 +82,21 @@ pub fn charts(mesh: &Mesh, size: usize) -> Vec<Chart> {
             if !free[*seed as usize] {
                 continue;
             }
-            let grown = grown(*seed, &normals, &beside, &mut free);
+            let grown = grown(*seed, &normals, &beside, seen, &mut free);
+            let scale = if seen[*seed as usize] { 1.0 } else { UNSEEN };
             let normal = grown.iter().map(|t| normals[*t as usize]).sum::<DVec3>().normalize_or(DVec3::Z);
             let faces = |t: &u32| normals[*t as usize].dot(normal) >= STAYS * normals[*t as usize].length();
             let (mut kept, refused): (Vec<u32>, Vec<u32>) = grown.iter().partition(|t| faces(t));
             refused.iter().for_each(|t| free[*t as usize] = true);
             if kept.is_empty() {
                 free[*seed as usize] = false;
-                charts.push(Chart::new(mesh, vec![*seed], normals[*seed as usize].normalize_or(DVec3::Z)));
+                charts.push(Chart::new(mesh, vec![*seed], normals[*seed as usize].normalize_or(DVec3::Z), scale));
                 continue;
             }
-            let overlapping = overlapping(mesh, &Chart::new(mesh, kept.clone(), normal), texels);
+            let overlapping = overlapping(mesh, &Chart::new(mesh, kept.clone(), normal, scale), texels);
             overlapping.iter().for_each(|t| free[*t as usize] = true);
             kept.retain(|t| !free[*t as usize]);
-            charts.push(Chart::new(mesh, kept, normal));
+            charts.push(Chart::new(mesh, kept, normal, scale));
         }
         open.retain(|t| free[*t as usize]);
     }
@@ -111,7 +116,7 @@ fn beside(mesh: &Mesh) -> Vec<u32> {
 }
 
 /// The free triangles around a seed that face as the mean of those before them, which are then taken.
-fn grown(seed: u32, normals: &[DVec3], beside: &[u32], free: &mut [bool]) -> Vec<u32> {
+fn grown(seed: u32, normals: &[DVec3], beside: &[u32], seen: &[bool], free: &mut [bool]) -> Vec<u32> {
     let mut grown = vec![seed];
     free[seed as usize] = false;
     let mut sum = normals[seed as usize];
@@ -121,7 +126,7 @@ fn grown(seed: u32, normals: &[DVec3], beside: &[u32], free: &mut [bool]) -> Vec
         for other in beside[3 * t..3 * t + 3].iter().filter(|other| **other != NONE) {
             let normal = normals[*other as usize];
             let alike = sum == DVec3::ZERO || normal.dot(sum) >= JOINS * normal.length() * sum.length();
-            if free[*other as usize] && alike {
+            if free[*other as usize] && alike && seen[*other as usize] == seen[seed as usize] {
                 free[*other as usize] = false;
                 sum += normal;
                 grown.push(*other);
