@@ -23,7 +23,7 @@ pub struct SurfaceOptions {
     pub voxel: f64,
     /// The most triangles; all that there are if `None`.
     pub triangles: Option<usize>,
-    /// Closes what no photo saw.
+    /// Closes the holes that no photo saw.
     pub watertight: bool,
 }
 

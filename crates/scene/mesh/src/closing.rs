@@ -19,12 +19,12 @@ const PADDED: i32 = SIDE + 2;
 
 impl DistanceField {
     /// The field with distances where nothing was seen, too, so that its surface is closed: every edge of
-    /// [`mesh`](Self::mesh) has two triangles of each sheet, and [`Mesh::manifold`](crate::Mesh::manifold) makes it a
+    /// [`mesh`](Self::mesh) has two triangles for each sheet, and [`Mesh::manifold`](crate::Mesh::manifold) makes it a
     /// 2-manifold.
     ///
-    /// Unseen space takes the harmonic interpolation between what was seen, 1 where a view looks through and at the
-    /// border of a box around everything, on a grid of blocks; beside known cells, that of cells. A sheet that was seen
-    /// from one side alone becomes a slab.
+    /// Unseen space takes the harmonic interpolation between known distances, 1 where a view looks through and at the
+    /// border of a box around everything, on a grid of blocks; beside known cells, on the grid of cells. A sheet that
+    /// was seen from one side alone becomes a slab.
     /// Source: Davis et al., "Filling holes in complex surfaces using volumetric diffusion", 2002.
     ///
     /// # Errors
@@ -195,7 +195,7 @@ impl Coarse {
         (z * self.size[1] + y) * self.size[0] + x
     }
 
-    /// The distance at the lower corner of a cell, linear between the eight nodes around it; that of empty space beyond
+    /// The distance at the lower corner of a cell, linear between the eight nodes around it; empty space beyond
     /// the grid.
     fn value(&self, cell: Place) -> f32 {
         let at = DVec3::from_array(cell.map(f64::from)) / f64::from(self.side) - 0.5;

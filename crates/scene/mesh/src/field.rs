@@ -203,7 +203,7 @@ fn average(views: &[RangeView<'_>], block: Place, voxel: f64, truncation: f64, c
     }
 }
 
-/// The weight of a distance: behind a surface it is guessed, and yields to views that see what is there, so that a wall
+/// The weight of a distance: behind a surface it is guessed, and yields to views that see that place, so that a wall
 /// thinner than the truncation keeps both sides. 1 down to a cell behind, then falling to nearly nothing.
 fn trust(distance: f64, voxel: f64, truncation: f64) -> f64 {
     let depth = (-distance - voxel) / (truncation - voxel).max(voxel);

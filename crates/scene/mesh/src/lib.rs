@@ -4,8 +4,8 @@
 //! - A [`DistanceField`] averages truncated signed distances of range images in blocks of 8 x 8 x 8 cells near
 //!   surfaces.
 //! - [`DistanceField::mesh`] is its zero level by surface nets: one vertex in each cell that the surface crosses.
-//! - [`DistanceField::closed`] fills what nothing saw, so that the surface is closed, and [`Mesh::manifold`] gives every
-//!   edge at most two triangles.
+//! - [`DistanceField::closed`] fills space that nothing saw, so that the surface is closed, and [`Mesh::manifold`]
+//!   gives every edge at most two triangles.
 //! - [`Mesh::simplified`] has fewer triangles, [`Texture::paint`] a picture from photos.
 //! - [`compare`] has accuracy, completeness, Chamfer distance and F-score of a mesh and a cloud.
 //! - [`mesh_chamfer`] and [`point_chamfer`] are the distances of benchmarks such as DTU.

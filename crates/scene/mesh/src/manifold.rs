@@ -8,7 +8,7 @@ use weaver_geometry::glam::DVec3;
 /// it begins.
 pub(crate) type HalfEdge = ([u32; 2], usize);
 
-/// All halves of edges, those of one edge side by side.
+/// All halves of edges, the ones of an edge side by side.
 pub(crate) fn half_edges(triangles: &[[u32; 3]]) -> Vec<HalfEdge> {
     let half = |i: usize| {
         let (from, to) = ends(triangles, i);

@@ -44,7 +44,7 @@ impl Mesh {
     pub fn simplified(&self, colors: &[[u8; 3]], most: usize, mut observe: impl FnMut(usize)) -> (Self, Vec<[u8; 3]>) {
         assert!(colors.is_empty() || colors.len() == self.vertices.len(), "a color for each vertex, or none");
         let mut surface = Surface::new(self, colors);
-        // A collapse that was not allowed may be later: others have changed what is around it.
+        // A collapse that was not allowed may be later: others have changed its surroundings.
         loop {
             let before = surface.left;
             surface.collapse(most, &mut observe);
@@ -139,7 +139,7 @@ impl Surface {
         surface
     }
 
-    /// Puts planes on the border, and fixes what is no manifold.
+    /// Puts planes on the border, and fixes vertices that are on no manifold.
     fn find_borders(&mut self) {
         for group in half_edges(&self.triangles).chunk_by(|a, b| a.0 == b.0) {
             let (edge, half) = group[0];
@@ -286,7 +286,7 @@ impl Surface {
         self.changes[second] += 1;
     }
 
-    /// What is left, in the order of before.
+    /// The remaining mesh, in the order of before.
     fn finish(self, colored: bool) -> (Mesh, Vec<[u8; 3]>) {
         let mut kept = vec![false; self.triangles.len()];
         self.around.iter().flatten().for_each(|t| kept[*t as usize] = true);

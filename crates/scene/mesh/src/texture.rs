@@ -59,12 +59,13 @@ impl Texture {
     /// Paints a mesh from photos, on a picture of `size` x `size` texels.
     ///
     /// Triangles that face alike become charts, which are laid flat along their mean normals. A vertex has the three
-    /// best of the photos in which it and its neighbors are seen, each with the weight (cos a / z^2 f^2)^4 for the angle
-    /// a to its normal, the depth z and the focal length f, of the best one's; a texel mixes the weights of the corners
-    /// of its triangle, so that colors go over into one another without a step. Before, photos are multiplied by gains
-    /// that bring the colors of what several see together. What no photo sees has colors of what is beside it, and so
-    /// has the space between charts.
-    /// Source: Waechter et al., "Let there be color!", 2014, whose gains these are, without its patches of one photo.
+    /// best of the photos in which it and its neighbors are seen, weighed with (f^2 cos a / z^2)^4 for the focal length
+    /// f, the angle a to its normal and the depth z. A texel mixes the weights at the corners of its triangle, so that
+    /// photos go over into one another without a step. Before, photos are multiplied by gains that bring their colors
+    /// together where several see the same. Parts that no photo sees take the colors beside them, and so does the space
+    /// between charts. `observe` is called with the parts that are done, and their number.
+    /// Source: after Waechter et al., "Let there be color!", 2014, with a gain for each photo and mixed weights in
+    /// place of patches of one photo whose borders are leveled.
     ///
     /// # Errors
     /// [`MeshError`] where a photo does not have its camera's size, or the charts do not fit.
@@ -126,7 +127,7 @@ impl Texture {
 }
 
 impl Mesh {
-    /// Normals of vertices, means of those of their triangles by area.
+    /// Normals of vertices: means over their triangles by area.
     fn vertex_normals(&self) -> Vec<DVec3> {
         let mut normals = vec![DVec3::ZERO; self.vertices.len()];
         for triangle in &self.triangles {
@@ -206,7 +207,7 @@ impl Painter<'_> {
         texels
     }
 
-    /// Colors of vertices, of those that no photo sees the mean of what is beside them.
+    /// Colors of vertices; one that no photo sees has the mean of its neighbors.
     fn unseen_colors(&self) -> Vec<DVec3> {
         let own = |v: usize| {
             let point = DVec3::from_array(self.mesh.vertices[v].map(f64::from));
@@ -219,7 +220,7 @@ impl Painter<'_> {
         let mut colors: Vec<Option<DVec3>> = (0..self.mesh.vertices.len()).into_par_iter().map(own).collect();
         let neighbors = weights::neighbors(self.mesh);
         let mut open: Vec<u32> = (0..colors.len() as u32).filter(|v| colors[*v as usize].is_none()).collect();
-        // Ring by ring, from what is known.
+        // Ring by ring, from known colors.
         loop {
             let known = |v: u32| {
                 let around: Vec<DVec3> = neighbors.of(v).iter().filter_map(|n| colors[*n as usize]).collect();

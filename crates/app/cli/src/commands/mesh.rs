@@ -43,7 +43,7 @@ pub struct Meshing {
     /// Paints a texture from the photos of the cameras, of so many texels a side [default: 4096 where it is named]
     #[arg(long, value_name = "SIZE", num_args = 0..=1, default_missing_value = "4096", value_parser = clap::value_parser!(u32).range(64..=16_384))]
     texture: Option<u32>,
-    /// Closes what no photo saw, so that the mesh is the border of a solid
+    /// Closes the holes that no photo saw, so that the mesh bounds a solid
     #[arg(long)]
     watertight: bool,
     /// Side of a cell, world units [default: 0.1 m of a map; of a scene a 256th of the cameras' distance, and at least

@@ -106,7 +106,7 @@ fn what_gives_no_mesh_is_said() {
     splatweaver(&[&"mesh", &empty, &"--out", &out]).refused(1, &["empty", "run.json"]);
 }
 
-/// Triangles, holes and textures are as wanted, in every format; what cannot be is said before any work.
+/// Triangles, holes and textures are as wanted, in every format; wishes that cannot be met are refused before any work.
 #[test]
 fn a_mesh_is_made_for_other_programs() {
     let folder = tempfile::tempdir().unwrap();

@@ -40,7 +40,7 @@ pub fn write(path: &Path, surface: &Surface<'_>) -> Result<()> {
     })
 }
 
-/// Bytes of a file, and the places of what is in them.
+/// Bytes of a file, and the places of its parts.
 #[derive(Default)]
 struct Document {
     binary: Vec<u8>,
@@ -110,7 +110,7 @@ impl Document {
         let asset = json!({ "version": "2.0", "generator": "SplatWeaver" });
         // Accessors without elements are not allowed.
         if empty {
-            return json!({ "asset": asset, "scene": 0, "scenes": [{}], "buffers": [{ "byteLength": self.binary.len() }] });
+            return json!({ "asset": asset, "scene": 0, "scenes": [{}] });
         }
         let mut surface = json!({ "metallicFactor": 0.0, "roughnessFactor": 1.0 });
         if self.textured {

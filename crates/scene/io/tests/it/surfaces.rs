@@ -1,4 +1,4 @@
-//! Surfaces in files: what is read back is what was written.
+//! Surfaces in files are read back as they were written.
 
 use serde_json::Value;
 use std::path::Path;

@@ -59,9 +59,9 @@ impl Chart {
     }
 }
 
-/// The charts of a mesh: from the first triangle without a chart on, those beside it that face as the chart does. What
-/// would lie over others, as far as texels of a picture of that size tell, waits for a further chart. Triangles that a
-/// photo has `seen` are apart from others, which get less room.
+/// The charts of a mesh: from the first triangle without a chart on, the ones beside it that face as the chart does. A
+/// triangle that would lie over others, as far as texels of a picture of that size tell, waits for a further chart.
+/// Triangles that a photo has `seen` are apart from others, which get less room.
 pub fn charts(mesh: &Mesh, size: usize, seen: &[bool]) -> Vec<Chart> {
     let normals: Vec<DVec3> = mesh
         .triangles
@@ -75,7 +75,7 @@ pub fn charts(mesh: &Mesh, size: usize, seen: &[bool]) -> Vec<Chart> {
     let texels = size as f64 / mesh.area().sqrt().max(f64::MIN_POSITIVE);
     let mut free = vec![true; mesh.triangles.len()];
     let mut charts = Vec::new();
-    // In a list of its own: what was refused comes again.
+    // In a list of its own: refused triangles come again.
     let mut open: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
     while !open.is_empty() {
         for seed in &open {

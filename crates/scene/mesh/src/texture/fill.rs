@@ -3,7 +3,7 @@
 /// Colors and alpha, 255 where there is a color.
 type Texels = Vec<[u8; 4]>;
 
-/// Gives every empty texel a color: level by level of half the sides, the means of what is there, then back from the
+/// Gives every empty texel a color: level by level of half the sides, the means of known colors, then back from the
 /// coarsest level, so that no coarser picture of the texture mixes in anything that is not on the surface.
 pub fn fill(texels: &mut Texels, size: usize) {
     if size <= 1 {

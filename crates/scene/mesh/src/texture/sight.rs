@@ -1,4 +1,4 @@
-//! A photo's view of a mesh: what it sees, and how well.
+//! A photo's view of a mesh: visible points, and how well they are seen.
 
 use super::{PhotoView, raster};
 use crate::Mesh;

@@ -104,7 +104,7 @@ fn shares(mesh: &Mesh, boxes: &Boxes, poses: &[Pose]) -> (f64, f64) {
     (found(&truth(boxes)).precision, found(&seen(boxes, poses)).recall)
 }
 
-/// Surfaces are accurate and complete at 1 % of the scene, also those of a wall two cells thick, and after nine of ten
+/// Surfaces are accurate and complete at 1 % of the scene, also of a wall two cells thick, and after nine of ten
 /// triangles went.
 #[test]
 fn walls_and_ground_are_where_they_are() {
@@ -133,7 +133,7 @@ fn walls_and_ground_are_where_they_are() {
     assert!(side(0.3) < 0.4 * CELL, "{}", side(0.3) / CELL);
 }
 
-/// Closed: every edge has two triangles, also those of the ground's back, which nothing saw; what was seen is as
+/// Closed: every edge has two triangles, also at the ground's back, which nothing saw; seen parts are as
 /// before. The same at any number of threads.
 #[test]
 fn a_closed_field_has_a_closed_surface() {

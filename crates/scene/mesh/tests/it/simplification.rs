@@ -63,7 +63,7 @@ fn borders_and_colors_stay_where_they_are() {
     }
 }
 
-/// What no collapse can make smaller stays: a tetrahedron has four triangles.
+/// A mesh that no collapse can make smaller stays: a tetrahedron has four triangles.
 #[test]
 fn a_closed_surface_never_vanishes() {
     let (mesh, _) = ball(6).simplified(&[], 1, |_| {});

@@ -1,4 +1,4 @@
-//! Drawn surfaces, and what is true of a closed one.
+//! Drawn surfaces, and properties of closed ones.
 
 use std::collections::{BTreeMap, HashMap};
 use weaver_geometry::glam::DVec3;

@@ -1,4 +1,4 @@
-//! Pictures painted from photos: colors, seams, and what no photo sees.
+//! Pictures painted from photos: colors, seams, and parts that no photo sees.
 
 use crate::solids::cube;
 use weaver_geometry::glam::{DVec2, DVec3};
@@ -127,7 +127,7 @@ fn photos_go_over_into_one_another() {
     let size = texture.size;
     let mut worst = 0;
     for (triangle, corners) in mesh.triangles.iter().zip(&texture.corners) {
-        // Of the two sides that both see, without their borders, whose photos show what is beyond.
+        // Of the two sides that both see, without their borders, whose photos show the space beyond.
         let [a, b, c] = mesh.corners(*triangle);
         let at = (a + b + c) / 3.0;
         if at.x.max(at.y) < 0.99 || at.x.min(at.y).abs() > 0.9 || at.z.abs() > 0.9 {
@@ -195,8 +195,9 @@ fn textures_that_make_no_sense_are_refused() {
     let mesh = cube(4, |p| p);
     let cameras = [camera(DVec3::new(3.0, 2.0, 2.0), 16)];
     let rgb = vec![0; 12];
-    let error =
-        |size: usize| Texture::paint(&mesh, &views(&cameras, &[rgb.clone()]), size, |_, _| {}).unwrap_err().to_string();
+    let error = |size: usize| {
+        Texture::paint(&mesh, &views(&cameras, std::slice::from_ref(&rgb)), size, |_, _| {}).unwrap_err().to_string()
+    };
     assert_eq!(error(64), "photo 0: expected 256 pixels, and no mask or as large a one, found 4 and 256");
     assert_eq!(error(1), "texture: expected a side of 16 to 16384 texels, found 1");
     let apart = Mesh {
