@@ -2,7 +2,9 @@
 
 use crate::failure::Failure;
 use crate::printable::printable;
+use serde_json::Value;
 use std::io::Write;
+use std::path::Path;
 use weaver_io::Part;
 
 /// The two streams of a command. Its methods print [printable] text alone.
@@ -15,18 +17,49 @@ pub struct Console<'a> {
     pub terminal: bool,
     /// Receives each finished part of a job, in place of a bar or of lines.
     pub watcher: Option<&'a mut (dyn FnMut(&Part) + Send + 'a)>,
+    /// Warnings that were printed.
+    warnings: Vec<String>,
 }
 
 impl<'a> Console<'a> {
     /// The two streams; progress is a bar on a `terminal`, lines elsewhere.
     pub fn new(stdout: &'a mut (dyn Write + Send), stderr: &'a mut (dyn Write + Send), terminal: bool) -> Self {
-        Self { stdout, stderr, terminal, watcher: None }
+        Self { stdout, stderr, terminal, watcher: None, warnings: Vec::new() }
     }
 
     /// Prints a line of the result on standard output.
     pub fn print(&mut self, text: &str) -> Result<(), Failure> {
         let written = writeln!(self.stdout, "{}", printable(text.trim_end())).and_then(|()| self.stdout.flush());
         written.map_err(Failure::output)
+    }
+
+    /// Prints the answer of a command that has made files or folders: `text`, or in place of it an object of JSON, its
+    /// `figures` beside the paths of the `outputs` and the `warnings` that were printed.
+    ///
+    /// # Errors
+    /// When standard output cannot be written.
+    ///
+    /// # Panics
+    /// When `figures` is no object.
+    pub fn answer(
+        &mut self,
+        json: bool,
+        outputs: &[impl AsRef<Path>],
+        mut figures: Value,
+        text: &str,
+    ) -> Result<(), Failure> {
+        if !json {
+            return self.print(text);
+        }
+        figures["outputs"] = outputs.iter().map(|path| path.as_ref().display().to_string()).collect();
+        figures["warnings"] = std::mem::take(&mut self.warnings).into();
+        self.print(&serde_json::to_string_pretty(&figures)?)
+    }
+
+    /// Prints a warning on standard error, which an [`answer`](Self::answer) repeats.
+    pub fn warning(&mut self, text: &str) {
+        self.note(&format!("warning: {text}"));
+        self.warnings.push(text.into());
     }
 
     /// Passes a finished part of a job to the watcher, if any.
@@ -51,6 +84,23 @@ impl std::fmt::Debug for Console<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn answers_name_outputs_and_warnings() {
+        let (mut out, mut err) = (Vec::new(), Vec::new());
+        let mut console = Console::new(&mut out, &mut err, false);
+        let figures = serde_json::json!({ "gaussians": 3 });
+        console.answer(false, &["a.ply"], figures.clone(), "3 Gaussians: a.ply").unwrap();
+        console.warning("few photos");
+        console.answer(true, &["a.ply", "b"], figures, "3 Gaussians: a.ply").unwrap();
+        let [out, err] = [out, err].map(|bytes| String::from_utf8(bytes).unwrap());
+        assert_eq!(err, "warning: few photos\n");
+        let json = out.strip_prefix("3 Gaussians: a.ply\n").unwrap();
+        assert_eq!(
+            serde_json::from_str::<Value>(json).unwrap(),
+            serde_json::json!({ "gaussians": 3, "outputs": ["a.ply", "b"], "warnings": ["few photos"] })
+        );
+    }
 
     /// Control characters of file names do not reach the terminal, and JSON stays the same JSON.
     ///

@@ -38,7 +38,8 @@ impl Observe for ConsoleObserver<'_, '_> {
     }
 
     fn warning(&mut self, text: &str) {
-        self.note(&format!("warning: {text}"));
+        self.end_stage();
+        self.console.warning(text);
     }
 
     fn begin(&mut self, stage: &Stage) {

@@ -161,7 +161,7 @@ fn estimate(
     observe: &mut dyn Observe,
 ) -> Result<EstimatedCameras, Error> {
     let start = Instant::now();
-    let PhotoFiles { paths: photos, originals, sequence, .. } = photos;
+    let PhotoFiles { paths: photos, originals, sequence, times, .. } = photos;
     let masks = masks.map(|masks| PhotoMasks::find(originals, masks)).transpose()?;
     EstimatedPhotos::check(out, photos)?;
     placing.check(originals)?;
@@ -172,6 +172,7 @@ fn estimate(
     observe.note(&format!("cameras: matching {} photos", photos.len()));
     let options = EstimatePhotosOptions { sequence: *sequence, ..*matching };
     let mut found = estimate_set(&set, &options)?;
+    found.times = times.clone();
     found.remarks.iter().for_each(|remark| observe.warning(remark));
     let placed = found.placed().len();
     if placed < 2 {

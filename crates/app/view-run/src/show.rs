@@ -39,7 +39,7 @@ impl PageFile<'_> {
         match weighed(megabytes, self.any_size) {
             Weight::Small => {}
             Weight::Large => {
-                console.note(&format!("warning: the page has {megabytes:.0} MB, more than phones may open"));
+                console.warning(&format!("the page has {megabytes:.0} MB, more than phones may open"));
             }
             Weight::TooLarge => {
                 return Err(Failure::message(format!(

@@ -16,7 +16,8 @@ const REACH: f32 = 0.45;
 /// sharp ones among those near each place.
 ///
 /// A frame that is `u` times half a step away from its place counts with its sharpness times `1 - u^2 / 2`. Returns
-/// rising numbers: one where the way is shorter than `closest`, none of no frames.
+/// rising numbers: one where the way is shorter than `closest`, none of no frames. No two of them show the same: a
+/// picture that a clip repeats is at the place of the first.
 ///
 /// # Panics
 /// If `most` is 0.
@@ -37,7 +38,7 @@ pub fn choose(frames: &[Measured], most: usize, closest: f32) -> Vec<usize> {
     let step = way / steps as f32;
     let mut chosen: Vec<usize> = Vec::with_capacity(steps + 1);
     for target in (0..=steps).map(|i| i as f32 * step) {
-        let first = chosen.last().map_or(0, |last| last + 1);
+        let first = chosen.last().map_or(0, |last| places.partition_point(|place| *place <= places[*last]));
         let from = places.partition_point(|place| *place < target - REACH * step).max(first);
         let to = places.partition_point(|place| *place <= target + REACH * step);
         let score = |i: usize| {

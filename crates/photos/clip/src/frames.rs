@@ -2,8 +2,9 @@
 
 use crate::Error;
 use crate::choice::{Measured, choose};
+use crate::conversion::{Conversion, Remarks};
 use crate::movement::{Follower, sharpness};
-use crate::pictures::{Picture, Pictures, about_how_many};
+use crate::pictures::{Chosen, Picture, Pictures};
 use crate::spherical::is_spherical;
 use std::path::Path;
 use std::time::Instant;
@@ -66,13 +67,21 @@ pub(crate) struct FrameFolder<'a> {
     pub out: &'a OutputFolder,
 }
 
-/// Chooses frames of a clip, at most so many, and writes them to a folder; returns their names.
+/// A frame that was written.
+pub(crate) struct Written {
+    /// Its name in the folder of the result.
+    pub name: String,
+    /// When it was taken, seconds from the beginning of the clip, where the clip tells.
+    pub time: Option<f64>,
+}
+
+/// Chooses frames of a clip, at most so many, and writes them to a folder.
 pub(crate) fn write_frames(
     clip: &Path,
     most: Option<usize>,
     folder: &FrameFolder<'_>,
     observe: &mut dyn Observe,
-) -> Result<Vec<String>, Error> {
+) -> Result<Vec<Written>, Error> {
     let start = Instant::now();
     let refused = |found: &str| {
         let clip = clip.display();
@@ -83,19 +92,27 @@ pub(crate) fn write_frames(
     if start_of_file.is_empty() {
         return Err(refused("an empty file"));
     }
-    let measured = measured(clip, observe)?;
+    let (conversion, stream, Remarks { notes, warnings }) = Conversion::of(clip)?;
+    notes.iter().for_each(|note| observe.note(note));
+    warnings.iter().for_each(|warning| observe.warning(warning));
+    let (measured, times) = measured(clip, (&conversion, stream.about.unwrap_or(0)), observe)?;
     let (most, closest) = most.map_or((MOST, APART), |most| (most, CLOSEST));
-    let chosen = choose(&measured, most, closest);
-    match (measured.len(), chosen.len()) {
+    let numbers = choose(&measured, most, closest);
+    match (measured.len(), numbers.len()) {
         (0, _) => return Err(refused("no pictures")),
         (1, _) => return Err(refused("a single picture")),
         (_, 1) => return Err(refused("one that stands still: nothing tells how far anything is away")),
         _ => {}
     }
-    let names: Vec<String> = chosen.iter().map(|number| format!("{}/{number:06}.jpg", folder.name)).collect();
+    let names: Vec<String> = numbers.iter().map(|number| format!("{}/{number:06}.jpg", folder.name)).collect();
     folder.out.check(&names)?;
-    let names = write(clip, Chosen { numbers: &chosen, names }, folder.out, observe)?;
-    let steps = chosen.windows(2).map(|pair| measured[pair[1]].place - measured[pair[0]].place);
+    let times = times.map(|times| numbers.iter().map(|number| times[*number]).collect::<Vec<_>>());
+    let chosen = match &times {
+        Some(times) => Chosen::Times(times.clone()),
+        None => Chosen::Numbers(numbers.iter().map(|number| *number as i64).collect()),
+    };
+    let names = write(clip, (Pictures::of(clip, &conversion, &chosen)?, names), folder.out, observe)?;
+    let steps = numbers.windows(2).map(|pair| measured[pair[1]].place - measured[pair[0]].place);
     let step = steps.fold(0.0, f32::max);
     let (all, written, seconds) = (measured.len(), names.len(), duration(start.elapsed().as_secs_f64()));
     observe.note(&format!(
@@ -104,13 +121,14 @@ pub(crate) fn write_frames(
         100.0 * step,
         folder.out.path().join(&folder.name).display()
     ));
-    if step > FAR && chosen.len() == most {
-        let enough = (chosen.len() as f32 * step / (0.5 * FAR)).ceil();
+    if step > FAR && numbers.len() == most {
+        let enough = (numbers.len() as f32 * step / (0.5 * FAR)).ceil();
         observe.warning(&format!(
             "frames so far apart have little in common; --frames {enough:.0} takes them closer together"
         ));
     }
-    Ok(names)
+    let time = |i: usize| times.as_ref().map(|times| times[i] as f64 * 1e-6);
+    Ok(names.into_iter().enumerate().map(|(i, name)| Written { name, time: time(i) }).collect())
 }
 
 /// Describes a clip in a line, by its first picture.
@@ -118,20 +136,24 @@ pub(crate) fn write_frames(
 /// # Errors
 /// When there is no ffmpeg, or it does not read the file.
 pub fn info(clip: &Path) -> Result<String, Error> {
-    let name = clip.display();
-    let (mut pictures, mut picture) = (Pictures::of(clip, &[0])?, Picture::default());
+    let (conversion, stream, _) = Conversion::of(clip)?;
+    let mut pictures = Pictures::of(clip, &conversion, &Chosen::Numbers(vec![0]))?;
+    let mut picture = Picture::default();
     if !pictures.next(&mut picture)? {
         pictures.finish()?;
-        return Err(Error::input(format!("{name}: expected a clip, found no pictures")));
+        return Err(Error::input(format!("{}: expected a clip, found no pictures", clip.display())));
     }
-    let about = about_how_many(clip).map_or(String::new(), |count| format!(", about {count} pictures"));
+    let about = stream.about.map_or(String::new(), |count| format!(", about {count} pictures"));
     Ok(format!("clip of {}x{} pixels{about}", picture.width, picture.height))
 }
 
-/// Measures every frame of a clip.
-fn measured(clip: &Path, observe: &mut dyn Observe) -> Result<Vec<Measured>, Error> {
-    let mut pictures = Pictures::small(clip, MEASURED)?;
-    let about = about_how_many(clip).unwrap_or(0);
+/// Measures every frame of a clip, of which there are about so many; returns their times, too, where each has one.
+fn measured(
+    clip: &Path,
+    (conversion, about): (&Conversion, usize),
+    observe: &mut dyn Observe,
+) -> Result<(Vec<Measured>, Option<Vec<i64>>), Error> {
+    let mut pictures = Pictures::small(clip, conversion, MEASURED)?;
     observe.begin(&stage(about));
     let (mut picture, mut follower, mut measured) = (Picture::default(), Follower::default(), Vec::new());
     while pictures.next(&mut picture)? {
@@ -139,16 +161,12 @@ fn measured(clip: &Path, observe: &mut dyn Observe) -> Result<Vec<Measured>, Err
         let note = "frames looked at".into();
         let _ = observe.progress(&Part { label: LABEL, done: measured.len(), total: about.max(measured.len()), note });
     }
-    if let Some(complaints) = pictures.finish()? {
+    let (times, complaints) = pictures.finish()?;
+    if let Some(complaints) = complaints {
         observe.warning(&format!("{}: ffmpeg: {complaints}", clip.display()));
     }
-    Ok(measured)
-}
-
-/// Frames that become photos, and their names.
-struct Chosen<'a> {
-    numbers: &'a [usize],
-    names: Vec<String>,
+    let times = times.filter(|times| times.len() == measured.len());
+    Ok((measured, times))
 }
 
 /// A stage of reading a clip.
@@ -156,14 +174,13 @@ fn stage(total: usize) -> Stage {
     Stage { label: LABEL, done: 0, total, stops_after: None }
 }
 
-/// Writes frames of a clip; returns their names.
+/// Writes frames of a clip under these names; returns the names that they have got.
 fn write(
     clip: &Path,
-    Chosen { numbers, mut names }: Chosen<'_>,
+    (mut pictures, mut names): (Pictures, Vec<String>),
     out: &OutputFolder,
     observe: &mut dyn Observe,
 ) -> Result<Vec<String>, Error> {
-    let mut pictures = Pictures::of(clip, numbers)?;
     let spherical = is_spherical(clip);
     observe.begin(&stage(names.len()));
     let mut picture = Picture::default();

@@ -1,13 +1,16 @@
 //! Clips to photos, and pictures to videos.
 //!
 //! - [`PhotoFiles`] lists photos, opens folders of them, converts HEIC and AVIF, and chooses frames of clips: sharp
-//!   ones, evenly spread over the way of the camera.
+//!   ones, evenly spread over the way of the camera. They are upright, without the combs of interlaced clips, and in
+//!   sRGB, also those of HDR clips.
 //! - [`Film`] is a file of moving pictures that is being written: [`Video`], [`Gif`], [`WebP`].
 //!
 //! Clips and videos go through an ffmpeg on the PATH, HEIC and AVIF through a program that decodes them. Each is a
 //! process of its own that ends no later than this one ([`end_all`]).
 
 mod choice;
+mod conversion;
+mod decoder;
 mod error;
 mod film;
 mod frames;
@@ -19,6 +22,7 @@ mod picture_sink;
 mod pictures;
 mod program;
 mod spherical;
+mod stream;
 mod video;
 mod webp;
 

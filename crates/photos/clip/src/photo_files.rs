@@ -2,8 +2,9 @@
 
 use crate::Error;
 use crate::error::some_of;
-use crate::frames::{FRAMES, FrameFolder, is_clip, write_frames};
+use crate::frames::{FRAMES, FrameFolder, Written, is_clip, write_frames};
 use crate::heif::{CONVERTED, Converted, convert};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_io::{Observe, OutputFolder, PhotoFolder, ShellCommand};
 
@@ -17,6 +18,8 @@ pub struct PhotoFiles {
     /// The files that were given or were in folders that were given, one for each: other ones where photos were
     /// converted.
     pub originals: Vec<PathBuf>,
+    /// When frames of clips were taken, seconds from the beginning of the clip, by their paths.
+    pub times: BTreeMap<PathBuf, f64>,
     /// The frames, relative to the folder of the result; `None` without a clip.
     frames: Option<Vec<String>>,
     /// The converted photos, likewise.
@@ -45,7 +48,7 @@ impl PhotoFiles {
             return Err(Error::setting("frames", "expected a clip, found photos"));
         }
         let mut photos = Vec::new();
-        let (mut number, mut written) = (0, Vec::new());
+        let (mut number, mut written, mut times) = (0, Vec::new(), BTreeMap::new());
         for path in paths {
             if !is_clip(path) {
                 photos.extend(in_folder(path, paths, observe)?);
@@ -54,13 +57,16 @@ impl PhotoFiles {
             number += 1;
             // Two clips have frames of the same numbers.
             let name = if clips > 1 { format!("{FRAMES}/{number}") } else { FRAMES.into() };
-            let names = write_frames(path, most, &FrameFolder { name, out }, observe)?;
-            photos.extend(names.iter().map(|name| out.path().join(name)));
-            written.extend(names);
+            for Written { name, time } in write_frames(path, most, &FrameFolder { name, out }, observe)? {
+                let photo = out.path().join(&name);
+                times.extend(time.map(|time| (photo.clone(), time)));
+                photos.push(photo);
+                written.push(name);
+            }
         }
         let sequence = 2 * written.len() > photos.len();
         let Converted { originals, paths, written: converted } = convert(photos, out, observe)?;
-        Ok(Self { paths, originals, sequence, frames: (clips > 0).then_some(written), converted })
+        Ok(Self { paths, originals, sequence, times, frames: (clips > 0).then_some(written), converted })
     }
 
     /// Removes the frames of an earlier choice, and photos that were converted for it. To be called once cameras are

@@ -1,20 +1,20 @@
 //! The pictures of a clip, one after the other, as an ffmpeg beside this process decodes them.
 
 use crate::Error;
-use crate::program::{Ended, INSTALL, Program};
-use std::ffi::OsString;
+use crate::conversion::Conversion;
+use crate::decoder;
+use crate::program::Program;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{ChildStdout, Command, Stdio};
+use std::process::ChildStdout;
+use std::sync::mpsc::{Receiver, channel};
 
 /// The longest side of a picture, pixels: a header may claim anything.
 const LONGEST: usize = 1 << 16;
-/// Filter of time for ffmpeg: each picture comes out once, whatever its own time is.
-const ONE_EACH: &str = "settb=1/25,setpts=N";
-
-/// The containers that ffmpeg opens, by its own names: none that names other files, as playlists and manifests do.
-const CONTAINERS: &str =
-    "mov,matroska,avi,mpeg,mpegts,mpegvideo,m4v,h264,hevc,obu,ivf,ogg,asf,flv,mxf,dv,yuv4mpegpipe,gif";
+/// Filter of time for ffmpeg: times are whole microseconds.
+const MICROSECONDS: &str = "settb=1/1000000";
+/// Filters of time: a picture's own time is told, and each comes out once, whatever its time.
+const ONE_EACH: &str = "showinfo=checksum=0,settb=1/25,setpts=N";
 
 /// The pictures of a clip, upright and with square pixels.
 #[derive(Debug)]
@@ -22,6 +22,7 @@ pub struct Pictures {
     clip: PathBuf,
     ffmpeg: Program,
     pipe: BufReader<ChildStdout>,
+    times: Receiver<Option<i64>>,
 }
 
 /// A picture of 8 bits.
@@ -33,31 +34,39 @@ pub struct Picture {
     pub pixels: Vec<u8>,
 }
 
+/// Pictures of a clip, rising.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Chosen {
+    /// By their times, microseconds.
+    Times(Vec<i64>),
+    /// By their numbers from 0, where some have no time of their own.
+    Numbers(Vec<i64>),
+}
+
 impl Pictures {
     /// All pictures of a clip in gray, the longer side at most `long_side` pixels.
-    pub fn small(clip: &Path, long_side: usize) -> Result<Self, Error> {
-        let factor = format!("min(1,{long_side}/max(iw*sar,ih))");
-        let side = |side: &str| format!("max(1,round({side}*{factor}))");
-        let scale = format!("scale=w='{}':h='{}':flags=area,setsar=1,format=gray", side("iw*sar"), side("ih"));
-        Self::start(clip, &format!("{scale},{ONE_EACH}"), "pgm")
+    pub fn small(clip: &Path, conversion: &Conversion, long_side: usize) -> Result<Self, Error> {
+        Self::start(clip, conversion, (&format!("{},{MICROSECONDS}", conversion.to_gray(long_side)), "pgm"))
     }
 
-    /// The pictures of these numbers, from 0 and rising, in color and at their own size.
-    pub fn of(clip: &Path, numbers: &[usize]) -> Result<Self, Error> {
-        let scale = "scale=w='max(1,round(iw*sar))':h=ih:flags=bicubic+accurate_rnd+full_chroma_int,setsar=1";
-        Self::start(clip, &format!("select='{}',{scale},format=rgb24,{ONE_EACH}", one_of(numbers)), "ppm")
+    /// Some pictures in color and at their own size.
+    pub fn of(clip: &Path, conversion: &Conversion, chosen: &Chosen) -> Result<Self, Error> {
+        let select = match chosen {
+            Chosen::Times(times) => one_of("pts", times),
+            Chosen::Numbers(numbers) => one_of("n", numbers),
+        };
+        let select = format!("{MICROSECONDS},select='{select}'");
+        Self::start(clip, conversion, (&conversion.to_color(&select), "ppm"))
     }
 
-    fn start(clip: &Path, filter: &str, codec: &str) -> Result<Self, Error> {
-        let mut command = reading(clip);
-        command
-            // Not covers, which are pictures of files that are heard.
-            .args(["-map", "0:V:0", "-vf", filter, "-r", "25", "-c:v", codec, "-f", "image2pipe", "pipe:1"])
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped());
-        let ffmpeg = Program::start(command, &missing(clip))?;
+    fn start(clip: &Path, conversion: &Conversion, (filter, codec): (&str, &str)) -> Result<Self, Error> {
+        let (send, times) = channel();
+        let output = ["-r", "25", "-c:v", codec, "-f", "image2pipe", "pipe:1"];
+        let filter = format!("{filter},{ONE_EACH}");
+        let listener = move |line: &str| time(line).map_or((), |time| send.send(time).unwrap_or_default());
+        let ffmpeg = decoder::start(clip, (conversion.before(), &filter, &output), listener)?;
         let pipe = ffmpeg.stdout().ok_or_else(|| Error::input("ffmpeg: no pipe"))?;
-        Ok(Self { clip: clip.into(), ffmpeg, pipe: BufReader::with_capacity(1 << 16, pipe) })
+        Ok(Self { clip: clip.into(), ffmpeg, pipe: BufReader::with_capacity(1 << 16, pipe), times })
     }
 
     /// Reads the next picture in place of another one; false after the last.
@@ -65,66 +74,32 @@ impl Pictures {
         read(&mut self.pipe, picture).map_err(|error| Error::input(format!("{}: ffmpeg: {error}", self.clip.display())))
     }
 
-    /// Waits for ffmpeg after the last picture, and returns what it complains about.
-    pub fn finish(mut self) -> Result<Option<String>, Error> {
-        let ended: Ended = self.ffmpeg.end()?;
-        match ended.fault() {
-            Some(fault) => {
-                let clip = self.clip.display();
-                if fault.contains("not on whitelist") {
-                    let expected = "expected a clip, found a list of other files, or a container that is none of";
-                    return Err(Error::input(format!("{clip}: {expected} {CONTAINERS}")));
-                }
-                let found = if fault.contains("matches no streams") { "no pictures in it" } else { "another file" };
-                let expected = "expected a clip with pictures that ffmpeg decodes";
-                Err(Error::input(format!("{clip}: {expected}, found {found}; {fault}")))
-            }
-            None => Ok(ended.complaints()),
-        }
+    /// Waits for ffmpeg after the last picture, and returns the times of all pictures, microseconds from the beginning
+    /// of the clip, where each has one of its own, and what ffmpeg complains about.
+    pub fn finish(self) -> Result<(Option<Vec<i64>>, Option<String>), Error> {
+        let complaints = decoder::end(&self.clip, self.ffmpeg)?;
+        let times: Option<Vec<i64>> = self.times.iter().collect();
+        Ok((times.filter(|times| times.windows(2).all(|pair| pair[0] < pair[1])), complaints))
     }
 }
 
-/// An expression of ffmpeg that is not 0 where `n` is one of some rising numbers. A tree, for a sum of a hundred terms
-/// is too deep for ffmpeg.
-fn one_of(numbers: &[usize]) -> String {
+/// The time of a picture in a line of `showinfo`, if it has one; `None` of another line.
+fn time(line: &str) -> Option<Option<i64>> {
+    let time = line.contains("showinfo").then(|| line.split_once(" pts:"))??.1.split_whitespace().next()?;
+    Some(time.parse().ok())
+}
+
+/// An expression of ffmpeg that is not 0 where a variable is one of some rising numbers. A tree, for a sum of a hundred
+/// terms is too deep for ffmpeg.
+fn one_of(variable: &str, numbers: &[i64]) -> String {
     match numbers {
         [] => "0".into(),
-        [number] => format!("eq(n,{number})"),
+        [number] => format!("eq({variable},{number})"),
         _ => {
             let (below, from) = numbers.split_at(numbers.len() / 2);
-            format!("if(lt(n,{}),{},{})", from[0], one_of(below), one_of(from))
+            format!("if(lt({variable},{}),{},{})", from[0], one_of(variable, below), one_of(variable, from))
         }
     }
-}
-
-/// About how many pictures a clip has: its length times its rate, if ffmpeg tells both.
-pub fn about_how_many(clip: &Path) -> Option<usize> {
-    let mut command = reading(clip);
-    // What is asked for here comes as a note, and without an output this is an error.
-    let said = command.args(["-loglevel", "info"]).stdin(Stdio::null()).output().ok()?;
-    let said = String::from_utf8_lossy(&said.stderr);
-    let time = said.split("Duration: ").nth(1)?.split(',').next()?;
-    let seconds = time.split(':').try_fold(0.0, |sum, part| Some(60.0 * sum + part.trim().parse::<f64>().ok()?))?;
-    let stream = said.lines().find(|line| line.contains("Video:") && line.contains(" fps"))?;
-    let rate: f64 = stream.split(" fps").next()?.rsplit(' ').next()?.parse().ok()?;
-    Some((seconds * rate) as usize)
-}
-
-/// An ffmpeg that reads a clip.
-fn reading(clip: &Path) -> Command {
-    // Otherwise a name with a colon would be an address. Nothing is read but the clip itself.
-    let mut input = OsString::from("file:");
-    input.push(clip);
-    let mut command = Command::new("ffmpeg");
-    let threads = rayon::current_num_threads().to_string();
-    command.args(["-hide_banner", "-loglevel", "error", "-nostdin", "-protocol_whitelist", "file"]);
-    command.args(["-format_whitelist", CONTAINERS]);
-    command.args(["-threads", &threads, "-i"]).arg(input);
-    command
-}
-
-fn missing(clip: &Path) -> String {
-    format!("{}: reading a clip needs the program ffmpeg, and there is none on the PATH; {INSTALL}", clip.display())
 }
 
 /// Reads a PGM or PPM picture of 8 bits; false at the end of the stream, and where it was cut off within a picture.
@@ -171,11 +146,12 @@ fn unexpected() -> std::io::Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::process::Command;
 
     /// Promise of `frames_are_as_a_player_shows_them`.
     #[test]
     fn any_number_of_pictures_is_selected() {
-        assert_eq!(one_of(&[3, 5, 8]), "if(lt(n,5),eq(n,3),if(lt(n,8),eq(n,5),eq(n,8)))");
+        assert_eq!(one_of("n", &[3, 5, 8]), "if(lt(n,5),eq(n,3),if(lt(n,8),eq(n,5),eq(n,8)))");
         if Command::new("ffmpeg").arg("-version").output().is_err() {
             return println!("skipped: no ffmpeg (any_number_of_pictures_is_selected)");
         }
@@ -188,18 +164,23 @@ mod tests {
             .args(["-loglevel", "error", "-f", "lavfi", "-i", source, "-frames:v", "4100", "-c:v", "ffv1"])
             .arg(&clip);
         assert!(command.status().unwrap().success());
-        // As many as `--frames` may ask for, in two pieces with a gap between.
-        let numbers: Vec<usize> = (0..1500).chain(2700..4100).step_by(2).chain(4099..4100).collect();
-        let mut pictures = Pictures::of(&clip, &numbers).unwrap();
-        let mut picture = Picture::default();
-        for number in &numbers {
-            assert!(pictures.next(&mut picture).unwrap(), "{number}");
-            assert_eq!(usize::from(picture.pixels[0]), number % 250, "{number}");
+        // As many as `--frames` may ask for, and two pieces with a gap between.
+        let pieces: Vec<i64> = (0..1500).chain(2700..4100).step_by(2).chain(4099..4100).collect();
+        for numbers in [pieces, (0..2000).map(|i| 2 * i + 1).collect()] {
+            // A picture takes 40 milliseconds.
+            let times = Chosen::Times(numbers.iter().map(|number| 40_000 * number).collect());
+            for chosen in [Chosen::Numbers(numbers.clone()), times.clone()] {
+                let mut pictures = Pictures::of(&clip, &Conversion::default(), &chosen).unwrap();
+                let mut picture = Picture::default();
+                for number in &numbers {
+                    assert!(pictures.next(&mut picture).unwrap(), "{number}");
+                    assert_eq!(i64::from(picture.pixels[0]), number % 250, "{number}");
+                }
+                assert!(!pictures.next(&mut picture).unwrap());
+                let (found, complaints) = pictures.finish().unwrap();
+                assert_eq!((Chosen::Times(found.unwrap()), complaints), (times.clone(), None));
+            }
         }
-        assert!(!pictures.next(&mut picture).unwrap() && pictures.finish().unwrap().is_none());
-        let all: Vec<usize> = (0..2000).map(|i| 2 * i + 1).collect();
-        let mut pictures = Pictures::of(&clip, &all).unwrap();
-        assert!(all.iter().all(|_| pictures.next(&mut picture).unwrap()));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! An installed program, as a process of its own that ends no later than this one.
 
 use crate::Error;
-use std::io::{ErrorKind, Read};
+use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread::JoinHandle;
@@ -15,8 +15,10 @@ pub const INSTALL: &str = if cfg!(target_os = "macos") {
 } else {
     "to install it: sudo apt install ffmpeg, or sudo dnf install ffmpeg"
 };
-/// Bytes that are kept of messages: a damaged file may have one for each frame.
-const MOST: u64 = 4096;
+/// Bytes that are kept of complaints: a damaged file may have one for each frame.
+const MOST: usize = 4096;
+/// Bytes of a line of messages, at most; the rest of a longer one is another line.
+const LONGEST: u64 = 1 << 16;
 /// Messages that are quoted.
 const QUOTED: usize = 4;
 /// Characters of each that are.
@@ -26,6 +28,9 @@ const PAUSE: Duration = Duration::from_millis(2);
 
 /// All that were started and may still run.
 static RUNNING: Mutex<Vec<Weak<Mutex<Child>>>> = Mutex::new(Vec::new());
+
+/// Is given each line of a program's messages, and returns the complaint in it, if it is one.
+pub type Listener = Box<dyn FnMut(&str) -> Option<String> + Send>;
 
 /// A program that runs; killed when this is dropped.
 #[derive(Debug)]
@@ -53,13 +58,18 @@ pub struct Ended {
 }
 
 impl Program {
-    /// Starts a program; `missing` is said where there is none on the PATH.
+    /// Starts a program all of whose messages are complaints; `missing` is said where there is none on the PATH.
     pub fn start(command: Command, missing: &str) -> Result<Self, Error> {
         Self::find(command)?.ok_or_else(|| Error::input(missing))
     }
 
     /// Starts a program; `None` where there is none on the PATH.
-    pub fn find(mut command: Command) -> Result<Option<Self>, Error> {
+    pub fn find(command: Command) -> Result<Option<Self>, Error> {
+        Self::listen(command, Box::new(|line| Some(line.into())))
+    }
+
+    /// Starts a program whose messages are listened to; `None` where there is none on the PATH.
+    pub fn listen(mut command: Command, listener: Listener) -> Result<Option<Self>, Error> {
         let name = command.get_program().to_string_lossy().into_owned();
         // Locked before it starts, so that a Ctrl-C just then ends it, too.
         let mut running = locked(&RUNNING);
@@ -68,7 +78,7 @@ impl Program {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(Error::input(format!("{name}: {error}"))),
         };
-        let complaints = process.stderr.take().map(|pipe| std::thread::spawn(move || beginning(pipe)));
+        let complaints = process.stderr.take().map(|pipe| std::thread::spawn(move || complaints(pipe, listener)));
         let process = Arc::new(Mutex::new(process));
         running.retain(|process| process.strong_count() > 0);
         running.push(Arc::downgrade(&process));
@@ -145,13 +155,17 @@ pub fn end_all() {
     }
 }
 
-/// The beginning of what comes out of a pipe, which is read to its end.
-fn beginning(mut pipe: impl Read) -> String {
-    let mut text = Vec::new();
+/// The first complaints that come out of a pipe, which is read to its end.
+fn complaints(pipe: impl Read, mut listener: Listener) -> String {
+    let (mut pipe, mut line, mut kept) = (BufReader::new(pipe), Vec::new(), String::new());
     // Messages from before a broken pipe are still reported.
-    let _ = pipe.by_ref().take(MOST).read_to_end(&mut text);
-    let _ = std::io::copy(&mut pipe, &mut std::io::sink());
-    String::from_utf8_lossy(&text).into_owned()
+    while pipe.by_ref().take(LONGEST).read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
+        if let Some(complaint) = listener(&String::from_utf8_lossy(&line)).filter(|_| kept.len() < MOST) {
+            kept.push_str(&complaint);
+        }
+        line.clear();
+    }
+    kept
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -24,6 +24,7 @@ use masks::PhotoMask;
 use model::UPRIGHT;
 use order::is_sequence;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 pub use summary::{CameraSummary, CamerasSummary};
 use weaver_geometry::Distortion;
@@ -113,6 +114,8 @@ pub struct EstimatedPhotos {
     lens_of: Vec<usize>,
     /// Faces of panoramas.
     pub(crate) faces: Vec<Option<Face>>,
+    /// When photos were taken, seconds, by their paths: frames of clips. None at first.
+    pub times: BTreeMap<PathBuf, f64>,
     /// Cameras and points; pixels belong to the photos as they were matched.
     pub estimate: Estimate,
 }
@@ -235,6 +238,7 @@ pub fn estimate_set(set: &PhotoSet, options: &EstimatePhotosOptions) -> Result<E
         holds_out,
         lens_of,
         faces,
+        times: BTreeMap::new(),
         estimate,
     })
 }

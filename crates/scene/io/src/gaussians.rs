@@ -7,11 +7,13 @@ mod format;
 mod gltf;
 mod ksplat;
 mod order;
+mod placement;
 pub mod ply;
 mod scene_file;
 pub(crate) mod sog;
 mod splat;
 mod spz;
+mod usd;
 mod wsz;
 
 pub use blocks::{Blocks, Chained, Changed};
@@ -85,7 +87,7 @@ pub fn read_gaussians(path: impl AsRef<Path>) -> Result<Gaussians> {
 
 /// Writes Gaussians in one of the [formats](SCENE_FORMATS), atomically; the file's name selects it.
 ///
-/// PLY and glTF keep every bit of numbers, the other formats round.
+/// PLY keeps every bit of numbers, glTF and USD of positions and harmonics; the other formats round.
 ///
 /// # Errors
 /// On any other extension, and on one that is only read; when the fields' lengths disagree, a value is not finite where

@@ -1,4 +1,4 @@
-//! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ, SOG, glTF, ksplat), COLMAP, transforms.json,
+//! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ, SOG, glTF, USD, ksplat), COLMAP, transforms.json,
 //! RealEstate10K, LLFF, Nerfies, cameras of Metashape, RealityScan, Bundler and OpenSfM, safetensors, NPY; scans of
 //! lidars (KITTI .bin, PLY, PCD, NPY) and trajectories (KITTI, TUM); surfaces (PLY, glTF, OBJ).
 //!

@@ -84,16 +84,14 @@ pub fn run(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
     atomic_write(out, |file| std::io::Write::write_all(file, &bytes))?;
     let (before, after) = (scene_bytes(scene)?, bytes.len());
     let bits = 8.0 * after as f64 / gaussians.len().max(1) as f64;
-    if arguments.json {
-        let result = json!({
-            "gaussians": gaussians.len(), "bytes": after, "bytes_before": before, "bits_per_gaussian": bits,
-            "psnr": psnr, "pictures": judging,
-            "chosen_by": { "psnr": chosen, "pictures": choosing },
-        });
-        return console.print(&serde_json::to_string_pretty(&result)?);
-    }
-    let (times, out) = (before as f64 / after.max(1) as f64, out.display());
-    console.print(&format!("{quality}; {bits:.1} bits a Gaussian: {after} bytes, {times:.1} times fewer\nscene: {out}"))
+    let figures = json!({
+        "gaussians": gaussians.len(), "bytes": after, "bytes_before": before, "bits_per_gaussian": bits,
+        "psnr": psnr, "pictures": judging,
+        "chosen_by": { "psnr": chosen, "pictures": choosing },
+    });
+    let (times, file) = (before as f64 / after.max(1) as f64, out.display());
+    let text = format!("{quality}; {bits:.1} bits a Gaussian: {after} bytes, {times:.1} times fewer\nscene: {file}");
+    console.answer(arguments.json, &[out], figures, &text)
 }
 
 /// Some of the cameras of a file, evenly spread, for pictures of a size that is drawn fast.

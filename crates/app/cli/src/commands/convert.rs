@@ -167,13 +167,10 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
         Err(ConvertError::Score(error)) => return Err(Failure::Error(error)),
         converted => converted?,
     };
-    if arguments.json {
-        return console.print(&serde_json::to_string_pretty(&written.json(from, to))?);
-    }
     if written.gaussians != written.read {
         console.note(&format!("{} of {} Gaussians stay", written.gaussians, written.read));
     }
-    console.print(&written.text(to))
+    console.answer(arguments.json, &[to], written.json(from, to), &written.text(to))
 }
 
 /// Converts cameras.
@@ -181,11 +178,9 @@ fn convert_one(from: &Path, arguments: &Convert, console: &mut Console) -> Resul
     arguments.check_cameras()?;
     let to = &arguments.to;
     let converted = convert_cameras(from, to, arguments.movement(), &mut ConsoleObserver::new(console))?;
-    if arguments.json {
-        return console.print(&serde_json::to_string_pretty(&converted.json(from, to))?);
-    }
-    let ConvertedCameras { photos, points, .. } = converted;
-    console.print(&format!("cameras of {photos} photos, {points} points: {}", to.display()))
+    let ConvertedCameras { photos, points, .. } = &converted;
+    let text = format!("cameras of {photos} photos, {points} points: {}", to.display());
+    console.answer(arguments.json, &[to], converted.json(from, to), &text)
 }
 
 /// Longest side of the pictures: a Gaussian that shows at this size shows at any.

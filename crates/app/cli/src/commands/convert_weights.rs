@@ -1,6 +1,7 @@
 //! `splatweaver convert-weights`.
 
 use clap::Args;
+use serde_json::json;
 use std::io;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -23,14 +24,18 @@ pub struct ConvertWeights {
     /// The safetensors file to write
     #[arg(short, long, value_name = "FILE", value_parser = Output::file(&["safetensors"]))]
     pub out: Output,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
 }
 
 pub fn run(arguments: &ConvertWeights, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     if arguments.file.extension().is_some_and(|e| e == "safetensors") {
         let compact = Checkpoint::read(&arguments.file)?.compact()?;
         compact.write(&arguments.out)?;
-        let (count, out) = (compact.tensors.len(), arguments.out.display());
-        return console.print(&format!("{count} tensors of 16 bits, for inference only: {out}"));
+        let count = compact.tensors.len();
+        let text = format!("{count} tensors of 16 bits, for inference only: {}", arguments.out.display());
+        return console.answer(arguments.json, &[&arguments.out], json!({ "tensors": count }), &text);
     }
     let mut checkpoint = TorchCheckpoint::open(&arguments.file)?;
     let planned = checkpoint.tensors()?;
@@ -53,5 +58,6 @@ pub fn run(arguments: &ConvertWeights, console: &mut Console, interrupt: &Interr
         console.note(remark);
     }
     let bytes: usize = planned.iter().map(|tensor| tensor.bytes()).sum();
-    console.print(&format!("{total} tensors, {:.2} GB: {}", bytes as f64 / 1e9, arguments.out.display()))
+    let text = format!("{total} tensors, {:.2} GB: {}", bytes as f64 / 1e9, arguments.out.display());
+    console.answer(arguments.json, &[&arguments.out], json!({ "tensors": total, "bytes": bytes }), &text)
 }

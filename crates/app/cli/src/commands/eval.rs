@@ -190,7 +190,7 @@ pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
                 None => format!("; to go on: {}", ShellCommand::new("splatweaver train --resume").path(&name)),
                 Some(_) => String::new(),
             };
-            console.note(&format!("warning: {name} is at step {done} of {planned}{resume}"));
+            console.warning(&format!("{name} is at step {done} of {planned}{resume}"));
         }
         *run.predictor.renderer() = Renderer::new(rasterizer.clone());
         run.predictor = arguments.refine.refined(run.predictor, &[], rasterizer.clone())?;
@@ -204,7 +204,7 @@ pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
             return Err(Failure::Usage(format!("--targets {named}: expected --cameras predicted, found other ones")));
         }
         if let Some(remark) = run.predictor.remark(options.density) {
-            console.note(&format!("warning: {remark}"));
+            console.warning(&remark);
         }
         let mut progress = Progress::new("eval", 0, 0, console);
         let mut show = |done, total| progress.at(done, total, String::new, console);

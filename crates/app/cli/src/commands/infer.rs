@@ -259,7 +259,7 @@ fn own(
     *predictor.renderer() = Renderer::new(rasterizer.clone());
     let density: Density = arguments.density.into();
     if let Some(remark) = predictor.remark(density) {
-        console.note(&format!("warning: {remark}"));
+        console.warning(&remark);
     }
     let mut predictor = arguments.refine.refined(predictor, images, rasterizer)?;
     if arguments.light.light.is_some() && (density != Density::default() || arguments.refine.is_asked()) {

@@ -28,17 +28,10 @@ pub fn run(arguments: &Merge, console: &mut Console) -> Result<(), Failure> {
     let out = &arguments.out;
     SceneFormat::of(out)?;
     let Merged { gaussians, drawing, background, fitted, remarks } = merge(&arguments.blocks)?;
-    remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
+    remarks.iter().for_each(|remark| console.warning(remark));
     write_scene(out, &gaussians, drawing)?;
-    if arguments.json {
-        let (output, gaussians) = (out.display().to_string(), gaussians.len());
-        let report = json!({"output": output, "gaussians": gaussians, "fitted": fitted, "background": background});
-        return console.print(&serde_json::to_string_pretty(&report)?);
-    }
-    let [r, g, b] = background;
-    console.print(&format!(
-        "{} of {fitted} Gaussians stay, background {r:.3},{g:.3},{b:.3}: {}",
-        gaussians.len(),
-        out.display()
-    ))
+    let ([r, g, b], gaussians, file) = (background, gaussians.len(), out.display().to_string());
+    let text = format!("{gaussians} of {fitted} Gaussians stay, background {r:.3},{g:.3},{b:.3}: {file}");
+    let figures = json!({"output": file, "gaussians": gaussians, "fitted": fitted, "background": background});
+    console.answer(arguments.json, &[out], figures, &text)
 }

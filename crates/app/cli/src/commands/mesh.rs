@@ -76,13 +76,10 @@ pub fn run(arguments: &Meshing, console: &mut Console) -> Result<(), Failure> {
     made.write(out)?;
     let mesh = made.mesh;
     let (vertices, triangles, area) = (mesh.vertices.len(), mesh.triangles.len(), mesh.area());
-    if arguments.json {
-        let area_key = if is_map { "area_m2" } else { "area" };
-        let figures = json!({ "vertices": vertices, "triangles": triangles, area_key: area });
-        return console.print(&serde_json::to_string_pretty(&figures)?);
-    }
-    let (out, unit) = (out.display(), if is_map { "m^2" } else { "square units" });
-    console.print(&format!("{out}: {vertices} vertices, {triangles} triangles, {area:.1} {unit}"))
+    let (area_key, unit) = if is_map { ("area_m2", "m^2") } else { ("area", "square units") };
+    let figures = json!({ "vertices": vertices, "triangles": triangles, area_key: area });
+    let text = format!("{}: {vertices} vertices, {triangles} triangles, {area:.1} {unit}", out.display());
+    console.answer(arguments.json, &[out], figures, &text)
 }
 
 impl Meshing {

@@ -1,6 +1,7 @@
 //! `splatweaver render`.
 
 use clap::{ArgGroup, Args};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_clip::{Film, Gif, PictureSink, VIDEOS, Video, WebP};
 use weaver_command::camera_files::{self, Size};
@@ -69,6 +70,9 @@ pub struct Render {
     /// it for a sphere, the width for a fisheye]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub height: Option<u32>,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub device: DeviceFlag,
     #[command(flatten)]
@@ -133,9 +137,12 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
         Ok(Image { width: camera.width, height: camera.height, pixels })
     })?;
     progress.finish();
-    let places: Vec<String> = output.finish()?.iter().map(|path| path.display().to_string()).collect();
-    let places = places.join(" and ");
-    console.print(&format!("pictures: {} of {} Gaussians, in {places}", cameras.len(), gaussians.len()))
+    let outputs = output.finish()?;
+    let places: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
+    let (pictures, gaussians, places) = (cameras.len(), gaussians.len(), places.join(" and "));
+    let figures = json!({ "pictures": pictures, "gaussians": gaussians });
+    let text = format!("pictures: {pictures} of {gaussians} Gaussians, in {places}");
+    console.answer(arguments.json, &outputs, figures, &text)
 }
 
 /// Pictures that wait to be written.

@@ -79,7 +79,7 @@ pub fn run(arguments: &Split, console: &mut Console) -> Result<(), Failure> {
         masks: arguments.masks,
     };
     let found = split(&options, &out)?;
-    found.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
+    found.remarks.iter().for_each(|remark| console.warning(remark));
     for block in &found.blocks {
         let BlockFile { photos, held_out, points, own_points, gaussians, memory, .. } = block;
         console.note(&format!(
@@ -88,10 +88,8 @@ pub fn run(arguments: &Split, console: &mut Console) -> Result<(), Failure> {
             *memory as f64 / 1e6
         ));
     }
-    if arguments.json {
-        let report = json!({"blocks": found.blocks, "background": found.background});
-        return console.print(&serde_json::to_string_pretty(&report)?);
-    }
+    let figures = json!({"blocks": found.blocks, "background": found.background});
     let command = |block| found.fit_command(block, &arguments.out, &options).to_string();
-    found.blocks.iter().try_for_each(|block| console.print(&command(block)))
+    let commands: Vec<String> = found.blocks.iter().map(command).collect();
+    console.answer(arguments.json, &[&arguments.out], figures, &commands.join("\n"))
 }

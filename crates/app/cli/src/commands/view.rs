@@ -81,7 +81,9 @@ pub fn run(arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Re
     }
     let access = if *host { Access::Network } else { Access::Local };
     if *host {
-        console.note("warning: everybody in the network who has the address can look at the scene and save changed ones beside it");
+        console.warning(
+            "everybody in the network who has the address can look at the scene and save changed ones beside it",
+        );
     }
     serve(&page, Listener::bind(access, *port)?, *open, console, interrupt)
 }

@@ -54,7 +54,9 @@ impl EstimatedPhotos {
                 }
                 None => BTreeMap::new(),
             };
-            frames.push((number, Frame { path, mask, distortion, extras, ..Frame::new(name, camera) }));
+            let taken_as = self.faces[number].as_ref().map_or(&self.paths[number], |face| &face.panorama);
+            let time = self.times.get(taken_as).copied();
+            frames.push((number, Frame { path, mask, distortion, time, extras, ..Frame::new(name, camera) }));
         }
         Ok(frames)
     }

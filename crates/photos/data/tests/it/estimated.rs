@@ -12,10 +12,10 @@ use weaver_io::{Transforms, colmap::Model};
 use weaver_procedural::{ProceduralOptions, scene};
 
 /// Small, for matching is slow where nothing is optimized.
-const SIZE: [usize; 2] = [96, 72];
+pub const SIZE: [usize; 2] = [96, 72];
 
 /// Photos of one place, `[width, height]`, in a folder.
-fn photos(folder: &Path, count: usize, [width, height]: [usize; 2]) -> Vec<PathBuf> {
+pub fn photos(folder: &Path, count: usize, [width, height]: [usize; 2]) -> Vec<PathBuf> {
     let truth = scene(3, &ProceduralOptions { width, height, views: 8 });
     fs::create_dir_all(folder).unwrap();
     let write = |i: usize| {
@@ -27,7 +27,7 @@ fn photos(folder: &Path, count: usize, [width, height]: [usize; 2]) -> Vec<PathB
 }
 
 /// With the focal length of the photos: to look for it takes most of the time.
-fn told() -> EstimatePhotosOptions {
+pub fn told() -> EstimatePhotosOptions {
     let camera = scene(3, &ProceduralOptions { width: 96, height: 72, views: 8 }).views[0].camera;
     EstimatePhotosOptions {
         focal: Some(camera.intrinsics.fx / camera.width as f64),

@@ -6,6 +6,7 @@ mod dtu;
 mod estimated;
 mod exif;
 mod film_layouts;
+mod frame_times;
 mod learned;
 mod masked;
 mod own_photos;

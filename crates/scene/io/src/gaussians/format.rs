@@ -4,7 +4,7 @@ use super::blocks::Blocks;
 use super::order::nearby;
 use super::scene_file::{Drawing, OpenScene, SceneFile};
 use super::sog::{self, META};
-use super::{gltf, ksplat, ply, splat, spz, wsz};
+use super::{gltf, ksplat, ply, splat, spz, usd, wsz};
 use crate::files::content::Content;
 use crate::{Error, Result};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -55,7 +55,7 @@ pub(super) enum Writer {
 }
 
 /// The formats that are read and written. A further one is a file beside these and a row here.
-pub const SCENE_FORMATS: [SceneFormat; 11] = [
+pub const SCENE_FORMATS: [SceneFormat; 13] = [
     SceneFormat {
         name: "ply",
         extension: "ply",
@@ -136,6 +136,24 @@ pub const SCENE_FORMATS: [SceneFormat; 11] = [
         degree: 3,
         read: Reader::Blocks(gltf::open),
         write: Writer::Blocks(gltf::encode_gltf),
+    },
+    SceneFormat {
+        name: "usda",
+        extension: "usda",
+        keeps: "as glb, in text of three times the size",
+        order: None,
+        degree: MAX_DEGREE,
+        read: Reader::Blocks(usd::open_usda),
+        write: Writer::Blocks(usd::encode_usda),
+    },
+    SceneFormat {
+        name: "usdz",
+        extension: "usdz",
+        keeps: "as usda, in a package",
+        order: None,
+        degree: MAX_DEGREE,
+        read: Reader::Blocks(usd::open_usdz),
+        write: Writer::Blocks(usd::encode_usdz),
     },
     SceneFormat {
         name: "ksplat",

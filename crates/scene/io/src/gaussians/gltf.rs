@@ -23,6 +23,8 @@ use weaver_geometry::sh;
 
 /// The extension.
 const EXTENSION: &str = "KHR_gaussian_splatting";
+/// The draft of an extension of it, of Gaussians that are packed as an SPZ file; read and not written.
+const PACKED: &str = "KHR_gaussian_splatting_compression_spz_2";
 const MAGIC: &[u8; 4] = b"glTF";
 const JSON: u32 = u32::from_le_bytes(*b"JSON");
 const BINARY: u32 = u32::from_le_bytes(*b"BIN\0");

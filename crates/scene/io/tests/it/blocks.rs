@@ -29,7 +29,7 @@ fn bytes(path: &Path) -> Vec<u8> {
 #[test]
 fn any_part_of_a_file_is_that_of_the_whole() {
     let folder = tempfile::tempdir().unwrap();
-    for name in BLOCKWISE.iter().chain(&["a.compressed.ply"]) {
+    for name in BLOCKWISE.iter().chain(&["a.compressed.ply", "a.usda", "a.usdz"]) {
         let path = folder.path().join(name);
         write_gaussians(&path, &sample(300, 1)).unwrap();
         let whole = read_gaussians(&path).unwrap();

@@ -177,7 +177,7 @@ fn positions_of_any_size_fit_into_spz() {
     let unknown = message("a.obj", &at(0.0));
     assert!(
         unknown.contains(
-            "file name: expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog, meta.json, .glb, .gltf, .ksplat or .wsz, found .obj"
+            "file name: expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog, meta.json, .glb, .gltf, .usda, .usdz, .ksplat or .wsz, found .obj"
         ),
         "{unknown}"
     );
@@ -188,12 +188,35 @@ fn positions_of_any_size_fit_into_spz() {
         "{read_only}"
     );
     let broken = Gaussians { quats: vec![], ..at(0.0) };
-    for name in
-        ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json", "a.glb", "a.gltf", "a.wsz"]
-    {
+    for name in [
+        "a.ply",
+        "a.compressed.ply",
+        "a.splat",
+        "a.spz",
+        "a.v4.spz",
+        "a.sog",
+        "meta.json",
+        "a.glb",
+        "a.gltf",
+        "a.usda",
+        "a.usdz",
+        "a.wsz",
+    ] {
         assert!(message(name, &broken).contains("expected 1 Gaussians"), "{name}");
     }
-    for name in ["a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json", "a.glb", "a.gltf", "a.wsz"] {
+    for name in [
+        "a.compressed.ply",
+        "a.splat",
+        "a.spz",
+        "a.v4.spz",
+        "a.sog",
+        "meta.json",
+        "a.glb",
+        "a.gltf",
+        "a.usda",
+        "a.usdz",
+        "a.wsz",
+    ] {
         assert!(message(name, &at(f32::NAN)).contains("vertex 0, position: expected finite numbers"), "{name}");
     }
 }
@@ -254,7 +277,7 @@ fn what_cannot_be_read_again_replaces_nothing() {
         }
     }
     // Their scales are exponentials in 32 bits.
-    assert!(["splat", "glb", "gltf"].iter().all(|name| refused.contains(&(name, 1e30))), "{refused:?}");
+    assert!(["splat", "glb", "gltf", "usda", "usdz"].iter().all(|name| refused.contains(&(name, 1e30))), "{refused:?}");
 }
 
 /// Rotations keep their direction, however long their quaternions are.

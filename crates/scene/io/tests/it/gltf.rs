@@ -60,7 +60,7 @@ pub fn hard() -> Value {
         "extensionsUsed": ["KHR_gaussian_splatting"],
         "scenes": [{"nodes": [1]}],
         "nodes": [{"mesh": 0}, {"children": [0]}],
-        "meshes": [{"primitives": [{"mode": 0, "extensions": {"KHR_gaussian_splatting": {"kernel": "ellipse"}}, "attributes": {
+        "meshes": [{"primitives": [{"mode": 0, "extensions": {"KHR_gaussian_splatting": {"kernel": "ellipse", "colorSpace": "srgb_rec709_display"}}, "attributes": {
             "POSITION": 0, "KHR_gaussian_splatting:ROTATION": 1, "KHR_gaussian_splatting:SCALE": 2,
             "KHR_gaussian_splatting:OPACITY": 3, "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0": 4}}]}],
         "accessors": [
@@ -76,7 +76,7 @@ pub fn hard() -> Value {
     })
 }
 
-fn read(document: &Value) -> weaver_io::Result<Gaussians> {
+pub fn read(document: &Value) -> weaver_io::Result<Gaussians> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.gltf");
     std::fs::write(&path, document.to_string()).unwrap();
@@ -148,16 +148,55 @@ fn transforms_of_nodes_apply() {
         document["nodes"][0] = node;
         read(&document).unwrap_err().to_string()
     };
-    let transform = "nodes[0]: expected a transform of rotation, translation and one scale";
-    for node in [
-        json!({"mesh": 0, "scale": [1.0, 2.0, 1.0]}),
-        json!({"mesh": 0, "scale": [-1.0, 1.0, 1.0]}),
-        json!({"mesh": 0, "scale": [0, 0, 0]}),
-    ] {
+    let transform = "nodes[0]: expected a transform of positive scales, rotation and translation";
+    for node in [json!({"mesh": 0, "scale": [-1.0, 1.0, 1.0]}), json!({"mesh": 0, "scale": [0, 0, 0]})] {
         assert!(message(node).contains(transform));
     }
     assert!(message(json!({"children": [1]})).contains("nodes[1]: expected a node of one parent"));
     assert!(message(json!({"mesh": 7})).contains("nodes: expected a mesh below 1, found 7"));
+}
+
+/// A stretch along the axes of a node carries a Gaussian as its covariance.
+#[test]
+fn several_scales_stretch() {
+    let mut document = hard();
+    document["nodes"][0] = json!({"mesh": 0, "scale": [2.0, 3.0, 0.5], "translation": [1.0, 0.0, 0.0]});
+    let half = 16384.0 / 32767.0;
+    let found = read(&document).unwrap();
+    let plain = read(&hard()).unwrap();
+    // Scales (2, 1, 0.5) about half a turn are along x, y and z.
+    let expected = Gaussians {
+        means: vec![[-3.0, 3.0, 0.5 * half], [-1.0, -3.0 * half, -0.5]],
+        log_scales: vec![[2.0_f32.ln(), 3.0_f32.ln(), 0.5_f32.ln()], [4.0_f32.ln(), 3.0_f32.ln(), 0.25_f32.ln()]],
+        ..plain
+    };
+    assert_same("a.gltf", &found, &expected, 1e-6);
+}
+
+/// Points have linear colors, in which programs without the extension show them, and opacities.
+#[test]
+fn colors_of_points_are_linear() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    let one = Gaussians {
+        means: vec![[0.0; 3]],
+        log_scales: vec![[0.0; 3]],
+        quats: vec![[1.0, 0.0, 0.0, 0.0]],
+        opacity_logits: vec![0.0],
+        sh: [0.5, -1.0, 2.0].map(weaver_scene::forms::harmonic).to_vec(),
+        degree: 0,
+    };
+    write_gaussians(&path, &one).unwrap();
+    let document: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let at = document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"].as_u64().unwrap() as usize;
+    let accessor = &document["accessors"][at];
+    assert_eq!((&accessor["componentType"], &accessor["normalized"]), (&json!(5123), &json!(true)));
+    let start = document["bufferViews"][at]["byteOffset"].as_u64().unwrap() as usize;
+    let uri = document["buffers"][0]["uri"].as_str().unwrap();
+    let buffer = STANDARD.decode(uri.split_once(',').unwrap().1).unwrap();
+    let color: Vec<u16> = buffer[start..start + 8].as_chunks::<2>().0.iter().map(|x| u16::from_le_bytes(*x)).collect();
+    // Half in sRGB is 0.21404 of light.
+    assert_eq!(color, [14027, 0, 65535, 32768]);
 }
 
 #[test]
@@ -169,15 +208,22 @@ fn messages_say_what() {
     };
     let attributes = |d: &mut Value| std::mem::take(&mut d["meshes"][0]["primitives"][0]["attributes"]);
     let set = |pointer: &'static str, to: Value| changed(&move |d| *d.pointer_mut(pointer).unwrap() = to.clone());
-    let not_a_number = changed(&|d| {
-        let uri = d["buffers"][0]["uri"].as_str().unwrap().to_string();
-        let (start, coded) = uri.split_once(',').unwrap();
-        let mut buffer = STANDARD.decode(coded).unwrap();
-        buffer[36..40].copy_from_slice(&f32::NAN.to_le_bytes());
-        d["buffers"][0]["uri"] = json!(format!("{start},{}", STANDARD.encode(buffer)));
-    });
+    let splatting = |key: &'static str, to: Value| {
+        let extension = "/meshes/0/primitives/0/extensions/KHR_gaussian_splatting";
+        changed(&move |d| d.pointer_mut(extension).unwrap()[key] = to.clone())
+    };
+    let with_float = |at: usize, number: f32| {
+        changed(&move |d| {
+            let uri = d["buffers"][0]["uri"].as_str().unwrap().to_string();
+            let (start, coded) = uri.split_once(',').unwrap();
+            let mut buffer = STANDARD.decode(coded).unwrap();
+            buffer[at..at + 4].copy_from_slice(&number.to_le_bytes());
+            d["buffers"][0]["uri"] = json!(format!("{start},{}", STANDARD.encode(buffer)));
+        })
+    };
     let cases = [
-        (not_a_number, "accessors[2]: expected finite numbers, found [NaN, 1.0, 0.5] at 1"),
+        (with_float(40, -1.0), "primitives[0]: expected scales of 0 and more, found [2.0, -1.0, 0.5] at 1"),
+        (with_float(36, f32::NAN), "accessors[2]: expected finite numbers, found [NaN, 1.0, 0.5] at 1"),
         (set("/extensionsUsed", json!([])), "extensionsUsed: expected KHR_gaussian_splatting"),
         (changed(&|d| d["extensionsRequired"] = json!(["KHR_draco"])), "or KHR_mesh_quantization, found KHR_draco"),
         (set("/meshes/0/primitives/0/mode", json!(4)), "expected mode 0 (points), found Some(4)"),
@@ -185,8 +231,13 @@ fn messages_say_what() {
             changed(&|d| {
                 d["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"]["kernel"] = json!("cone")
             }),
-            "found cone and srgb_rec709_display",
+            "expected kernel \"ellipse\", found \"cone\"",
         ),
+        (splatting("kernel", Value::Null), "expected kernel \"ellipse\", found none"),
+        (splatting("colorSpace", Value::Null), "expected colorSpace \"srgb_rec709_display\", found none"),
+        (splatting("colorSpace", json!("lin_rec709_display")), "found \"lin_rec709_display\""),
+        (splatting("projection", json!("fisheye")), "expected projection \"perspective\", found \"fisheye\""),
+        (splatting("sortingMethod", json!("zDepth")), "expected sortingMethod \"cameraDistance\""),
         (changed(&|d| drop(attributes(d).take())), "a.gltf: line 1 column"),
         (
             changed(&|d| {
@@ -204,6 +255,23 @@ fn messages_say_what() {
                 d["meshes"][0]["primitives"][0]["attributes"]["KHR_gaussian_splatting:SH_DEGREE_1_COEF_2"] = json!(4)
             }),
             "an attribute KHR_gaussian_splatting:SH_DEGREE_1_COEF_0",
+        ),
+        (
+            changed(&|d| {
+                d["meshes"][0]["primitives"][0]["attributes"]["KHR_gaussian_splatting:SH_DEGREE_3_COEF_6"] = json!(4)
+            }),
+            "an attribute KHR_gaussian_splatting:SH_DEGREE_1_COEF_0",
+        ),
+        (
+            set("/accessors/1/normalized", json!(false)),
+            "accessors[1]: expected a componentType of 5126, 5120 normalized, 5122 normalized, found 5120",
+        ),
+        (
+            changed(&|d| {
+                d["accessors"][3] =
+                    json!({"bufferView": 2, "byteOffset": 8, "componentType": 5126, "count": 2, "type": "SCALAR"});
+            }),
+            "expected opacities from 0 to 1, found [2.0] at 1",
         ),
         (set("/accessors/1/count", json!(3)), "accessors[1]: expected 2 elements of VEC4, found 3 of VEC4"),
         (

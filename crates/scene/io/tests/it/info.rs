@@ -25,11 +25,23 @@ fn describes_what_it_reads() {
         sh: vec![0.0; 12],
         degree: 1,
     };
-    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json", "a.glb", "a.gltf"] {
+    for name in [
+        "a.ply",
+        "a.compressed.ply",
+        "a.splat",
+        "a.spz",
+        "a.v4.spz",
+        "a.sog",
+        "meta.json",
+        "a.glb",
+        "a.gltf",
+        "a.usda",
+        "a.usdz",
+    ] {
         write_scene(path(name), &one, Drawing::antialiased(true)).unwrap();
         let text = info(path(name)).unwrap();
         assert!(text.starts_with("Gaussians, 1 of SH degree ") && text.contains("\nopacity  0.5"), "{name}: {text}");
-        let says = !["a.splat", "a.glb", "a.gltf"].contains(&name);
+        let says = !["a.splat", "a.glb", "a.gltf", "a.usda", "a.usdz"].contains(&name);
         assert_eq!(text.contains(", trained antialiased\n"), says, "{name}");
     }
 

@@ -109,6 +109,14 @@ fn readers() -> Vec<Reader> {
         one("gltf accessors", "a.gltf", crate::gltf::hard().to_string().into_bytes(), |path| {
             weaver_io::read_gaussians(path).is_ok()
         }),
+        one("gltf packed", "a.gltf", text(&crate::gltf_packed::packed(2).0.to_string()), |path| {
+            weaver_io::read_gaussians(path).is_ok()
+        }),
+        one("usda", "a.usda", gaussians("a.usda"), |path| weaver_io::read_gaussians(path).is_ok()),
+        one("usda of another program", "a.usda", text(crate::usd::LAYER), |path| {
+            weaver_io::read_gaussians(path).is_ok()
+        }),
+        one("usdz", "a.usdz", gaussians("a.usdz"), |path| weaver_io::read_gaussians(path).is_ok()),
         one("ksplat", "a.ksplat", fixture("splats/minimal.ksplat"), |path| weaver_io::read_gaussians(path).is_ok()),
         one("ksplat 2", "a.ksplat", crate::ksplat::file(2, 2), |path| weaver_io::read_gaussians(path).is_ok()),
         several("colmap binary", colmap_files("bin"), folder),

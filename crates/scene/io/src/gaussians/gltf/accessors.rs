@@ -36,6 +36,10 @@ fn component(code: u64) -> Option<Component> {
     })
 }
 
+/// Types that numbers may have: codes of components, each with true if integers are normalized.
+pub(super) type Allowed<'a> = &'a [(u64, bool)];
+pub(super) const FLOAT: (u64, bool) = (5126, false);
+
 /// The accessors of a document.
 pub(super) struct Accessors<'a> {
     pub path: PathBuf,
@@ -57,7 +61,7 @@ impl Accessors<'_> {
     /// Some elements of an accessor of `count` elements of `N` numbers.
     pub(super) fn read<const N: usize>(
         &self,
-        index: usize,
+        (index, allowed): (usize, Allowed<'_>),
         count: usize,
         wanted: Range<usize>,
     ) -> Result<Vec<[f32; N]>> {
@@ -68,9 +72,11 @@ impl Accessors<'_> {
             let found = format!("{} of {}", accessor.count, accessor.kind);
             return Err(invalid(&format!("{count} elements of {kind}"), found));
         }
-        let component = component(accessor.component_type).ok_or_else(|| {
-            let expected = "a componentType of 5126 (float), 5120, 5121 (bytes), 5122 or 5123 (shorts)";
-            invalid(expected, accessor.component_type.to_string())
+        let found = (accessor.component_type, accessor.normalized);
+        let component = component(found.0).filter(|_| allowed.contains(&found)).ok_or_else(|| {
+            let named = |(code, normalized): &_| format!("{code}{}", if *normalized { " normalized" } else { "" });
+            let allowed: Vec<String> = allowed.iter().map(named).collect();
+            invalid(&format!("a componentType of {}", allowed.join(", ")), named(&found))
         })?;
         let number = |bytes: &[u8]| match (accessor.normalized, component.one) {
             (true, Some(one)) => ((component.read)(bytes) / one).max(-1.0),

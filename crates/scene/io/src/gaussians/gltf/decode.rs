@@ -1,24 +1,41 @@
 //! Gaussians from the primitives of a document.
 
-use super::accessors::Accessors;
+use super::accessors::{Accessors, Allowed, FLOAT};
 use super::buffers::Buffers;
 use super::document::{Document, Mesh, Primitive, Splatting};
-use super::{EXTENSION, harmonics, invalid, nodes, signs};
+use super::{EXTENSION, PACKED, harmonics, invalid, nodes, signs};
 use crate::files::content::Content;
 use crate::gaussians::blocks::Blocks;
 use crate::gaussians::fields::check_rows;
+use crate::gaussians::placement::Placement;
+use crate::gaussians::spz;
 use crate::{Error, Result};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
-use weaver_geometry::Similarity;
 use weaver_scene::{Gaussians, forms};
 
-/// Extensions that a file may require; the second lets positions be integers.
-const KNOWN: [&str; 2] = [EXTENSION, "KHR_mesh_quantization"];
+/// Extensions that a file may require; the last lets positions be integers.
+const KNOWN: [&str; 3] = [EXTENSION, PACKED, "KHR_mesh_quantization"];
 /// The largest degree of the extension.
 const DEGREE: usize = 3;
 const POINTS: u64 = 0;
+
+/// Types of attributes; of positions those of KHR_mesh_quantization, too.
+const POSITION: Allowed<'_> = &[
+    FLOAT,
+    (5120, false),
+    (5120, true),
+    (5121, false),
+    (5121, true),
+    (5122, false),
+    (5122, true),
+    (5123, false),
+    (5123, true),
+];
+const ROTATION: Allowed<'_> = &[FLOAT, (5120, true), (5122, true)];
+const SCALE: Allowed<'_> = &[FLOAT, (5121, false), (5121, true), (5123, false), (5123, true)];
+const OPACITY: Allowed<'_> = &[FLOAT, (5121, true), (5123, true)];
 
 /// Opens a document: its Gaussians are read on demand, or at once from sparse accessors.
 pub(super) fn open<'a>(path: &Path, file: Content<'a>) -> Result<Box<dyn Blocks + 'a>> {
@@ -62,16 +79,18 @@ pub(super) fn open<'a>(path: &Path, file: Content<'a>) -> Result<Box<dyn Blocks 
 struct Primitives<'a> {
     accessors: Accessors<'a>,
     meshes: Vec<Mesh>,
-    parts: Vec<Part>,
+    parts: Vec<Part<'a>>,
 }
 
 /// A primitive of Gaussians where a node shows it.
-struct Part {
+struct Part<'a> {
     /// Numbers of its mesh, and of the primitive in that.
     of: [usize; 2],
-    to: Option<Similarity>,
+    to: Option<Placement>,
     count: usize,
     degree: usize,
+    /// Where the Gaussians come from, if not from attributes.
+    packed: Option<Box<dyn Blocks + 'a>>,
 }
 
 /// Place of a primitive in the document, for messages.
@@ -115,47 +134,71 @@ fn turn(gaussians: &mut Gaussians) {
     }
 }
 
-impl Primitives<'_> {
+impl<'a> Primitives<'a> {
     fn primitive(&self, [mesh, index]: [usize; 2]) -> &Primitive {
         &self.meshes[mesh].primitives[index]
     }
 
     /// A primitive as a node shows it, if it is one of Gaussians.
-    fn part(&self, of: [usize; 2], to: Option<Similarity>) -> Result<Option<Part>> {
+    fn part(&self, of: [usize; 2], to: Option<Placement>) -> Result<Option<Part<'a>>> {
         let primitive = self.primitive(of);
         let Some(splatting) = &primitive.extensions.splatting else { return Ok(None) };
         check(&self.accessors.path, &place(of), primitive.mode, splatting)?;
-        let mut degree = 0;
-        while degree < DEGREE && harmonics(degree + 1).any(|name| primitive.attributes.contains_key(&name)) {
-            degree += 1;
-        }
         let count = self.accessors.count(self.attribute(of, "POSITION")?)?;
-        Ok(Some(Part { of, to, count, degree }))
+        if let Some(packed) = &splatting.extensions.spz {
+            let path = self.accessors.path.join(place(of));
+            let view = self.accessors.buffers.view(packed.buffer_view)?;
+            let file = Content::Memory(view.part(0..view.length)?.into_owned().into());
+            let packed = spz::open(&path, file)?.gaussians;
+            if packed.len() != count {
+                return Err(Error::invalid(&path, PACKED, format!("{count} Gaussians, as POSITION has"), packed.len()));
+            }
+            return Ok(Some(Part { of, to, count, degree: packed.degree(), packed: Some(packed) }));
+        }
+        // A degree asks for all of its attributes and for those of lower ones.
+        let is_begun = |degree: &usize| harmonics(*degree).any(|name| primitive.attributes.contains_key(&name));
+        let degree = (1..=DEGREE).rev().find(is_begun).unwrap_or(0);
+        Ok(Some(Part { of, to, count, degree, packed: None }))
     }
 
     /// Some Gaussians of a part, with the axes of glTF.
-    fn gaussians(&self, part: &Part, rows: Range<usize>) -> Result<Gaussians> {
+    fn gaussians(&self, part: &Part<'_>, rows: Range<usize>) -> Result<Gaussians> {
+        let gaussians = match &part.packed {
+            Some(packed) => {
+                let mut gaussians = packed.block(rows)?.into_owned();
+                turn(&mut gaussians);
+                gaussians
+            }
+            None => self.of_attributes(part, rows)?,
+        };
+        Ok(part.to.as_ref().map(|to| to.apply(&gaussians)).unwrap_or(gaussians))
+    }
+
+    fn of_attributes(&self, part: &Part<'_>, rows: Range<usize>) -> Result<Gaussians> {
         let of = |name: &str| format!("{EXTENSION}:{name}");
-        let quats: Vec<[f32; 4]> = self.read(part, &of("ROTATION"), &rows)?;
-        let scales: Vec<[f32; 3]> = self.read(part, &of("SCALE"), &rows)?;
-        let opacities: Vec<[f32; 1]> = self.read(part, &of("OPACITY"), &rows)?;
-        let coefficients = (0..=part.degree).flat_map(harmonics).map(|name| self.read::<3>(part, &name, &rows));
+        let quats: Vec<[f32; 4]> = self.read(part, (&of("ROTATION"), ROTATION), &rows)?;
+        let scales: Vec<[f32; 3]> = self.read(part, (&of("SCALE"), SCALE), &rows)?;
+        let opacities: Vec<[f32; 1]> = self.read(part, (&of("OPACITY"), OPACITY), &rows)?;
+        let harmonics = (0..=part.degree).flat_map(harmonics);
+        let coefficients = harmonics.map(|name| self.read::<3>(part, (&name, &[FLOAT]), &rows));
         let coefficients = coefficients.collect::<Result<Vec<_>>>()?;
+        let refused = |expected, i: usize, found: &[f32]| {
+            let found = format!("{found:?} at {}", rows.start + i);
+            Err(Error::invalid(&self.accessors.path, place(part.of), expected, found))
+        };
         if let Some(i) = scales.iter().position(|scale| scale.iter().any(|scale| *scale < 0.0)) {
-            let found = format!("{:?} at {}", scales[i], rows.start + i);
-            return Err(Error::invalid(&self.accessors.path, place(part.of), "scales of 0 and more", found));
+            return refused("scales of 0 and more", i, &scales[i]);
         }
-        let gaussians = Gaussians {
-            means: self.read(part, "POSITION", &rows)?,
+        if let Some(i) = opacities.iter().position(|[opacity]| !(0.0..=1.0).contains(opacity)) {
+            return refused("opacities from 0 to 1", i, &opacities[i]);
+        }
+        Ok(Gaussians {
+            means: self.read(part, ("POSITION", POSITION), &rows)?,
             log_scales: scales.iter().map(|s| s.map(|s| s.max(f32::MIN_POSITIVE).ln())).collect(),
             quats: quats.iter().map(|[x, y, z, w]| [*w, *x, *y, *z]).collect(),
             opacity_logits: opacities.iter().map(|[o]| forms::opacity_logit(*o)).collect(),
             sh: (0..rows.len()).flat_map(|i| coefficients.iter().flat_map(move |of| of[i])).collect(),
             degree: part.degree,
-        };
-        Ok(match &part.to {
-            Some(to) => gaussians.transformed(to),
-            None => gaussians,
         })
     }
 
@@ -165,8 +208,14 @@ impl Primitives<'_> {
         self.primitive(of).attributes.get(name).copied().ok_or_else(invalid)
     }
 
-    fn read<const N: usize>(&self, part: &Part, name: &str, rows: &Range<usize>) -> Result<Vec<[f32; N]>> {
-        self.accessors.read(self.attribute(part.of, name)?, part.count, rows.clone())
+    /// Numbers of an attribute, which has one of these types.
+    fn read<const N: usize>(
+        &self,
+        part: &Part<'_>,
+        (name, allowed): (&str, Allowed<'_>),
+        rows: &Range<usize>,
+    ) -> Result<Vec<[f32; N]>> {
+        self.accessors.read((self.attribute(part.of, name)?, allowed), part.count, rows.clone())
     }
 }
 
@@ -176,10 +225,19 @@ fn check(path: &Path, place: &str, mode: Option<u64>, splatting: &Splatting) -> 
     if mode != Some(POINTS) {
         return Err(invalid("mode 0 (points)")(format!("{mode:?}")));
     }
-    let kernel = splatting.kernel.as_deref().unwrap_or("ellipse");
-    let space = splatting.color_space.as_deref().unwrap_or("srgb_rec709_display");
-    match (kernel, space) {
-        ("ellipse", "srgb_rec709_display") => Ok(()),
-        _ => Err(invalid("kernel ellipse and colorSpace srgb_rec709_display")(format!("{kernel} and {space}"))),
+    let properties = [
+        ("kernel", &splatting.kernel, "ellipse"),
+        ("colorSpace", &splatting.color_space, "srgb_rec709_display"),
+        ("projection", &splatting.projection, "perspective"),
+        ("sortingMethod", &splatting.sorting_method, "cameraDistance"),
+    ];
+    for (name, found, expected) in properties {
+        // The draft of packed ones came before the first two were asked for.
+        let is_left_out = found.is_none() && splatting.extensions.spz.is_some();
+        if found.as_deref() != Some(expected) && !is_left_out {
+            let found = found.as_ref().map_or_else(|| "none".into(), |found| format!("{found:?}"));
+            return Err(invalid(&format!("{name} {expected:?}"))(found));
+        }
     }
+    Ok(())
 }

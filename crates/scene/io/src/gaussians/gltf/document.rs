@@ -69,6 +69,34 @@ pub(super) struct Extensions {
 pub(super) struct Splatting {
     pub kernel: Option<String>,
     pub color_space: Option<String>,
+    #[serde(default = "perspective")]
+    pub projection: Option<String>,
+    #[serde(default = "camera_distance")]
+    pub sorting_method: Option<String>,
+    #[serde(default)]
+    pub extensions: Compressions,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Compressions {
+    #[serde(rename = "KHR_gaussian_splatting_compression_spz_2")]
+    pub spz: Option<Packed>,
+}
+
+/// Gaussians in an SPZ file.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Packed {
+    pub buffer_view: usize,
+}
+
+fn perspective() -> Option<String> {
+    Some("perspective".into())
+}
+
+fn camera_distance() -> Option<String> {
+    Some("cameraDistance".into())
 }
 
 #[derive(Deserialize)]

@@ -2,7 +2,7 @@
 
 use super::{BINARY, EXTENSION, JSON, MAGIC, harmonics, signs};
 use crate::gaussians::blocks::Blocks;
-use crate::gaussians::fields::{byte, check_rows, unit};
+use crate::gaussians::fields::{check_rows, unit};
 use crate::gaussians::order::bounds;
 use crate::{Error, Result};
 use base64::engine::general_purpose::STANDARD;
@@ -13,7 +13,7 @@ use std::path::Path;
 use weaver_scene::{Gaussians, forms};
 
 const FLOAT: u32 = 5126;
-const BYTE: u32 = 5121;
+const SHORT: u32 = 5123;
 /// The target of views of attributes.
 const ARRAY_BUFFER: u32 = 34962;
 
@@ -71,7 +71,7 @@ struct Attribute {
 impl Attribute {
     /// Bytes of an element.
     fn size(&self) -> usize {
-        self.components * if self.component == FLOAT { 4 } else { 1 }
+        self.components * if self.component == FLOAT { 4 } else { 2 }
     }
 }
 
@@ -84,13 +84,13 @@ fn attributes(degree: usize) -> Vec<Attribute> {
         [y, -x, -w, z]
     };
     let color = |of: &Gaussians, i: usize| {
-        let [r, g, b] = [0, 1, 2].map(|c| forms::color(of.sh[3 * of.coefficients() * i + c]));
-        [r, g, b, forms::opacity(of.opacity_logits[i])].map(|x| byte(255.0 * x))
+        let [r, g, b] = [0, 1, 2].map(|c| linear(forms::color(of.sh[3 * of.coefficients() * i + c]).clamp(0.0, 1.0)));
+        [r, g, b, forms::opacity(of.opacity_logits[i])].map(|x| ((65535.0 * x).round() as u16).to_le_bytes())
     };
-    let color: Row = Box::new(move |of, i, out| out.extend(color(of, i)));
+    let color: Row = Box::new(move |of, i, out| out.extend(color(of, i).as_flattened()));
     let mut attributes = vec![
         floats("POSITION", |of, i| position(of.means[i])),
-        Attribute { name: "COLOR_0".into(), component: BYTE, components: 4, row: color },
+        Attribute { name: "COLOR_0".into(), component: SHORT, components: 4, row: color },
         floats(&named("ROTATION"), rotation),
         floats(&named("SCALE"), |of, i| of.log_scales[i].map(f32::exp)),
         floats(&named("OPACITY"), |of, i| [forms::opacity(of.opacity_logits[i])]),
@@ -108,6 +108,11 @@ fn attributes(degree: usize) -> Vec<Attribute> {
 fn floats<const N: usize>(name: &str, numbers: impl Fn(&Gaussians, usize) -> [f32; N] + 'static) -> Attribute {
     let row: Row = Box::new(move |of, i, out| out.extend(numbers(of, i).map(f32::to_le_bytes).as_flattened()));
     Attribute { name: name.into(), component: FLOAT, components: N, row }
+}
+
+/// The linear value of one in sRGB, as `COLOR_0` is linear (IEC 61966-2-1).
+fn linear(x: f32) -> f32 {
+    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
 fn position([x, y, z]: [f32; 3]) -> [f32; 3] {
@@ -228,7 +233,7 @@ mod tests {
             bytes
         };
         let whole = written(GATHERED);
-        assert_eq!(whole.len(), n * (12 + 4 + 16 + 12 + 4 + 4 * 12));
+        assert_eq!(whole.len(), n * (12 + 8 + 16 + 12 + 4 + 4 * 12));
         assert!([0, 1, 40, 100].iter().all(|gathered| written(*gathered) == whole));
     }
 }
