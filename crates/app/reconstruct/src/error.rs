@@ -2,6 +2,7 @@
 
 use crate::partition::BlockError;
 use std::path::PathBuf;
+use weaver_data::some_of;
 use weaver_fit::FitError;
 use weaver_fit::align::AlignError;
 use weaver_io::{Advice, TooLittleMemory};
@@ -42,6 +43,21 @@ pub enum Error {
         photo: PathBuf,
         /// The reason.
         source: AlignError,
+    },
+    /// A mesh, or its texture, could not be made.
+    #[error(transparent)]
+    Mesh(#[from] weaver_mesh::MeshError),
+    /// Photos of a texture are not where the cameras say.
+    #[error(
+        "{}: expected the photos of {all} cameras for a texture, found none of {}", file.display(), some_of(missing)
+    )]
+    MissingPhotos {
+        /// The file of the cameras.
+        file: PathBuf,
+        /// Names of the photos.
+        missing: Vec<String>,
+        /// Number of the cameras.
+        all: usize,
     },
     /// There is nothing to compare.
     #[error("{}: expected {expected}, found none", path.display())]

@@ -4,6 +4,7 @@
 //! - [`cameras()`] estimates cameras alone, [`fit()`] fits a capture, and [`resume`] goes on with a fit.
 //! - [`align_photos`] finds the cameras of further photos of a finished scene; [`SceneComparison`] judges a scene by
 //!   the photos of a capture.
+//! - [`SurfaceOptions`] make a mesh of a scene, and [`TexturePhotos`] paint it.
 //! - [`self_test()`] measures the machine, for reports of faults.
 //! - [`Run`] is a fit of a capture on disk, [`RunSettings`] its settings, [`plan`](fn@plan) its memory.
 //! - [`blocks`] cuts a large capture into captures that are fitted apart, and joins their fits; [`partition`] is the
@@ -58,6 +59,7 @@ mod self_test;
 mod settings;
 mod sources;
 mod start;
+mod surface;
 mod time_budget;
 mod view;
 
@@ -80,6 +82,7 @@ pub use scene_comparison::{ComparedScene, SceneComparison};
 pub use self_test::self_test;
 use settings::RunFile;
 pub use settings::{ByPhotos, Initial, RunSettings};
+pub use surface::{SceneSurface, SurfaceOptions, TexturePhotos};
 pub use view::FILE as VIEW;
 pub use weaver_run::{Folder, StepReport};
 

@@ -1,6 +1,6 @@
 //! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ, SOG, glTF, USD, ksplat), COLMAP, transforms.json,
 //! RealEstate10K, LLFF, Nerfies, cameras of Metashape, RealityScan, Bundler and OpenSfM, safetensors, NPY; scans of
-//! lidars (KITTI .bin, PLY, PCD, NPY) and trajectories (KITTI, TUM).
+//! lidars (KITTI .bin, PLY, PCD, NPY) and trajectories (KITTI, TUM); surfaces (PLY, glTF, OBJ).
 //!
 //! [`read_gaussians`] and [`read_cameras`] read every supported format of scenes and of cameras into the types of
 //! `weaver-scene`. Poses are world-to-camera with OpenCV axes, intrinsics are in pixels with pixel centers at
@@ -17,6 +17,7 @@ mod lidar;
 mod observe;
 mod pictures;
 mod places;
+mod surfaces;
 mod tensors;
 
 pub use advice::Advice;
@@ -63,6 +64,7 @@ pub use pictures::photo_file::{PhotoFile, list_photos, photos_at};
 pub use pictures::photo_folder::PhotoFolder;
 pub use pictures::place::{PhotoPlace, photo_place};
 pub use places::{BarInPhoto, Positions, read_positions, read_scale_bar};
+pub use surfaces::{SURFACE_FORMATS, Surface, SurfaceTexture};
 pub use tensors::array::open_array;
 pub use tensors::npy::{Npy, write_npy};
 pub use tensors::npz::Npz;

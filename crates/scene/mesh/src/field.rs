@@ -1,18 +1,21 @@
 //! Truncated signed distances in blocks near surfaces.
 
 use crate::blocks::{CELLS, Place, SIDE, cell};
+use crate::texture::SIDES;
 use rayon::prelude::*;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_surfel::SurfelCamera;
 
 /// The most blocks of a field, whose vertices 32 bits can number.
-const MOST_BLOCKS: usize = 1 << 21;
+pub(crate) const MOST_BLOCKS: usize = 1 << 21;
 /// Bytes of a block while a mesh is made of a field: distances and weights of cells, numbers of vertices, and vertices
 /// and triangles of the surface, which crosses about half of the blocks.
 const BLOCK_BYTES: u64 = 10_000;
 /// Blocks farther from the origin than this, in blocks, have cells that 32 bits cannot number.
 const FARTHEST: u32 = 1 << 27;
+/// The weight of a distance of the whole truncation behind a surface.
+const LEAST_TRUST: f64 = 1e-3;
 /// Parts in which blocks are averaged.
 const PARTS: usize = 32;
 
@@ -38,6 +41,34 @@ pub enum MeshError {
         ranges: usize,
         /// Normals.
         normals: usize,
+    },
+    /// A photo whose pixels do not have its camera's size.
+    #[error("photo {view}: expected {expected} pixels, and no mask or as large a one, found {pixels} and {masked}")]
+    Photo {
+        /// Number of the photo.
+        view: usize,
+        /// Pixels of its camera.
+        expected: usize,
+        /// Pixels.
+        pixels: usize,
+        /// Pixels of its mask.
+        masked: usize,
+    },
+    /// A side of a texture that is too short or too long.
+    #[error("texture: expected a side of {} to {} texels, found {found}", SIDES.start(), SIDES.end())]
+    Side {
+        /// Its length.
+        found: usize,
+    },
+    /// A texture without room for its charts.
+    #[error(
+        "texture: expected room for {charts} charts, found {size} x {size} texels; fewer triangles have fewer charts"
+    )]
+    Charts {
+        /// Texels of a side.
+        size: usize,
+        /// Number of charts.
+        charts: usize,
     },
     /// More blocks than can be numbered.
     #[error("cells of {voxel} m: expected at most {MOST_BLOCKS} blocks of 8 x 8 x 8 cells, found more")]
@@ -77,6 +108,8 @@ pub struct RangeView<'a> {
 pub struct DistanceField {
     /// Side of a cell, meters.
     pub(crate) voxel: f64,
+    /// Largest distance, meters.
+    pub(crate) truncation: f64,
     /// Places of blocks, ascending.
     pub(crate) blocks: Vec<Place>,
     /// Distances and weights at the lower corners of cells, block by block.
@@ -143,7 +176,7 @@ impl DistanceField {
                 .for_each(|(cells, block)| average(views, *block, voxel, truncation, cells));
             observe(FieldProgress { done: views.len() + i + 1, of, bytes })?;
         }
-        Ok(Self { voxel, blocks, cells })
+        Ok(Self { voxel, truncation, blocks, cells })
     }
 
     /// Number of blocks.
@@ -159,6 +192,7 @@ fn average(views: &[RangeView<'_>], block: Place, voxel: f64, truncation: f64, c
         let (mut sum, mut weights) = (0.0, 0.0);
         for view in views {
             if let Some([distance, weight]) = distance(view, corner, truncation) {
+                let weight = weight * trust(distance, voxel, truncation);
                 sum += weight * distance;
                 weights += weight;
             }
@@ -167,6 +201,13 @@ fn average(views: &[RangeView<'_>], block: Place, voxel: f64, truncation: f64, c
             *mean = [(sum / weights) as f32, weights as f32];
         }
     }
+}
+
+/// The weight of a distance: behind a surface it is guessed, and yields to views that see that place, so that a wall
+/// thinner than the truncation keeps both sides. 1 down to a cell behind, then falling to nearly nothing.
+fn trust(distance: f64, voxel: f64, truncation: f64) -> f64 {
+    let depth = (-distance - voxel) / (truncation - voxel).max(voxel);
+    (1.0 - depth.clamp(0.0, 1.0)).powi(4).max(LEAST_TRUST)
 }
 
 /// The blocks that rays go through within the truncation of their ranges.
@@ -200,7 +241,7 @@ fn near(view: &RangeView<'_>, voxel: f64, truncation: f64) -> Vec<Place> {
 }
 
 /// The distance of a point from the surface that a view sees there, and its weight.
-fn distance(view: &RangeView<'_>, point: DVec3, truncation: f64) -> Option<[f64; 2]> {
+pub(crate) fn distance(view: &RangeView<'_>, point: DVec3, truncation: f64) -> Option<[f64; 2]> {
     let p = view.pose.apply(point);
     let at = view.camera.project(p);
     let (width, height) = (view.camera.width, view.camera.height);

@@ -18,7 +18,7 @@ impl DistanceField {
 
 /// One vertex in each cell that the surface crosses, and a quadrilateral for each edge that it crosses.
 fn nets(field: &DistanceField) -> Mesh {
-    let DistanceField { voxel, blocks, cells } = field;
+    let DistanceField { voxel, blocks, cells, .. } = field;
     let value = |around: &Around, place: Place| -> Option<f32> {
         let (block, at) = around.find(place)?;
         let [distance, weight] = cells[block * CELLS + at];

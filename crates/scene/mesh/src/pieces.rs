@@ -1,21 +1,19 @@
 //! Connected pieces of a mesh.
 
 use crate::Mesh;
+use crate::manifold::Sets;
 
 impl Mesh {
     /// The `most` largest connected pieces that have at least `least` triangles; pieces of equal size in the order of
     /// their first triangles.
     pub fn largest_pieces(&self, most: usize, least: usize) -> Self {
-        let mut parents: Vec<u32> = (0..self.vertices.len() as u32).collect();
+        let mut sets = Sets::new(self.vertices.len());
         for [a, b, c] in &self.triangles {
-            for other in [b, c] {
-                let (a, b) = (root(&mut parents, *a), root(&mut parents, *other));
-                // The lesser index stands for the piece.
-                parents[a.max(b) as usize] = a.min(b);
-            }
+            sets.join(*a as usize, *b as usize);
+            sets.join(*a as usize, *c as usize);
         }
         let mut counts = vec![0_usize; self.vertices.len()];
-        let of: Vec<u32> = self.triangles.iter().map(|t| root(&mut parents, t[0])).collect();
+        let of: Vec<u32> = self.triangles.iter().map(|t| sets.root(t[0] as usize) as u32).collect();
         of.iter().for_each(|piece| counts[*piece as usize] += 1);
         let mut pieces: Vec<u32> = (0..counts.len() as u32).filter(|i| counts[*i as usize] >= least.max(1)).collect();
         pieces.sort_by_key(|i| std::cmp::Reverse(counts[*i as usize]));
@@ -36,14 +34,4 @@ impl Mesh {
         }
         mesh
     }
-}
-
-/// The vertex that stands for the piece of a vertex.
-fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
-    while parents[vertex as usize] != vertex {
-        let above = parents[parents[vertex as usize] as usize];
-        parents[vertex as usize] = above;
-        vertex = above;
-    }
-    vertex
 }

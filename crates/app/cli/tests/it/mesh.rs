@@ -6,7 +6,7 @@ use weaver_geometry::glam::DVec3;
 use weaver_geometry::trajectory::orbit;
 use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::ply::{read_points, read_triangles};
-use weaver_io::{Transforms, write_gaussians};
+use weaver_io::{Image, PhotoFile, Transforms, write_gaussians};
 use weaver_scene::{Frame, Gaussians};
 
 /// A ball of green Gaussians of radius 1 as scene.ply, and cameras around it as transforms.json.
@@ -104,4 +104,39 @@ fn what_gives_no_mesh_is_said() {
     let empty = folder.join("empty");
     std::fs::create_dir(&empty).unwrap();
     splatweaver(&[&"mesh", &empty, &"--out", &out]).refused(1, &["empty", "run.json"]);
+}
+
+/// Triangles, holes and textures are as wanted, in every format; wishes that cannot be met are refused before any work.
+#[test]
+fn a_mesh_is_made_for_other_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    result(folder);
+    let line = |more: &[&dyn AsRef<std::ffi::OsStr>]| {
+        let words: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"mesh", &folder, &"--voxel", &"0.1"];
+        splatweaver(&words.into_iter().chain(more.iter().copied()).collect::<Vec<_>>())
+    };
+    let [ply, glb, obj] = ["a.ply", "a.glb", "a.obj"].map(|name| folder.join(name));
+    line(&[&"--triangles", &"500", &"--watertight", &"-o", &ply]).fine();
+    let (_, triangles) = read_triangles(&ply).unwrap();
+    assert!(triangles.len() <= 500 && triangles.len() > 450, "{}", triangles.len());
+    let directed: std::collections::HashSet<(u32, u32)> =
+        triangles.iter().flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)]).collect();
+    assert!(directed.len() == 3 * triangles.len() && directed.iter().all(|(a, b)| directed.contains(&(*b, *a))));
+    let said = line(&[&"--triangles", &"99999999", &"-o", &ply]).fine().stderr;
+    assert!(said.contains("stays as it is"), "{said}");
+    line(&[&"--triangles", &"0", &"-o", &ply]).refused(2, &["--triangles"]);
+    line(&[&"--texture", &"many", &"-o", &glb]).refused(2, &["--texture"]);
+    line(&[&"--texture", &"-o", &ply]).refused(1, &["a.ply", "ends with .glb or .obj"]);
+    line(&[&"--texture", &"-o", &glb]).refused(1, &["transforms.json", "photos of 16 cameras", "0.png", "8 more"]);
+    for i in 0..16 {
+        Image::filled(80, 80, [0.2, 0.6, 0.3]).write_png(folder.join(format!("{i}.png"))).unwrap();
+    }
+    line(&[&"--texture", &"128", &"--triangles", &"600", &"-o", &glb]).fine();
+    assert_eq!(&std::fs::read(&glb).unwrap()[..4], b"glTF");
+    line(&[&"--texture", &"128", &"--triangles", &"600", &"-o", &obj]).fine();
+    let texture = PhotoFile::at(folder.join("a.png")).unwrap().read().unwrap();
+    assert!(texture.width == 128 && texture.pixels.chunks_exact(3).all(|p| p == [51, 153, 77]));
+    // A photo beside is not replaced.
+    line(&[&"--texture", &"128", &"-o", &folder.join("0.obj")]).refused(2, &["0.png", "expected no file"]);
 }

@@ -40,6 +40,7 @@ mod shrunk;
 mod sog;
 mod spz;
 mod spz_versions;
+mod surfaces;
 mod torch;
 mod transforms;
 mod usd;

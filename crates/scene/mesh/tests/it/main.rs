@@ -1,6 +1,10 @@
 //! Integration tests.
 
+mod drawn;
 mod scenes;
+mod simplification;
+mod solids;
+mod textures;
 
 use proptest::prelude::*;
 use weaver_geometry::Pose;
