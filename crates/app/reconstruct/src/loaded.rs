@@ -167,8 +167,8 @@ pub(crate) fn prepare(
         compressed::train_for(&mut fit, level);
     }
     settings.by_photos.clear();
-    let Start { gaussians, coverage } = start;
-    let found = (settings.init == Initial::Dense && given.is_none()).then_some(gaussians);
+    let Start { gaussians, coverage, searched } = start;
+    let found = searched.then_some(gaussians);
     let (points, world) = (capture.points, capture.origin);
     Ok(Loaded { fit, held_out, origins, points, world, matching, colors, found, coverage, sources, remarks })
 }

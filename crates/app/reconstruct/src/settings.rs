@@ -115,11 +115,13 @@ pub enum ByPhotos {
     Opacities,
     /// Large photos are halved more often at the beginning, and for longer ([`FitSettings::coarse_for`]).
     Coarse,
+    /// A shell far behind the scene begins where photos show nothing near ([`weaver_fit::sky`]).
+    Sky,
 }
 
 impl ByPhotos {
     /// Everything that photos can decide.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Exposure,
         Self::Background,
         Self::Dropout,
@@ -128,6 +130,7 @@ impl ByPhotos {
         Self::Fade,
         Self::Opacities,
         Self::Coarse,
+        Self::Sky,
     ];
 }
 

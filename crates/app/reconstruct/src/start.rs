@@ -2,7 +2,7 @@
 
 use crate::{ByPhotos, Coverage, Error, Initial, RunSettings};
 use std::time::Instant;
-use weaver_fit::{FitError, FitSettings, init};
+use weaver_fit::{FitError, FitSettings, init, sky};
 use weaver_scene::{Gaussians, Photo, PointCloud};
 use weaver_stereo::{Stereo, StereoSettings};
 
@@ -19,6 +19,8 @@ pub(crate) struct Seen<'a> {
 pub(crate) struct Start {
     pub gaussians: Gaussians,
     pub coverage: Coverage,
+    /// True if photos were searched for some of them: the run keeps them, to go on from.
+    pub searched: bool,
 }
 
 /// Photos whose depth is found, at most: each takes about half a second of a core, and few show the surfaces of many.
@@ -37,42 +39,48 @@ const COVERAGE: f64 = 0.4;
 
 impl Start {
     /// The start by the settings. Choices that they leave to the photos are written to them. `given` are the Gaussians
-    /// of a file, or of an earlier start of the run.
+    /// of a file, or of an earlier start of the run, which are as large as they are meant to be.
     ///
     /// # Errors
     /// When there is nothing to begin with.
     pub fn of(settings: &mut RunSettings, seen: Seen<'_>, given: Option<&Gaussians>) -> Result<Self, Error> {
-        let start = Self::unbounded(settings, seen, given)?;
-        // Gaussians of a file are as large as they are meant to be.
-        let bounded = settings.init != Initial::Given;
-        Ok(if bounded { Self { gaussians: init::bounded(start.gaussians, seen.photos), ..start } } else { start })
+        if let Some(given) = given {
+            return Ok(Self { gaussians: init::from_gaussians(given, &settings.fit)?, ..Self::default() });
+        }
+        let Self { gaussians, coverage, searched } = Self::unbounded(settings, seen)?;
+        let gaussians = init::bounded(gaussians, seen.photos);
+        // What is drawn at random stands everywhere.
+        let asked = settings.by_photos.contains(&ByPhotos::Sky) && settings.init != Initial::Random;
+        if !asked || seen.points.is_empty() {
+            return Ok(Self { gaussians, coverage, searched });
+        }
+        let shell = sky(seen.photos, &gaussians, &settings.fit);
+        let searched = searched || !shell.is_empty();
+        Ok(Self { gaussians: Gaussians::joined(&[gaussians, shell]), coverage, searched })
     }
 
-    fn unbounded(settings: &mut RunSettings, seen: Seen<'_>, given: Option<&Gaussians>) -> Result<Self, Error> {
+    fn unbounded(settings: &mut RunSettings, seen: Seen<'_>) -> Result<Self, Error> {
         let fit = settings.fit.clone();
         if settings.init == Initial::Auto && settings.by_photos.contains(&ByPhotos::Start) && !seen.points.is_empty() {
             // Depth is found between pinholes.
             let asked = seen.photos.len() >= FEWEST && seen.photos.iter().all(|photo| photo.lens.is_none());
             let dense = if asked { Self::dense(settings, seen)? } else { Self::default() };
             settings.init = if dense.coverage.mean() >= COVERAGE { Initial::Dense } else { Initial::Points };
-            let gaussians = match settings.init {
-                Initial::Dense => dense.gaussians,
-                _ => init::from_points(seen.points, &fit)?,
-            };
-            return Ok(Self { gaussians, ..dense });
+            return Ok(match settings.init {
+                Initial::Dense => dense,
+                _ => Self { gaussians: init::from_points(seen.points, &fit)?, searched: false, ..dense },
+            });
         }
-        let gaussians = match (settings.init, given) {
-            (Initial::Dense, None) if seen.photos.iter().any(|photo| photo.lens.is_some()) => {
+        let gaussians = match settings.init {
+            Initial::Dense if seen.photos.iter().any(|photo| photo.lens.is_some()) => {
                 let expected = "points or random for photos that keep their lens".into();
                 return Err(FitError::Setting { key: "init", expected, found: "dense".into() }.into());
             }
-            (Initial::Dense, None) => return Self::dense(settings, seen),
-            (Initial::Dense | Initial::Given, given) => {
-                init::from_gaussians(given.unwrap_or(&Gaussians::default()), &fit)?
-            }
-            (Initial::Random, _) => init::random(seen.photos, &fit)?,
-            (Initial::Auto, _) if seen.points.is_empty() => init::random(seen.photos, &fit)?,
-            (Initial::Points | Initial::Auto, _) => init::from_points(seen.points, &fit)?,
+            Initial::Dense => return Self::dense(settings, seen),
+            Initial::Given => init::from_gaussians(&Gaussians::default(), &fit)?,
+            Initial::Random => init::random(seen.photos, &fit)?,
+            Initial::Auto if seen.points.is_empty() => init::random(seen.photos, &fit)?,
+            Initial::Points | Initial::Auto => init::from_points(seen.points, &fit)?,
         };
         Ok(Self { gaussians, ..Self::default() })
     }
@@ -102,7 +110,7 @@ impl Start {
             }
             gaussians = Gaussians::joined(&[gaussians, sparse]);
         }
-        Ok(Self { gaussians: init::from_gaussians(&gaussians, fit)?, coverage })
+        Ok(Self { gaussians: init::from_gaussians(&gaussians, fit)?, coverage, searched: true })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use std::path::{Path, PathBuf};
-use weaver_io::{read_text, write_text};
+use weaver_io::write_text;
 use weaver_view::Notes;
 
 /// The file for the notes on a scene in this file: `NAME.view.json` for `NAME.ply`, `NAME.compressed.ply` and the like.
@@ -23,12 +23,13 @@ pub(crate) fn stem(scene: &Path) -> String {
 }
 
 /// Reads the notes beside a scene; none where there is no file.
+#[cfg(feature = "command")]
 pub(crate) fn read(scene: &Path) -> Result<Notes, Error> {
     let path = notes_file(scene);
     if !path.is_file() {
         return Ok(Notes::default());
     }
-    Notes::parse(&read_text(&path)?).map_err(|error| {
+    Notes::parse(&weaver_io::read_text(&path)?).map_err(|error| {
         let weaver_view::InvalidNotes { place, expected, found } = error;
         Error::Io(weaver_io::Error::Invalid { path, place, expected: expected.into(), found })
     })

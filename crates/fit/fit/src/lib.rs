@@ -40,6 +40,7 @@ mod resident;
 mod rounding;
 mod settings;
 mod shared_step;
+mod sky;
 #[cfg(feature = "state")]
 mod state;
 pub mod strategy;
@@ -66,6 +67,7 @@ pub use rates::Rates;
 pub use rounding::Rounding;
 pub use settings::{FitSettings, Poses};
 pub use shared_step::bytes_per_step;
+pub use sky::sky;
 #[cfg(feature = "state")]
 pub use state::gaussians_of;
 pub use strategy::{Density, Moment, Regularizer, Strategy, StrategyKind};

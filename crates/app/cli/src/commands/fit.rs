@@ -320,6 +320,7 @@ fn fit_settings(arguments: &Fit) -> Result<(FitSettings, BTreeSet<ByPhotos>, Opt
         (ByPhotos::Fade, layers.gives("density.opacity_weight")),
         (ByPhotos::Opacities, layers.gives("rates.opacities")),
         (ByPhotos::Coarse, layers.gives("halvings") || layers.gives("coarse_until")),
+        (ByPhotos::Sky, false),
     ];
     let by_photos = given.into_iter().filter(|(_, given)| !given).map(|(setting, _)| setting).collect();
     let given = arguments.gaussians.is_some() || layers.gives("gaussians");
