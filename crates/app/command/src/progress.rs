@@ -92,7 +92,8 @@ mod tests {
     fn a_watcher_is_told_of_every_part() {
         let (mut out, mut err, mut told) = (Vec::new(), Vec::new(), Vec::new());
         let mut watch = |part: &Part| told.push(format!("{} {}/{} {}", part.label, part.done, part.total, part.note));
-        let mut console = Console { watcher: Some(&mut watch), ..Console::new(&mut out, &mut err, true) };
+        let mut console = Console::new(&mut out, &mut err, true);
+        console.watcher = Some(&mut watch);
         let mut progress = Progress::new("render", 0, 2, &console);
         (1..=2).for_each(|done| progress.at(done, 2, || format!("part {done}"), &mut console));
         progress.finish();
