@@ -39,7 +39,8 @@ fn on_floor(browser: &Browser, [x, y]: [i32; 2], normal: DVec3) -> DVec3 {
 
 /// Opens the address of a page again once it has kept everything.
 fn again(browser: &Browser) {
-    browser.wait("location.hash.includes('notes=')");
+    // It is written a moment after the last change.
+    browser.wait("new URLSearchParams(location.hash.slice(1)).get('notes') === splatweaver.notes.toText()");
     let address = browser.text("location.href");
     browser.open("about:blank");
     browser.open_page(&address);
