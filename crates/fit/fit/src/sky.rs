@@ -36,8 +36,8 @@ const FEWEST: usize = 50;
 ///
 /// They stand as far apart as the 48th part of a photo, or farther if there are too many. A photo shows nothing near in
 /// a direction if no Gaussian stands there, nor above it up to the edge of the photo: a wall without points looks like
-/// sky, but has an edge above. A direction counts if two such photos, and three quarters of them, show one color. Masked
-/// pixels say nothing. Photos whose upward axes differ too much to have a common one get no shell.
+/// sky, but has an edge above. A direction counts if two such photos, and three quarters of them, show one color.
+/// Masked pixels say nothing. Photos whose upward axes differ too much to have a common one get no shell.
 pub fn sky(photos: &[Photo], start: &Gaussians, settings: &FitSettings) -> Gaussians {
     let asked = photos.len().min(ASKED);
     let photos: Vec<&Photo> = (0..asked).map(|i| &photos[i * photos.len() / asked]).collect();

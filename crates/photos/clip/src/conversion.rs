@@ -12,12 +12,12 @@ use std::path::Path;
 const WHITE: f64 = 203.0;
 /// The largest luminance of HLG, and of PQ where no record tells it, cd/m^2.
 const PEAK: f64 = 1000.0;
-/// From this size on pictures without a record of their matrix have that of HD.
+/// From this size on pictures without a record of their matrix have HD's.
 const HD: (usize, usize) = (1280, 577);
 /// Degrees by which a turn may differ from quarter turns.
 const UPRIGHT: f64 = 1.0;
 
-/// What ffmpeg does with each picture of a clip.
+/// The work of ffmpeg on each picture of a clip.
 #[derive(Debug, Default, PartialEq)]
 pub struct Conversion {
     /// Arguments before the clip.

@@ -2,7 +2,7 @@
 //!
 //! - [`PhotoFiles`] lists photos, opens folders of them, converts HEIC and AVIF, and chooses frames of clips: sharp
 //!   ones, evenly spread over the way of the camera. They are upright, without the combs of interlaced clips, and in
-//!   sRGB, also those of HDR clips.
+//!   sRGB, HDR clips as well.
 //! - [`Film`] is a file of moving pictures that is being written: [`Video`], [`Gif`], [`WebP`].
 //!
 //! Clips and videos go through an ffmpeg on the PATH, HEIC and AVIF through a program that decodes them. Each is a

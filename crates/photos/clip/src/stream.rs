@@ -119,7 +119,7 @@ fn record(lines: &[String]) -> &[String] {
     &lines[begin..=begin + more]
 }
 
-/// What follows a key in a line, up to the next blank.
+/// The word that follows a key in a line, up to the next blank.
 fn word<'a>(line: &'a str, key: &str) -> Option<&'a str> {
     line.split_once(key)?.1.split_whitespace().next()
 }
@@ -129,8 +129,8 @@ fn sides(size: &str) -> Option<(usize, usize)> {
     Some((width.parse().ok()?, height.parse().ok()?))
 }
 
-/// The order of fields that the description of a stream names. Files hold that of storage, too, and programs differ in
-/// which is which; ffmpeg's decoders go by this one.
+/// The order of fields that the description of a stream names. Files hold the order of storage, too, and programs
+/// differ in which is which; ffmpeg's decoders go by this one.
 fn recorded(line: &str) -> Option<Scan> {
     let named = [
         ("top first", Scan::TopFirst),

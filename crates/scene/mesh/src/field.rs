@@ -1,11 +1,13 @@
 //! Truncated signed distances in blocks near surfaces.
 
 use crate::blocks::{CELLS, Place, SIDE, cell};
-use crate::texture::SIDES;
 use rayon::prelude::*;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_surfel::SurfelCamera;
+
+/// Sides of a texture, texels.
+pub(crate) const SIDES: std::ops::RangeInclusive<usize> = 16..=16_384;
 
 /// The most blocks of a field, whose vertices 32 bits can number.
 pub(crate) const MOST_BLOCKS: usize = 1 << 21;

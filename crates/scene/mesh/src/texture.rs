@@ -24,8 +24,6 @@ const GUTTER: usize = 2;
 const UNSEEN: DVec3 = DVec3::splat(128.0);
 /// Parts in which triangles are painted.
 const PARTS: usize = 32;
-/// Sides of a texture, texels.
-pub(crate) const SIDES: std::ops::RangeInclusive<usize> = 16..=16_384;
 
 /// A photo and its camera, which has no distortion.
 #[derive(Clone, Copy, Debug)]

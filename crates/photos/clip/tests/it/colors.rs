@@ -11,7 +11,7 @@ const BT709: [f64; 2] = [0.2126, 0.0722];
 const BT2020: [f64; 2] = [0.2627, 0.0593];
 /// The record of a clip in BT.2020, but for its transfer.
 const TAGS: &str = "-colorspace bt2020nc -color_primaries bt2020 -color_range tv";
-/// How far the mean of a patch may be off, of 255: rounding in the clip, in the conversion and in the JPEG.
+/// Largest error of the mean of a patch, of 255: rounding in the clip, in the conversion and in the JPEG.
 const ROUNDED: f64 = 3.0;
 
 /// Y'CbCr of R'G'B' as numbers from 0 to 1 and from -0.5 to 0.5.
@@ -53,7 +53,7 @@ fn hlg(signal: [f64; 3]) -> [f64; 3] {
     scene.map(|x| 1000.0 * luma.max(1e-9).powf(0.2) * x)
 }
 
-/// Linear colors of BT.709 by those of BT.2020.
+/// Linear colors of BT.709 by BT.2020's.
 ///
 /// Source: Report ITU-R BT.2407, 2.2.
 fn to_bt709(c: [f64; 3]) -> [f64; 3] {
@@ -166,7 +166,7 @@ fn hdr_clips_become_srgb() {
 }
 
 /// Promise (photos): matrices of BT.601, BT.709 and BT.2020 in limited and full range become the same sRGB; pictures of
-/// HD without a record of their matrix have that of BT.709.
+/// HD without a record of their matrix have BT.709's.
 #[test]
 fn matrices_and_ranges_come_out_right() {
     if !has_ffmpeg("matrices_and_ranges_come_out_right") {
@@ -197,7 +197,7 @@ fn matrices_and_ranges_come_out_right() {
     }
 }
 
-/// Colors of BT.2020 without HDR: grays stay, and others are those of sRGB.
+/// Colors of BT.2020 without HDR: grays stay, and others become sRGB.
 ///
 /// Promise of `matrices_and_ranges_come_out_right`.
 #[test]

@@ -109,7 +109,7 @@ pub fn convert(from: &Path, output: &str, to: &Path) {
     assert!(command.status().unwrap().success(), "ffmpeg {output}");
 }
 
-/// What a user is told.
+/// Lines that a user reads.
 #[derive(Default)]
 pub struct Told {
     pub notes: Vec<String>,

@@ -32,8 +32,8 @@ fn luma(photo: &Bitmap, x: usize, y: usize) -> f64 {
     f64::from(photo.pixels[3 * (y * photo.width + x) + 1])
 }
 
-/// Mean difference of neighboring lines over that of every second one: of smooth pictures half, of combed ones more
-/// than 1.
+/// Mean difference of neighboring lines over the difference of every second one: of smooth pictures half, of combed
+/// ones more than 1.
 fn combing(photo: &Bitmap) -> f64 {
     let difference = |apart: usize| -> f64 {
         let line = |y: usize| (0..photo.width).map(move |x| (luma(photo, x, y) - luma(photo, x, y + apart)).abs());

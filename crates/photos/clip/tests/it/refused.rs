@@ -49,7 +49,7 @@ mod without_filters {
         }
     }
 
-    /// What a user is told about a clip by an ffmpeg without some filters; without any if `None`.
+    /// Lines about a clip by an ffmpeg without some filters; without any if `None`.
     fn told(clip: &Path, lacking: Option<&[&str]>) -> String {
         let bin = tempfile::tempdir().unwrap();
         let path = std::env::var_os("PATH").unwrap();

@@ -18,7 +18,7 @@ const UPRIGHT: f64 = 0.2;
 const ROUNDS: usize = 20;
 /// Slope, radians, at which a photo that is held at an angle has half its weight.
 const SLANT: f64 = 0.05;
-/// Least expected error of a vertical, and that of one by photos that look in one direction; radians.
+/// Least expected error of a vertical, and of one by photos that look in one direction; radians.
 const LEAST: f64 = 0.01;
 const UNTURNED: f64 = 0.3;
 /// Planes that are tried.

@@ -40,8 +40,8 @@ impl<'a> Sight<'a> {
         self.photo.camera.intrinsics.project(self.photo.camera.pose.apply(point))
     }
 
-    /// How well a point with this normal is seen: the cosine of its angle over its squared depth in focal lengths; none
-    /// where the photo does not have it, or does not count there.
+    /// Quality at which a point with this normal is seen: the cosine of its angle over its squared depth in focal
+    /// lengths; none where the photo does not have it, or does not count there.
     pub fn quality(&self, point: DVec3, normal: DVec3) -> Option<f64> {
         let camera = &self.photo.camera;
         let p = camera.pose.apply(point);
