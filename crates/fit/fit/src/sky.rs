@@ -176,7 +176,7 @@ impl Sight {
         let middle = |i: usize| (i as f64 + 0.5) * self.cell as f64;
         let pixel = DVec2::new(middle(cell % self.columns), middle(cell / self.columns));
         let ray = self.camera.point(pixel, 1.0).map(DVec3::normalize);
-        let cells = ray.into_iter().flat_map(move |ray| {
+        ray.into_iter().flat_map(move |ray| {
             // Along the great circle through the zenith.
             let tangent = (up - ray * ray.dot(up)).normalize_or_zero();
             let steps = (ray.angle_between(up) / self.cell_angle) as usize;
@@ -185,8 +185,7 @@ impl Sight {
                 self.cell_of(ray * cosine + tangent * sine)
             };
             (1..=steps).map_while(turned)
-        });
-        cells
+        })
     }
 
     /// The cell that shows a point of camera coordinates.
