@@ -9,6 +9,7 @@ mod sampling;
 mod sight;
 mod weights;
 
+use crate::field::SIDES;
 use crate::{Mesh, MeshError};
 use charts::Chart;
 use exposure::gains;
