@@ -5,7 +5,7 @@ use crate::flags::CameraChoice;
 use crate::methods::Method;
 use clap::{CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
-use weaver_command::{Paths, asked_threads, given_words, grouped};
+use weaver_command::{Paths, ProgressForm, asked_threads, given_words, grouped};
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -32,6 +32,9 @@ use weaver_command::{Paths, asked_threads, given_words, grouped};
 `splatweaver <command> --help` tells more."
 )]
 pub struct CommandLine {
+    /// Form of progress on standard error: `json` makes each line an object [default: a bar on a terminal, else lines]
+    #[arg(long, global = true, value_name = "FORM", hide_possible_values = true)]
+    pub progress: Option<ProgressForm>,
     #[command(subcommand)]
     pub command: Command,
     /// The command's words that have a say in its results.
@@ -47,7 +50,7 @@ pub struct CommandLine {
 
 /// Arguments that do not affect results: output folder, threads, live page, reuse of complete results, pace of
 /// checkpoints, and form of the output.
-const SILENT: [&str; 7] = ["out", "threads", "json", "live", "port", "if_complete", "save_every"];
+const SILENT: [&str; 8] = ["progress", "out", "threads", "json", "live", "port", "if_complete", "save_every"];
 
 impl CommandLine {
     /// Parses the words of a command line, whose first is the program's name.

@@ -40,7 +40,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
     };
     let Err(failure) = result else { return 0 };
     if let Some(line) = failure.line() {
-        console.note(&format!("error: {line}"));
+        console.error(&line);
     }
     failure.exit_code()
 }

@@ -49,6 +49,7 @@ impl Request {
     /// # Errors
     /// The reason that the program prints.
     pub fn run(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+        console.progress = self.0.progress.unwrap_or(console.progress);
         simd::requested_level().map_err(Failure::Usage)?;
         self.0.paths.check()?;
         fewer_threads(self.0.threads).iter().for_each(|note| console.note(note));

@@ -2,7 +2,9 @@
 
 use crate::failure::Failure;
 use crate::printable::printable;
-use serde_json::Value;
+use crate::progress::ProgressForm;
+use serde::Serialize;
+use serde_json::json;
 use std::io::Write;
 use std::path::Path;
 use weaver_io::Part;
@@ -13,8 +15,8 @@ pub struct Console<'a> {
     pub stdout: &'a mut (dyn Write + Send),
     /// For progress, notes and errors.
     pub stderr: &'a mut (dyn Write + Send),
-    /// True if the standard error of the process is a terminal, on which a progress bar can be drawn.
-    pub terminal: bool,
+    /// How progress is shown on standard error; [`Json`](ProgressForm::Json) makes every line of it an object.
+    pub progress: ProgressForm,
     /// Receives each finished part of a job, in place of a bar or of lines.
     pub watcher: Option<&'a mut (dyn FnMut(&Part) + Send + 'a)>,
     /// Warnings that were printed.
@@ -24,7 +26,8 @@ pub struct Console<'a> {
 impl<'a> Console<'a> {
     /// The two streams; progress is a bar on a `terminal`, lines elsewhere.
     pub fn new(stdout: &'a mut (dyn Write + Send), stderr: &'a mut (dyn Write + Send), terminal: bool) -> Self {
-        Self { stdout, stderr, terminal, watcher: None, warnings: Vec::new() }
+        let progress = if terminal { ProgressForm::Bar } else { ProgressForm::Lines };
+        Self { stdout, stderr, progress, watcher: None, warnings: Vec::new() }
     }
 
     /// Prints a line of the result on standard output.
@@ -37,29 +40,50 @@ impl<'a> Console<'a> {
     /// `figures` beside the paths of the `outputs` and the `warnings` that were printed.
     ///
     /// # Errors
-    /// When standard output cannot be written.
-    ///
-    /// # Panics
-    /// When `figures` is no object.
+    /// When standard output cannot be written, or `figures` is neither a struct nor a map.
     pub fn answer(
         &mut self,
         json: bool,
         outputs: &[impl AsRef<Path>],
-        mut figures: Value,
+        figures: impl Serialize,
         text: &str,
     ) -> Result<(), Failure> {
         if !json {
             return self.print(text);
         }
-        figures["outputs"] = outputs.iter().map(|path| path.as_ref().display().to_string()).collect();
-        figures["warnings"] = std::mem::take(&mut self.warnings).into();
-        self.print(&serde_json::to_string_pretty(&figures)?)
+        let outputs = outputs.iter().map(|path| path.as_ref().display().to_string()).collect();
+        let answer = Answer { figures, outputs, warnings: std::mem::take(&mut self.warnings) };
+        self.print(&serde_json::to_string_pretty(&answer)?)
     }
 
     /// Prints a warning on standard error, which an [`answer`](Self::answer) repeats.
     pub fn warning(&mut self, text: &str) {
-        self.note(&format!("warning: {text}"));
+        self.line("warning", text);
         self.warnings.push(text.into());
+    }
+
+    /// Prints the reason for which a command fails on standard error.
+    pub fn error(&mut self, text: &str) {
+        self.line("error", text);
+    }
+
+    /// Prints a line on standard error. A failure to write it is ignored: the work goes on.
+    pub fn note(&mut self, text: &str) {
+        self.line("note", text);
+    }
+
+    /// A line of standard error; the others than notes begin with their kind.
+    fn line(&mut self, kind: &str, text: &str) {
+        if self.progress == ProgressForm::Json {
+            return self.event(&json!({ kind: text }));
+        }
+        let prefix = if kind == "note" { String::new() } else { format!("{kind}: ") };
+        let _ = writeln!(self.stderr, "{prefix}{}", printable(text));
+    }
+
+    /// Writes an object of JSON as a line of standard error, for programs.
+    pub(crate) fn event(&mut self, event: &serde_json::Value) {
+        let _ = writeln!(self.stderr, "{}", printable(&event.to_string()));
     }
 
     /// Passes a finished part of a job to the watcher, if any.
@@ -68,16 +92,20 @@ impl<'a> Console<'a> {
             watcher(&part());
         }
     }
+}
 
-    /// Prints a line on standard error. A failure to write it is ignored: the work goes on.
-    pub fn note(&mut self, text: &str) {
-        let _ = writeln!(self.stderr, "{}", printable(text));
-    }
+/// An answer for programs.
+#[derive(Serialize)]
+struct Answer<F> {
+    #[serde(flatten)]
+    figures: F,
+    outputs: Vec<String>,
+    warnings: Vec<String>,
 }
 
 impl std::fmt::Debug for Console<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Console").field("terminal", &self.terminal).finish_non_exhaustive()
+        f.debug_struct("Console").field("progress", &self.progress).finish_non_exhaustive()
     }
 }
 
@@ -89,17 +117,32 @@ mod tests {
     fn answers_name_outputs_and_warnings() {
         let (mut out, mut err) = (Vec::new(), Vec::new());
         let mut console = Console::new(&mut out, &mut err, false);
-        let figures = serde_json::json!({ "gaussians": 3 });
-        console.answer(false, &["a.ply"], figures.clone(), "3 Gaussians: a.ply").unwrap();
+        let figures = json!({ "gaussians": 3 });
+        console.answer(false, &["a.ply"], &figures, "3 Gaussians: a.ply").unwrap();
         console.warning("few photos");
-        console.answer(true, &["a.ply", "b"], figures, "3 Gaussians: a.ply").unwrap();
+        console.answer(true, &["a.ply", "b"], &figures, "3 Gaussians: a.ply").unwrap();
+        // A list has no place for them.
+        assert!(console.answer(true, &["a.ply"], [1, 2], "").is_err());
         let [out, err] = [out, err].map(|bytes| String::from_utf8(bytes).unwrap());
         assert_eq!(err, "warning: few photos\n");
         let json = out.strip_prefix("3 Gaussians: a.ply\n").unwrap();
         assert_eq!(
-            serde_json::from_str::<Value>(json).unwrap(),
-            serde_json::json!({ "gaussians": 3, "outputs": ["a.ply", "b"], "warnings": ["few photos"] })
+            serde_json::from_str::<serde_json::Value>(json).unwrap(),
+            json!({ "gaussians": 3, "outputs": ["a.ply", "b"], "warnings": ["few photos"] })
         );
+    }
+
+    #[test]
+    fn lines_for_programs_are_objects() {
+        let (mut out, mut err) = (Vec::new(), Vec::new());
+        let mut console = Console::new(&mut out, &mut err, true);
+        console.progress = ProgressForm::Json;
+        console.note("3 photos");
+        console.warning("few photos");
+        console.error("a.ply: \u{1b}");
+        let lines = String::from_utf8(err).unwrap();
+        let expected = [r#"{"note":"3 photos"}"#, r#"{"warning":"few photos"}"#, r#"{"error":"a.ply: \u001b"}"#];
+        assert_eq!(lines.lines().collect::<Vec<_>>(), expected);
     }
 
     /// Control characters of file names do not reach the terminal, and JSON stays the same JSON.
@@ -113,7 +156,7 @@ mod tests {
         let name = "a\u{1b}]0;title\u{7}\u{9b}2J\r\u{7f}.ply";
         console.note(&format!("warning: {name}\n\tsecond line"));
         console.print(&format!("{name}\n")).unwrap();
-        console.print(&serde_json::json!({ "file": name }).to_string()).unwrap();
+        console.print(&json!({ "file": name }).to_string()).unwrap();
         let [out, err] = [out, err].map(|bytes| String::from_utf8(bytes).unwrap());
         let escaped = r"a\u001b]0;title\u0007\u009b2J\u000d\u007f.ply";
         assert_eq!(err, format!("warning: {escaped}\n\tsecond line\n"));

@@ -42,7 +42,7 @@ pub use old_names::{OldName, current_names};
 pub use output::Output;
 pub use paths::Paths;
 pub use printable::printable;
-pub use progress::Progress;
+pub use progress::{Progress, ProgressForm};
 pub use projection::{Projection, projection};
 pub use reference::{Flag, asked_threads, flags, given_words, grouped, reference};
 pub use settings::{Value, words_of};

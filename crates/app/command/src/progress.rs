@@ -1,15 +1,30 @@
-//! Progress of a command: a bar on a terminal, a line every few seconds elsewhere.
+//! Progress of a command: a bar on a terminal, a line every few seconds elsewhere, or objects of JSON for a program.
 
 use crate::printable::printable;
 use crate::{Console, Part};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use serde_json::json;
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 use weaver_io::duration;
 
 /// Time between lines where there is no terminal.
 const PAUSE: Duration = Duration::from_secs(5);
+/// Time between objects of JSON.
+const SHORT_PAUSE: Duration = Duration::from_millis(200);
 const BAR: &str = "{prefix} {wide_bar} {pos}/{len}  {rate}  {eta} left  {msg}";
+
+/// The form in which a command tells of its progress.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum ProgressForm {
+    /// A bar, for a terminal.
+    Bar,
+    /// A line every five seconds.
+    Lines,
+    /// An object of JSON a line, for programs: `{"progress":"fit","done":3,"total":40,"note":""}` at most five times a
+    /// second, `{"note":""}`, `{"warning":""}` and `{"error":""}`.
+    Json,
+}
 
 /// Counts the parts of a job that are done.
 #[derive(Debug)]
@@ -23,7 +38,7 @@ pub struct Progress {
 impl Progress {
     /// Starts at part `done` of `total` of the job called `label`.
     pub fn new(label: &'static str, done: usize, total: usize, console: &Console) -> Self {
-        let bar = (console.terminal && console.watcher.is_none()).then(|| {
+        let bar = (console.progress == ProgressForm::Bar && console.watcher.is_none()).then(|| {
             let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(8));
             let style = ProgressStyle::with_template(BAR).expect("a template that indicatif knows");
             let style = style.progress_chars("=> ").with_key("rate", rate);
@@ -47,6 +62,13 @@ impl Progress {
             return;
         }
         let elapsed = self.mark.0.elapsed();
+        if console.progress == ProgressForm::Json {
+            if elapsed >= SHORT_PAUSE || done == total {
+                console.event(&json!({ "progress": self.label, "done": done, "total": total, "note": note() }));
+                self.mark = (Instant::now(), done);
+            }
+            return;
+        }
         if elapsed >= PAUSE && done > self.mark.1 {
             // Measured over the last interval, since the stages of a run differ in cost.
             let rate = (done - self.mark.1) as f64 / elapsed.as_secs_f64();
@@ -86,6 +108,19 @@ mod tests {
         assert_eq!(text.lines().count(), 1, "{text}");
         assert!(text.starts_with("render 20/30, 1.00/s, 10 s left"), "{text}");
         assert!(text.contains("loss 1") && out.is_empty());
+    }
+
+    #[test]
+    fn programs_read_objects() {
+        let (mut out, mut err) = (Vec::new(), Vec::new());
+        let mut console = Console::new(&mut out, &mut err, true);
+        console.progress = ProgressForm::Json;
+        let mut progress = Progress::new("render", 0, 3, &console);
+        // The first two come too soon after the beginning; the end is always told.
+        (1..=3).for_each(|done| progress.at(done, 3, || format!("part {done}"), &mut console));
+        progress.finish();
+        let told = r#"{"done":3,"note":"part 3","progress":"render","total":3}"#;
+        assert_eq!(String::from_utf8(err).unwrap(), format!("{told}\n"));
     }
 
     #[test]

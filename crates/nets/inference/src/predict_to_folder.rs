@@ -3,7 +3,7 @@
 use crate::pictures::{density_picture, depth_picture, row, stack};
 use crate::predictor::inside_of;
 use crate::{CameraSource, Density, Error, Looks, Photos, Prediction, Predictor, planar};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::Camera;
@@ -48,22 +48,28 @@ pub struct PredictReport {
 
 impl PredictReport {
     /// The figures as JSON.
-    pub fn json(&self) -> String {
+    pub fn json(&self) -> Value {
         let Self { gaussians, gaussians_per_pixel, psnr, remarks, .. } = self;
-        let figures = json!({ "gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks });
-        format!("{figures:#}")
+        json!({ "gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks })
     }
 
-    /// The figures, and the files in the folder of the results, in words.
-    pub fn text(&self, folder: &Path) -> String {
-        let file = |name: &str| folder.join(name).display().to_string();
-        let Some(psnr) = self.psnr else {
-            return format!("points: {}\ncameras: {}", file("points.ply"), file("transforms.json"));
+    /// The figures in words, if there are Gaussians.
+    pub fn text(&self) -> Option<String> {
+        let (gaussians, per_pixel) = (self.gaussians, self.gaussians_per_pixel);
+        let text = |psnr| {
+            format!("{gaussians} Gaussians, {per_pixel:.3} per pixel; the input views come back at {psnr:.2} dB")
         };
-        let (gaussians, per_pixel, scene) = (self.gaussians, self.gaussians_per_pixel, file("scene.ply"));
-        format!(
-            "{gaussians} Gaussians, {per_pixel:.3} per pixel; the input views come back at {psnr:.2} dB\nscene: {scene}"
-        )
+        self.psnr.map(text)
+    }
+
+    /// The files in the folder of the results that users look for, each with a word for it.
+    pub fn files(&self, folder: &Path) -> Vec<(&'static str, PathBuf)> {
+        let found = match self.psnr {
+            Some(_) => vec![("scene", "scene.ply")],
+            None => vec![("points", "points.ply"), ("cameras", "transforms.json")],
+        };
+        let files = found.into_iter().map(|(word, name)| (word, folder.join(name)));
+        files.chain([("overview", self.overview.clone())]).collect()
     }
 }
 

@@ -31,6 +31,9 @@ pub struct DynamicDistil {
     /// Folder of the new run
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
     pub out: Output,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub live: LiveFlag,
     #[command(flatten)]
@@ -48,5 +51,12 @@ pub fn run(arguments: &DynamicDistil, console: &mut Console, interrupt: &Interru
     };
     let by = format!("training the expert {} on, {how}", arguments.expert);
     let tensors = run.tensors();
-    derive(&run, &arguments.run, (vec![stage], by), (&arguments.out, live), tensors, (console, interrupt))
+    derive(
+        &run,
+        &arguments.run,
+        (vec![stage], by),
+        (&arguments.out, live, arguments.json),
+        tensors,
+        (console, interrupt),
+    )
 }

@@ -2,7 +2,7 @@
 
 use crate::run::{Evaluation, Run};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Progress, Threads};
 
 /// Judges experts, mixture, their uniform mean and the best expert at each pixel on photos that were held out, and
@@ -15,7 +15,7 @@ pub struct DynamicEval {
     /// Folder of the run
     #[arg(long, value_name = "RUN")]
     pub run: PathBuf,
-    /// Prints one line of JSON
+    /// Prints the result as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
@@ -26,11 +26,14 @@ pub fn run(arguments: &DynamicEval, console: &mut Console) -> Result<(), Failure
     let run = Run::open(&arguments.run)?;
     run.film().remarks.iter().for_each(|remark| console.note(&format!("note: {remark}")));
     let evaluation = judge(&run, console)?;
-    if arguments.json {
-        return console.print(&serde_json::to_string(&evaluation)?);
-    }
-    console.print(&table(&evaluation))?;
-    console.print(&format!("report: {}/report.html", arguments.run.display()))
+    answer(&evaluation, &arguments.run, arguments.json, console)
+}
+
+/// Prints an evaluation whose report is in a folder.
+pub fn answer(evaluation: &Evaluation, folder: &Path, json: bool, console: &mut Console) -> Result<(), Failure> {
+    let report = folder.join("report.html");
+    let text = format!("{}\nreport: {}", table(evaluation).trim_end(), report.display());
+    console.answer(json, &[&report], evaluation, &text)
 }
 
 /// Evaluates a run and writes its report.
@@ -43,7 +46,7 @@ pub fn judge(run: &Run, console: &mut Console) -> Result<Evaluation, Failure> {
 }
 
 /// A table of an evaluation.
-pub fn table(evaluation: &Evaluation) -> String {
+fn table(evaluation: &Evaluation) -> String {
     let groups = evaluation.groups();
     let titles = groups.iter().map(|(name, scores)| format!("{name} ({})", scores.shots));
     let header: Vec<String> = std::iter::once("PSNR, dB (SSIM)".into()).chain(titles).collect();

@@ -29,6 +29,9 @@ pub struct DynamicPrune {
     /// Folder of the new run
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
     pub out: Output,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub live: LiveFlag,
     #[command(flatten)]
@@ -44,5 +47,5 @@ pub fn run(arguments: &DynamicPrune, console: &mut Console, interrupt: &Interrup
     progress.finish();
     let stages = vec![Stage::Router { steps: arguments.steps as usize }];
     let by = format!("keeping {} of the Gaussians by {}", arguments.keep, arguments.by);
-    derive(&run, &arguments.run, (stages, by), (&arguments.out, live), tensors, (console, interrupt))
+    derive(&run, &arguments.run, (stages, by), (&arguments.out, live, arguments.json), tensors, (console, interrupt))
 }

@@ -2,6 +2,7 @@
 
 use crate::run::Run;
 use clap::Args;
+use serde_json::json;
 use std::path::PathBuf;
 use weaver_clip::{Film as _, VIDEOS, Video};
 use weaver_command::camera_files::{self, Size};
@@ -44,6 +45,9 @@ pub struct DynamicRender {
     /// Pictures of the video per second
     #[arg(long, value_name = "F", default_value = "30", value_parser = rate(), requires = "video")]
     pub fps: f64,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub threads: Threads,
 }
@@ -107,10 +111,12 @@ pub fn run(arguments: &DynamicRender, console: &mut Console) -> Result<(), Failu
         progress.at(i + 1, count, String::new, console);
     }
     progress.finish();
-    let folder = arguments.out.as_ref().map(|folder| folder.display().to_string());
-    let video = video.map(|video| video.finish()).transpose()?.map(|path| path.display().to_string());
-    let places: Vec<String> = folder.into_iter().chain(video).collect();
-    console.print(&format!("{count} pictures in {}", places.join(" and ")))
+    let video = video.map(|video| video.finish()).transpose()?;
+    let folder = arguments.out.as_ref().map(|folder| folder.to_path_buf());
+    let outputs: Vec<PathBuf> = folder.into_iter().chain(video).collect();
+    let places: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
+    let text = format!("{count} pictures in {}", places.join(" and "));
+    console.answer(arguments.json, &outputs, json!({ "pictures": count }), &text)
 }
 
 /// The cameras of the path.

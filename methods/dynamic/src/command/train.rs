@@ -68,6 +68,9 @@ pub struct DynamicTrain {
         "temperature", "background_weight", "seed", "out",
     ])]
     pub resume: Option<PathBuf>,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub live: LiveFlag,
     #[command(flatten)]
@@ -85,7 +88,7 @@ const SIZE: [usize; 2] = [96, 72];
 pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let live = Listener::of(arguments.live)?;
     if let Some(folder) = &arguments.resume {
-        return finish(Run::resume(folder)?, (folder, live), console, interrupt);
+        return finish(Run::resume(folder)?, (folder, live, arguments.json), console, interrupt);
     }
     let size = arguments.long_side.map(|size| size as usize);
     let film = match &arguments.data {
@@ -114,7 +117,7 @@ pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrup
         derived_from: None,
     };
     let out = arguments.out.as_deref().map_or_else(|| Folder::free(Path::new("runs"), "dynamic"), Path::to_path_buf);
-    begin((&out, live), settings, None, console, interrupt)
+    begin((&out, live, arguments.json), settings, None, console, interrupt)
 }
 
 /// Trains a run derived from another.
@@ -122,17 +125,17 @@ pub fn derive(
     run: &Run,
     from: &Path,
     (stages, by): (Vec<Stage>, String),
-    (out, live): (&Path, Option<Listener>),
+    (out, live, json): (&Path, Option<Listener>, bool),
     tensors: Tensors,
     (console, interrupt): (&mut Console, &Interrupt),
 ) -> Result<(), Failure> {
     let settings =
         RunSettings { stages, derived_from: Some(DerivedFrom { from: from.into(), by }), ..run.settings().clone() };
-    begin((out, live), settings, Some(tensors), console, interrupt)
+    begin((out, live, json), settings, Some(tensors), console, interrupt)
 }
 
 fn begin(
-    (folder, live): (&Path, Option<Listener>),
+    (folder, live, json): (&Path, Option<Listener>, bool),
     settings: RunSettings,
     init: Option<Tensors>,
     console: &mut Console,
@@ -149,12 +152,12 @@ fn begin(
         film.shots.len() - run.training().len()
     ));
     film.remarks.iter().for_each(|remark| console.note(&format!("note: {remark}")));
-    finish(run, (folder, live), console, interrupt)
+    finish(run, (folder, live, json), console, interrupt)
 }
 
 fn finish(
     mut run: Run,
-    (folder, listener): (&Path, Option<Listener>),
+    (folder, listener, json): (&Path, Option<Listener>, bool),
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
@@ -181,12 +184,10 @@ fn finish(
         console.note(&format!("saved at step {done} of {steps}; to go on: {resume}"));
         return Ok(());
     }
-    let folder = folder.display();
     let evaluation = eval::judge(&run, console)?;
     let seconds: f64 = evaluation.seconds.iter().sum();
-    console.note(&format!("{steps} steps done in {}: {folder}", duration(seconds)));
-    console.print(&eval::table(&evaluation))?;
-    console.print(&format!("report: {folder}/report.html"))
+    console.note(&format!("{steps} steps done in {}: {}", duration(seconds), folder.display()));
+    eval::answer(&evaluation, folder, json, console)
 }
 
 /// Cameras and frames from `CxF`.

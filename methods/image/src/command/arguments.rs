@@ -74,6 +74,9 @@ pub struct ImageFit {
     /// SmartSplat's published start, loss and rates in place of ours
     #[arg(long)]
     pub published: bool,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub live: LiveFlag,
     #[command(flatten)]
@@ -98,6 +101,9 @@ pub struct ImageDraw {
     /// Only these pixels of the scaled picture: first column, first row, columns, rows
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
     pub region: Option<Window>,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub threads: Threads,
 }

@@ -3,6 +3,7 @@
 use crate::command::arguments::ImageDraw;
 use crate::command::read::{MOST_PIXELS, failure};
 use crate::{CUT, Fitted, ImageError, Window, decode_region};
+use serde_json::json;
 use weaver_command::{Console, Failure, memory};
 use weaver_io::{Image, file_length, read_part};
 
@@ -52,5 +53,7 @@ pub fn run(arguments: &ImageDraw, console: &mut Console) -> Result<(), Failure> 
     Image { width: window.width, height: window.height, pixels }.write_png(&arguments.out)?;
     let (count, out) = (scaled.gaussians.len(), arguments.out.display());
     let Window { width, height, .. } = window;
-    console.print(&format!("{width} x {height} of {count} Gaussians, {taken} of {length} bytes read: {out}"))
+    let figures = json!({ "width": width, "height": height, "gaussians": count, "bytes_read": taken, "bytes": length });
+    let text = format!("{width} x {height} of {count} Gaussians, {taken} of {length} bytes read: {out}");
+    console.answer(arguments.json, &[&*arguments.out], figures, &text)
 }

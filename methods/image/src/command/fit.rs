@@ -8,6 +8,7 @@ use crate::command::search::{Goal, Search};
 use crate::command::state::under_way;
 use crate::command::trace::{Trace, TraceFolder};
 use crate::command::{read, report};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, Progress, ShellCommand};
 use weaver_io::safetensors::Tensors;
@@ -24,7 +25,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
             return Err(weaver_run::Error::complete(path).into());
         }
         let folder = Folder::reopen_with(path, KIND, names)?;
-        return go_on(Run::resume(folder, PicturesJob::new(settings)?)?, live, console, interrupt);
+        return go_on(Run::resume(folder, PicturesJob::new(settings)?)?, (live, arguments.json), console, interrupt);
     }
     let out = arguments.out.as_ref().ok_or_else(|| Failure::Usage("expected --out".into()))?;
     let method = Method {
@@ -52,7 +53,7 @@ pub fn run(arguments: &ImageFit, console: &mut Console, interrupt: &Interrupt) -
             folder.out().check(settings.names())?;
             let job = PicturesJob::new(settings)?;
             folder.store(job.settings())?;
-            go_on(Run::begin(folder, job), live, console, interrupt)
+            go_on(Run::begin(folder, job), (live, arguments.json), console, interrupt)
         }
     }
 }
@@ -115,13 +116,13 @@ fn one(
     // The count of a stopped fit is no property of the picture.
     let asked = if let (Goal::Gaussians(asked), None) = (goal, &early) { asked } else { 0 };
     note_shortfall(path, asked, judged.row.gaussians, judged.row.reset, console);
-    console.print(&judged.row.line(out))
+    console.answer(arguments.json, &[out], &judged.row, &judged.row.line(out))
 }
 
 /// Fits all pictures of a run, or until Ctrl-C.
 fn go_on(
     mut run: Run<PicturesJob>,
-    listener: Option<Listener>,
+    (listener, json): (Option<Listener>, bool),
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
@@ -153,9 +154,9 @@ fn go_on(
     }
     if !complete {
         let resume = ShellCommand::new("splatweaver image fit --resume").path(path);
-        return console.print(&format!("saved; to go on: {resume}"));
+        console.note(&format!("saved; to go on: {resume}"));
+        return Ok(());
     }
-    let folder = path.display();
     let page = report::of_run(run.job.rows(), &run.folder)?;
     run.folder.report(&page)?;
     run.folder.summarize(&run.job.rows())?;
@@ -163,5 +164,6 @@ fn go_on(
     let rows = run.job.rows();
     let bytes: usize = rows.iter().map(|row| row.bytes).sum();
     let mean = rows.iter().map(|row| row.psnr).sum::<f64>() / rows.len() as f64;
-    console.print(&format!("{} pictures, {bytes} bytes, {mean:.2} dB on average: {folder}", rows.len()))
+    let text = format!("{} pictures, {bytes} bytes, {mean:.2} dB on average: {}", rows.len(), path.display());
+    console.answer(json, &[&path], json!({ "pictures": rows, "bytes": bytes, "psnr": mean }), &text)
 }

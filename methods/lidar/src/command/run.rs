@@ -147,10 +147,8 @@ fn finish(run: &mut Run<LidarJob>, summary: &Summary, json: bool, console: &mut 
     run.folder.summarize(summary)?;
     crate::command::report::leave(&mut run.job, summary, &run.folder)?;
     run.folder.forget_checkpoint();
-    if json {
-        return console.print(&serde_json::to_string_pretty(summary)?);
-    }
-    console.print(&summary.text())?;
-    console.note(&format!("report: {}", run.folder.path().join(Folder::REPORT).display()));
+    let report = run.folder.path().join(Folder::REPORT);
+    console.answer(json, &[&report], summary, &summary.text())?;
+    console.note(&format!("report: {}", report.display()));
     Ok(())
 }

@@ -92,6 +92,9 @@ pub struct Lift {
     /// Says what it would take, and writes nothing
     #[arg(long)]
     pub dry_run: bool,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long, conflicts_with_all = ["demo", "dry_run"])]
+    pub json: bool,
     #[command(flatten)]
     pub(crate) threads: Threads,
 }
@@ -160,6 +163,9 @@ pub struct Query {
     /// Height in pixels [default: the cameras' aspect ratio]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub height: Option<u32>,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub(crate) threads: Threads,
 }

@@ -18,6 +18,7 @@ pub use features::refused;
 use pca::PcaColors;
 use plan::Plan;
 use sampling::Lens;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_command::DrawingOptions;
 use weaver_command::camera_files::{self, Size};
@@ -87,8 +88,11 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
         colors.draw(&mut raster, view, camera)?.write_png(pictures.file(format!("{stem}.png"))?)?;
     }
     let text = report(&lifted, cleaned.as_ref());
+    let numbers = [("channels", lifted.channels), ("gaussians", lifted.seen.len()), ("passes", lifted.passes)];
+    let figures = BTreeMap::from(numbers);
     write(lifted, arguments, &checksum, out)?;
-    console.print(&format!("{text}features: {}\npictures: {}", out.display(), pictures.path().display()))
+    let text = format!("{text}features: {}\npictures: {}", out.display(), pictures.path().display());
+    console.answer(arguments.json, &[out, pictures.path()], figures, &text)
 }
 
 /// The folder for pictures beside the file for features.

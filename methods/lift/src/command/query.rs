@@ -3,6 +3,7 @@
 use crate::command::arguments::Query;
 use crate::command::lift::{Drawn, refused};
 use crate::{Operator, Raster, guide, scores, to_unit_length};
+use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{Console, Failure, LiftedFile, Progress, memory};
@@ -25,8 +26,8 @@ pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {
     let channels = lifted.channels;
     let checksum = drawn.checksum();
     if lifted.said("scene_checksum").is_some_and(|other| *other != checksum) {
-        console.note(&format!(
-            "warning: {}: features were lifted to other Gaussians than those of {}",
+        console.warning(&format!(
+            "{}: features were lifted to other Gaussians than those of {}",
             path.display(),
             arguments.scene.display()
         ));
@@ -63,7 +64,9 @@ pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {
         progress.at(view + 1, cameras.len(), String::new, console);
     }
     progress.finish();
-    console.print(&format!("maps: {} prompts in {} views, in {}", count, cameras.len(), arguments.out.display()))
+    let text = format!("maps: {} prompts in {} views, in {}", count, cameras.len(), arguments.out.display());
+    let figures = BTreeMap::from([("prompts", count), ("views", cameras.len())]);
+    console.answer(arguments.json, &[&*arguments.out], figures, &text)
 }
 
 /// The file of a view's maps.

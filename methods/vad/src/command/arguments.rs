@@ -51,6 +51,9 @@ pub(crate) struct VadTrain {
     /// Goes on from the checkpoint of a run that was stopped, with what it was started with
     #[arg(long, value_name = "RUN", conflicts_with_all = ["VadPlan", "out"])]
     pub(crate) resume: Option<PathBuf>,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) live: LiveFlag,
     #[command(flatten)]
@@ -143,6 +146,9 @@ pub(crate) struct VadScore {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR", value_parser = Output::folder())]
     pub(crate) out: Output,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) threads: Threads,
 }

@@ -4,6 +4,7 @@ use crate::command::arguments::VadScore;
 use crate::command::{check_width, open};
 use crate::metrics::SNIPPET;
 use crate::{Annotation, Chart, Curves, Features, FileName, Length};
+use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
 use weaver_command::{Console, Failure, Progress};
@@ -47,7 +48,8 @@ pub fn run(arguments: &VadScore, console: &mut Console) -> Result<(), Failure> {
         progress.at(i + 1, total, || name.clone(), console);
     }
     progress.finish();
-    console.print(&format!("{total} videos: {}", arguments.out.display()))
+    let text = format!("{total} videos: {}", arguments.out.display());
+    console.answer(arguments.json, &[&*arguments.out], json!({ "videos": total }), &text)
 }
 
 /// The curves beside the final one: the experts' and, with a gate, the encoder's.

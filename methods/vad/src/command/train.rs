@@ -2,11 +2,12 @@
 
 use crate::command::arguments::{EncoderName, VadPlan, VadTrain};
 use crate::command::checkpoint::{self, RunState};
-use crate::command::{MODEL, report};
+use crate::command::{MODEL, metrics, report};
 use crate::{
     ConvolutionSizes, DeepMilSizes, EncoderKind, Error, Experts, Labels, Planted, Schedule, Splatting, Training,
     TrainingSet, UrDmuSizes, read_list,
 };
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, Progress, ShellCommand};
 use weaver_io::safetensors::Tensors;
@@ -28,7 +29,7 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
         let folder = Folder::claim(path, KIND, arguments.plan.features.iter().chain(&arguments.plan.list))?;
         let inputs = Inputs::new(arguments.plan.clone())?;
         folder.store(&inputs.plan)?;
-        return train(Run::begin(folder, inputs.job()), live, console, interrupt);
+        return train(Run::begin(folder, inputs.job()), (live, arguments.json), console, interrupt);
     };
     if path.join(MODEL).exists() && !path.join(Folder::CHECKPOINT).exists() {
         return Err(weaver_run::Error::complete(path).into());
@@ -41,13 +42,13 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
     };
     let folder = Folder::reopen(path, KIND)?;
     let inputs = Inputs::new(plan)?;
-    train(Run::resume(folder, inputs.job())?, live, console, interrupt)
+    train(Run::resume(folder, inputs.job())?, (live, arguments.json), console, interrupt)
 }
 
 /// Trains to the end, or until Ctrl-C; a page follows if the training is live.
 fn train(
     mut run: Run<DetectorJob<'_>>,
-    listener: Option<Listener>,
+    (listener, json): (Option<Listener>, bool),
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
@@ -79,11 +80,14 @@ fn train(
     detector.write(&model, &metadata)?;
     folder.forget_checkpoint();
     console.note(&format!("{total} steps done: {}", model.display()));
-    let Some(planted) = &inputs.planted else { return Ok(()) };
+    let Some(planted) = &inputs.planted else {
+        return if json { console.answer(json, &[&model], json!({}), "") } else { Ok(()) };
+    };
     let judged = crate::command::judged::planted(&detector, planted)?;
-    console.print(&crate::command::metrics::text(&judged.metrics()))?;
     report::leave(&judged, detector.experts(), &folder)?;
-    console.print(&format!("report: {}", path.join(Folder::REPORT).display()))
+    let (found, report) = (judged.metrics(), path.join(Folder::REPORT));
+    let text = format!("{}\nreport: {}", metrics::text(&found).trim_end(), report.display());
+    console.answer(json, &[&model, &report], metrics::value(&found), &text)
 }
 
 /// The inputs of a training.

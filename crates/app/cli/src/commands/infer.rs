@@ -197,15 +197,14 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
         write_text(out.file(VIEW)?, &SceneFiles::of(out.path()).page()?.html(HtmlOptions::default())?)?;
     }
     let figures = report.json();
-    write_text(out.file(FIGURES)?, &format!("{figures}\n"))?;
-    if arguments.json {
-        return console.print(&figures);
-    }
-    let file = |name: &str| arguments.out.join(name).display().to_string();
-    let looks = arguments.light.light.as_ref().map_or(String::new(), |_| format!("\nlooks: {}", file("looks.png")));
-    let look = if viewed { format!("\nlook: {}", file(VIEW)) } else { String::new() };
-    let (text, overview) = (report.text(&arguments.out), report.overview.display());
-    console.print(&format!("{text}\noverview: {overview}{looks}{look}"))
+    write_text(out.file(FIGURES)?, &format!("{figures:#}\n"))?;
+    let mut files = report.files(&arguments.out);
+    let others = [("looks", "looks.png", arguments.light.light.is_some()), ("look", VIEW, viewed)];
+    files.extend(others.iter().filter(|(.., made)| *made).map(|(word, name, _)| (*word, arguments.out.join(name))));
+    let lines = files.iter().map(|(word, path)| format!("{word}: {}", path.display()));
+    let text = report.text().into_iter().chain(lines).collect::<Vec<_>>().join("\n");
+    let outputs: Vec<_> = files.iter().map(|(_, path)| path).collect();
+    console.answer(arguments.json, &outputs, figures, &text)
 }
 
 /// The network that is asked for.

@@ -242,11 +242,8 @@ fn report(summary: &Summary, folder: &Folder, json: bool, console: &mut Console)
     }
     let memory = weaver_io::peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.1} MB of memory"));
     console.note(&format!("{steps} steps done, {} in this session{memory}", duration(summary.seconds)));
-    if json {
-        return console.print(&serde_json::to_string_pretty(summary)?);
-    }
-    if let Some(evaluation) = &summary.evaluation {
-        console.print(&evaluation.table())?;
-    }
-    console.print(&format!("report: {}", folder.path().join(Folder::REPORT).display()))
+    let table = summary.evaluation.as_ref().map_or(String::new(), |evaluation| evaluation.table());
+    let report = folder.path().join(Folder::REPORT);
+    let text = format!("{table}report: {}", report.display());
+    console.answer(json, &[report], summary, &text)
 }
