@@ -2,6 +2,7 @@
 #![cfg_attr(not(unix), allow(unused, reason = "some tests are of what Unix systems have alone"))]
 
 mod align;
+mod answers;
 mod bench;
 mod blocks;
 mod capture;
