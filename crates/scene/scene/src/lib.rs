@@ -22,6 +22,7 @@ pub mod forms;
 mod frame;
 mod gaussians;
 mod keyframes;
+mod merge;
 mod orbit;
 mod photo;
 mod pixels;
