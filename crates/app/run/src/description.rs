@@ -53,7 +53,7 @@ pub fn describe(path: &Path) -> Result<String, Error> {
 /// When the file cannot be read.
 pub fn is_of_results(path: &Path) -> Result<bool, Error> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    if name == "meta.json" || name.ends_with(".index.json") {
+    if ["meta.json", "lod-meta.json"].contains(&&*name) || name.ends_with(".index.json") {
         return Ok(false);
     }
     // Text that is no JSON is refused by the readers of cameras, which name the place.

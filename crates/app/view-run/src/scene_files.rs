@@ -7,7 +7,7 @@ use weaver_io::{SceneFile, SceneFormat, read_scene};
 use weaver_view::Look;
 
 /// Scenes in folders, the best first: of fits and networks, of lidar runs, and a scene in many files.
-const RESULTS: [&str; 3] = ["scene.ply", MAP, "meta.json"];
+const RESULTS: [&str; 4] = ["scene.ply", MAP, "meta.json", "lod-meta.json"];
 /// The map of a lidar run.
 const MAP: &str = "map.ply";
 /// Features that were lifted to the scene of a folder.

@@ -32,6 +32,9 @@ use std::io::Write;
 use std::path::Path;
 use weaver_scene::Gaussians;
 
+/// Files that name the others of a scene, for which its folder stands.
+pub(crate) const SCENE_IN_FOLDER: [&str; 2] = [sog::META, sog::LOD_META];
+
 /// Reads a file of Gaussians in one of the [formats](SCENE_FORMATS), with its settings for drawing them; its name
 /// selects the format.
 ///
@@ -68,9 +71,8 @@ pub fn read_scene(path: impl AsRef<Path>) -> Result<SceneFile> {
 /// ```
 pub fn open_scene(path: impl AsRef<Path>) -> Result<OpenScene<'static>> {
     let path = path.as_ref();
-    // A folder stands for the file in it that names the others.
-    let within = path.join(sog::META);
-    let path = if path.is_dir() && within.is_file() { &within } else { path };
+    let within = SCENE_IN_FOLDER.map(|name| path.join(name)).into_iter().find(|file| file.is_file());
+    let path = within.as_deref().unwrap_or(path);
     match SceneFormat::of(path)?.read {
         Reader::Blocks(open) => open(path, Content::open(path)?),
         Reader::Whole(read) => Ok(read(path, &read_bytes(path)?)?.into()),

@@ -5,8 +5,8 @@ mod weights;
 use crate::cameras::colmap::{self, CameraModel, Model, Point};
 use crate::cameras::realestate::Clip;
 use crate::files::file::{read_bytes, read_part};
+use crate::gaussians::SCENE_IN_FOLDER;
 use crate::gaussians::ply::{Table, is_scene};
-use crate::gaussians::sog::META;
 use crate::pictures::photo_file::EXTENSIONS;
 use crate::safetensors::Mapped;
 use crate::{
@@ -31,7 +31,7 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
         if ["model.safetensors", "model.safetensors.index.json"].iter().any(|name| path.join(name).is_file()) {
             return Ok(weights::weights(&Mapped::open(path)?));
         }
-        if path.join(META).is_file() {
+        if SCENE_IN_FOLDER.iter().any(|name| path.join(name).is_file()) {
             return scene(path);
         }
         return folder(path);

@@ -16,8 +16,7 @@ use weaver_scene::{Gaussians, Region};
 /// Cameras of Metashape (XML), RealityScan (CSV), Bundler, OpenSfM, COLMAP or a transforms.json become a
 /// transforms.json, by that name, or a folder with one and a COLMAP model with points in sparse/0; --rotate, --scale
 /// and --translate move them. Of scenes, several inputs are joined. Changes happen in this order: --rotate,
-/// --scale, --translate, --crop, --drop-floaters, --keep,
-/// --degree.
+/// --scale, --translate, --crop, --drop-floaters, --keep, --merge, --degree.
 #[derive(Args, Debug)]
 #[command(after_help = after_help(), override_usage = "splatweaver convert [OPTIONS] <IN>... <OUT>")]
 pub struct Convert {
@@ -45,6 +44,9 @@ pub struct Convert {
     /// Number of Gaussians that stay, or their share below 1
     #[arg(long, value_name = "N|SHARE")]
     pub keep: Option<Keep>,
+    /// Merges neighbors until so many Gaussians are left, or their share below 1
+    #[arg(long, value_name = "N|SHARE")]
+    pub merge: Option<Keep>,
     /// The score that they are judged by
     #[arg(long, value_enum, value_name = "SCORE", default_value_t, requires = "keep")]
     pub by: ScoreName,
@@ -63,9 +65,15 @@ pub struct Convert {
 impl Convert {
     /// Checks that no flag is given that cameras have no use for.
     fn check_cameras(&self) -> Result<(), Failure> {
-        let Self { crop, drop_floaters, keep, cameras, degree, .. } = self;
-        if crop.is_some() || *drop_floaters || keep.is_some() || cameras.is_some() || degree.is_some() {
-            let flags = "--crop, --drop-floaters, --keep, --cameras, --degree";
+        let Self { crop, drop_floaters, keep, merge, cameras, degree, .. } = self;
+        if crop.is_some()
+            || *drop_floaters
+            || keep.is_some()
+            || merge.is_some()
+            || cameras.is_some()
+            || degree.is_some()
+        {
+            let flags = "--crop, --drop-floaters, --keep, --merge, --cameras, --degree";
             return Err(Failure::Usage(format!("{flags}: expected Gaussians, found cameras")));
         }
         Ok(())
@@ -119,6 +127,7 @@ fn after_help() -> String {
         "convert scene.ply scene.spz",
         "convert scene.ply scene.sog --degree 1 --keep 500000",
         "convert scene.ply small.ply --keep 0.3 --by contribution --cameras transforms.json",
+        "convert scene.ply scene-levels/lod-meta.json",
         "convert cameras.xml capture",
         "convert left.ply right.spz both.glb",
         "convert scene.ply turned.ply --rotate 180,0,0 --crop -2,-2,-2,2,2,2 --drop-floaters",
@@ -155,6 +164,7 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
         crop: arguments.crop,
         drop_floaters: arguments.drop_floaters,
         keep: arguments.keep,
+        merge: arguments.merge,
         by: match arguments.by {
             ScoreName::Importance => Score::Importance,
             ScoreName::Opacity => Score::Opacity,

@@ -115,7 +115,7 @@ fn a_scene_is_written_in_every_format() {
     let scene = named("scene.ply");
     splatweaver(&[&"convert", &scene, &scene]).refused(2, &["scene.ply", "what is read"]);
     splatweaver(&[&"convert", &scene, &named("scene.obj")])
-        .refused(1, &["scene.obj", "expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog, meta.json, .glb, .gltf, .usda, .usdz, .ksplat or .wsz, found .obj"]);
+        .refused(1, &["scene.obj", "expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog, meta.json, lod-meta.json, .glb, .gltf, .usda, .usdz, .ksplat or .wsz, found .obj"]);
     splatweaver(&[&"convert", &named("nothing.ply"), &named("a.spz")]).refused(1, &["nothing.ply"]);
     std::fs::write(named("bad.spz"), "x").unwrap();
     splatweaver(&[&"convert", &named("bad.spz"), &named("a.spz")]).refused(1, &["bad.spz"]);

@@ -3,6 +3,7 @@
 use super::colmap::{CAMERA_ID, ImageRecord, Model, model_folder};
 use super::project::{Project, ProjectKind};
 use super::transforms::Transforms;
+use crate::gaussians::SCENE_IN_FOLDER;
 use crate::{Observe, OutputFolder, Result, relative_path};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -62,7 +63,7 @@ pub fn is_cameras(path: &Path) -> bool {
         // Scenes of SOG are folders, too.
         return colmap || path.join(TRANSFORMS).is_file() || matches!(Project::find(path), Ok(Some(_)));
     }
-    let named = path.file_name().is_some_and(|name| name != "meta.json")
+    let named = path.file_name().is_some_and(|name| !SCENE_IN_FOLDER.iter().any(|scene| name == *scene))
         && path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
     named || matches!(ProjectKind::of(path), Ok(Some(_)))
 }

@@ -26,6 +26,8 @@ pub struct Conversion<'a> {
     pub keep: Option<Keep>,
     /// The score.
     pub by: Score<'a>,
+    /// Gaussians that are left when neighbors are merged.
+    pub merge: Option<Keep>,
     /// Largest degree of spherical harmonics that stays.
     pub degree: Option<usize>,
 }
@@ -37,6 +39,16 @@ pub enum Keep {
     Count(usize),
     /// This share of them.
     Share(f64),
+}
+
+impl Keep {
+    /// The number that stays of so many.
+    pub fn of(self, all: usize) -> usize {
+        match self {
+            Self::Count(count) => count,
+            Self::Share(share) => (share * all as f64).round() as usize,
+        }
+    }
 }
 
 /// A whole number, or a share above 0 up to 1.0 with a point.
@@ -209,7 +221,7 @@ fn joined(files: &[impl AsRef<Path>], observe: &mut dyn Observe) -> Result<(Box<
 impl Conversion<'_> {
     /// True if what stays of a scene depends on more than each Gaussian alone, or their number is not known before.
     fn chooses(&self) -> bool {
-        self.crop.is_some() || self.drop_floaters || self.keep.is_some()
+        self.crop.is_some() || self.drop_floaters || self.keep.is_some() || self.merge.is_some()
     }
 
     /// The Gaussians after a movement and with fewer harmonics, which change each of them whatever the others are.
@@ -245,10 +257,7 @@ impl Conversion<'_> {
             gaussians = gaussians.select(&gaussians.without_floaters());
         }
         if let Some(keep) = &self.keep {
-            let count = match keep {
-                Keep::Count(count) => *count,
-                Keep::Share(share) => (share * gaussians.len() as f64).round() as usize,
-            };
+            let count = keep.of(gaussians.len());
             let values = match &self.by {
                 Score::Importance => gaussians.importance(),
                 Score::Opacity => gaussians.opacity_logits.iter().map(|logit| forms::opacity(*logit)).collect(),
@@ -258,6 +267,9 @@ impl Conversion<'_> {
                 return Err(nothing("keep", "a share that leaves Gaussians", &gaussians));
             }
             gaussians = gaussians.select(&gaussians.largest(&values, count));
+        }
+        if let Some(merge) = &self.merge {
+            gaussians = gaussians.merged(merge.of(gaussians.len()));
         }
         Ok(gaussians)
     }

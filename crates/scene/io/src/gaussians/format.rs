@@ -3,7 +3,7 @@
 use super::blocks::Blocks;
 use super::order::nearby;
 use super::scene_file::{Drawing, OpenScene, SceneFile};
-use super::sog::{self, META};
+use super::sog::{self, LOD_META, META};
 use super::{gltf, ksplat, ply, splat, spz, usd, wsz};
 use crate::files::content::Content;
 use crate::{Error, Result};
@@ -55,7 +55,7 @@ pub(super) enum Writer {
 }
 
 /// The formats that are read and written. A further one is a file beside these and a row here.
-pub const SCENE_FORMATS: [SceneFormat; 13] = [
+pub const SCENE_FORMATS: [SceneFormat; 14] = [
     SceneFormat {
         name: "ply",
         extension: "ply",
@@ -118,6 +118,15 @@ pub const SCENE_FORMATS: [SceneFormat; 13] = [
         degree: 3,
         read: Reader::Whole(sog::decode_folder),
         write: Writer::Files(sog::encode_folder),
+    },
+    SceneFormat {
+        name: "sog-streamed",
+        extension: LOD_META,
+        keeps: "as sog, in levels of detail, for viewers that load what they show; in another order",
+        order: Some(sog::streamed_order),
+        degree: 3,
+        read: Reader::Whole(sog::decode_streamed),
+        write: Writer::Files(sog::encode_streamed),
     },
     SceneFormat {
         name: "glb",
@@ -196,7 +205,7 @@ impl SceneFormat {
     pub fn of(path: &Path) -> Result<Self> {
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().to_lowercase());
         let ends = |format: &&Self| match format.extension {
-            META => name == META,
+            META | LOD_META => name == format.extension,
             extension => name.strip_suffix(extension).is_some_and(|stem| stem.ends_with('.')),
         };
         let found = SCENE_FORMATS.iter().filter(ends).max_by_key(|format| format.extension.len());
@@ -232,9 +241,9 @@ impl SceneFormat {
         !matches!(self.write, Writer::None)
     }
 
-    /// End of its files' names: `.ply`, or the whole name `meta.json`.
+    /// End of its files' names: `.ply`, or a whole name such as `meta.json`.
     pub fn file_name_end(&self) -> String {
-        if self.extension == META { META.into() } else { format!(".{}", self.extension) }
+        if [META, LOD_META].contains(&self.extension) { self.extension.into() } else { format!(".{}", self.extension) }
     }
 
     /// The extensions, for messages and help: `.ply, .splat or .spz`.

@@ -177,7 +177,7 @@ fn positions_of_any_size_fit_into_spz() {
     let unknown = message("a.obj", &at(0.0));
     assert!(
         unknown.contains(
-            "file name: expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog, meta.json, .glb, .gltf, .usda, .usdz, .ksplat or .wsz, found .obj"
+            "file name: expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog, meta.json, lod-meta.json, .glb, .gltf, .usda, .usdz, .ksplat or .wsz, found .obj"
         ),
         "{unknown}"
     );
@@ -235,6 +235,18 @@ fn files_of_other_tools_survive_writing() {
 /// A scene that a format cannot hold is refused by name, and the file that was there stays.
 ///
 /// Promise (files): a scene that its format cannot hold replaces nothing, in every format.
+/// Files of a folder and of folders in it, with their content.
+fn files_in(folder: &std::path::Path) -> Vec<(std::path::PathBuf, Vec<u8>)> {
+    let paths = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let content = |path: std::path::PathBuf| match path.is_dir() {
+        true => files_in(&path),
+        false => vec![(path.clone(), std::fs::read(&path).unwrap())],
+    };
+    let mut files: Vec<_> = paths.flat_map(content).collect();
+    files.sort();
+    files
+}
+
 #[test]
 fn what_cannot_be_read_again_replaces_nothing() {
     let one = |mean: f32, log_scale: f32| Gaussians {
@@ -253,13 +265,7 @@ fn what_cannot_be_read_again_replaces_nothing() {
             false => format.extension.into(),
         });
         write_gaussians(&path, &one(1.0, -3.0)).unwrap();
-        let content = |path: &std::path::Path| -> Vec<(std::ffi::OsString, Vec<u8>)> {
-            let files = std::fs::read_dir(path.parent().unwrap()).unwrap().map(|entry| entry.unwrap().path());
-            let mut files: Vec<_> =
-                files.map(|file| (file.file_name().unwrap().into(), std::fs::read(&file).unwrap())).collect();
-            files.sort();
-            files
-        };
+        let content = |path: &std::path::Path| files_in(path.parent().unwrap());
         let before = content(&path);
         for (mean, log_scale) in [(f32::INFINITY, -3.0), (1.0, f32::NEG_INFINITY), (f32::NAN, -3.0), (1.0, 1e30)] {
             match write_gaussians(&path, &one(mean, log_scale)) {

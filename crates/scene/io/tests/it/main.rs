@@ -40,6 +40,7 @@ mod shrunk;
 mod sog;
 mod spz;
 mod spz_versions;
+mod streamed_sog;
 mod surfaces;
 mod torch;
 mod transforms;

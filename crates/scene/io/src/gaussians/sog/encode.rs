@@ -20,7 +20,8 @@ const ROWS: usize = 1 << 16;
 
 /// A file of a scene.
 pub(in crate::gaussians) struct File {
-    pub name: &'static str,
+    /// Its name beside the first, with slashes.
+    pub name: String,
     pub content: Vec<u8>,
 }
 
@@ -31,13 +32,14 @@ pub(super) fn encoded(path: &Path, gaussians: &Gaussians, drawing: Drawing) -> R
     files(&gaussians.select(&nearby(&gaussians.means)), drawing).map_err(Error::io(path))
 }
 
-fn files(gaussians: &Gaussians, drawing: Drawing) -> io::Result<Vec<File>> {
+/// The files of Gaussians in their order.
+pub(super) fn files(gaussians: &Gaussians, drawing: Drawing) -> io::Result<Vec<File>> {
     let n = gaussians.len();
     let k = 3 * gaussians.coefficients();
     let mut files = Vec::new();
-    let mut add = |name: &'static str, plane: Plane| -> io::Result<String> {
-        files.push(File { name, content: plane.encoded()? });
-        Ok(name.to_string())
+    let mut add = |name: &str, plane: Plane| -> io::Result<String> {
+        files.push(File { name: name.into(), content: plane.encoded()? });
+        Ok(name.into())
     };
     let plane = |pixel: &dyn Fn(usize) -> [u8; 4]| {
         let mut plane = Plane::for_pixels(n);
@@ -80,7 +82,7 @@ fn files(gaussians: &Gaussians, drawing: Drawing) -> io::Result<Vec<File>> {
     });
     let model = drawing.antialiased.then(|| ANTIALIASED.to_string());
     let meta = Meta { version: VERSION, count: n, model, means, scales, quats, sh0, rest: rest.transpose()? };
-    files.push(File { name: META, content: serde_json::to_vec(&meta)? });
+    files.push(File { name: META.into(), content: serde_json::to_vec(&meta)? });
     Ok(files)
 }
 

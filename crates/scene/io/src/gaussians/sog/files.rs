@@ -1,11 +1,12 @@
 //! The files of a scene: of an archive in memory, or of a folder.
 
 use super::META;
+use super::streamed::is_inside;
 use crate::files::file::read_bytes;
 use crate::{Error, Result};
 use flate2::read::DeflateDecoder;
 use std::io::{Cursor, Read};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use zip::{CompressionMethod, ZipArchive};
 
 /// Deflate makes no file more than about 1032 times smaller.
@@ -75,12 +76,18 @@ impl Folder {
         Self { meta: meta.to_path_buf() }
     }
 
+    /// A file of the folder itself.
     pub(super) fn file(&self, name: &str) -> Result<Vec<u8>> {
-        // A file of others must not lead out of its folder.
-        let mut parts = Path::new(name).components();
-        if !matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None)) {
-            return Err(Error::invalid(&self.meta, "files", "names of files in this folder", format!("{name:?}")));
-        }
-        read_bytes(self.meta.with_file_name(name))
+        if name.contains(['/', '\\']) { Err(self.leads_out(name)) } else { self.file_within(name) }
+    }
+
+    /// A file of the folder, or of one in it.
+    pub(super) fn file_within(&self, name: &str) -> Result<Vec<u8>> {
+        if is_inside(name) { read_bytes(self.meta.with_file_name(name)) } else { Err(self.leads_out(name)) }
+    }
+
+    /// A file of others must not lead out of its folder.
+    fn leads_out(&self, name: &str) -> Error {
+        Error::invalid(&self.meta, "files", "names of files in this folder", format!("{name:?}"))
     }
 }

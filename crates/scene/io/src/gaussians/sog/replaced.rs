@@ -1,21 +1,23 @@
-//! A scene of several files in a folder: all of them are written or none, and over no file of others.
+//! A scene of several files in a folder, and in folders in it: all of them are written or none, and over no file of
+//! others.
 
 use super::encode::File;
-use super::{META, names};
+use super::{LOD_META, META, names};
 use crate::files::output_folder::refused;
 use crate::files::unfinished::UnfinishedFile;
 use crate::{Error, Result};
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Writes the files of a scene beside its `meta.json`, which comes last among them.
+/// Writes the files of a scene beside its `meta.json` or `lod-meta.json`, which comes last among them.
 ///
 /// # Errors
 /// When a file of such a name is there that no scene at this place names, and when one cannot be written.
 pub(in crate::gaussians) fn write(meta: &Path, files: &[File]) -> Result<()> {
     let beside = |name: &str| meta.with_file_name(name);
     let own = named_before(meta)?;
-    for path in files.iter().map(|file| beside(file.name)).filter(|path| path.symlink_metadata().is_ok()) {
+    for path in files.iter().map(|file| beside(&file.name)).filter(|path| path.symlink_metadata().is_ok()) {
         if !own.contains(&path) {
             return Err(refused(&path, "no file, or one of the scene that is replaced", "another one"));
         }
@@ -25,6 +27,7 @@ pub(in crate::gaussians) fn write(meta: &Path, files: &[File]) -> Result<()> {
     for File { name, content } in files {
         let path = beside(name);
         let written = || -> std::io::Result<_> {
+            path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
             let mut file = UnfinishedFile::begin(&path)?;
             file.as_file().write_all(content)?;
             file.flush()?;
@@ -37,8 +40,13 @@ pub(in crate::gaussians) fn write(meta: &Path, files: &[File]) -> Result<()> {
     for (file, path) in complete {
         file.persist().map_err(Error::io(&path))?;
     }
-    let is_written = |path: &&PathBuf| files.iter().any(|file| beside(file.name) == **path);
-    own.iter().filter(|path| !is_written(path)).try_for_each(|path| remove(path))
+    let written: BTreeSet<PathBuf> = files.iter().map(|file| beside(&file.name)).collect();
+    for path in own.iter().filter(|path| !written.contains(*path)) {
+        remove(path)?;
+        // A folder of a level goes with its last file.
+        path.parent().filter(|folder| Some(*folder) != meta.parent()).map(std::fs::remove_dir);
+    }
+    Ok(())
 }
 
 /// The files of the scene that is there already.
@@ -51,7 +59,11 @@ fn named_before(meta: &Path) -> Result<Vec<PathBuf>> {
     }
     let names = names(meta).map_err(|_| refused(meta, "no file, or that of a scene", "another one"))?;
     // A file of others may name anything.
-    let known = |name: &String| name == META || NAMES.contains(&name.as_str());
+    let known = |name: &String| {
+        let (folder, last) = name.rsplit_once('/').unwrap_or(("", name));
+        let of_level = folder.split('_').all(|number| !number.is_empty() && number.bytes().all(|c| c.is_ascii_digit()));
+        (folder.is_empty() || of_level) && ([META, LOD_META].contains(&last) || NAMES.contains(&last))
+    };
     Ok(names.into_iter().filter(known).map(|name| meta.with_file_name(name)).collect())
 }
 
