@@ -53,7 +53,7 @@ pub struct View {
     /// Keeps every bit of the scene in the file; else it is rounded as SPZ does
     #[arg(long, requires = "html")]
     pub lossless: bool,
-    /// Writes the file even if it has more than 200 MB
+    /// Writes all Gaussians, even if the file has more than 200 MB
     #[arg(long, requires = "html")]
     pub yes: bool,
     /// Asks the desktop to open the page
