@@ -236,7 +236,7 @@ impl SceneData {
         };
         let shots: Vec<Shot> = cameras.iter().map(shot).collect();
         let look = Look { background: self.background, settings: self.settings, ..Look::default() };
-        let subject = Subject { title, gaussians: &self.gaussians, look, notes: None };
+        let subject = Subject { title, gaussians: &self.gaussians, look, notes: None, second: None };
         compute(py, || html(&subject, &shots, HtmlOptions { lossless }).map_err(Failed::input))
     }
 

@@ -18,7 +18,7 @@ pub fn page(run: &Fitting, gaussians: &Gaussians, test_cameras: &[Camera]) -> Re
     let title = title(&run.settings.capture);
     let look =
         Look { background: run.settings.fit.background, settings: run.fit().raster_settings(), ..Look::default() };
-    let subject = Subject { title: &title, gaussians, look, notes: None };
+    let subject = Subject { title: &title, gaussians, look, notes: None, second: None };
     Ok(html(&subject, &shots(run, test_cameras)?, HtmlOptions::default())?)
 }
 

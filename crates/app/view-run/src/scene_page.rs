@@ -46,6 +46,8 @@ pub struct ScenePage {
     pub file: Option<PathBuf>,
     /// Notes on the scene.
     pub notes: Notes,
+    /// A scene of this name that lies over it, right of a slider.
+    pub second: Option<(String, Gaussians)>,
 }
 
 /// A scene as a function of time, 0 to 1.
@@ -93,6 +95,7 @@ impl ScenePage {
             report: None,
             file: None,
             notes: Notes::default(),
+            second: None,
         }
     }
 
@@ -129,7 +132,8 @@ impl ScenePage {
 
     /// The parts that a page is made of.
     pub fn subject(&self) -> Subject<'_> {
-        Subject { title: &self.title, gaussians: &self.gaussians, look: self.look, notes: Some(&self.notes) }
+        let second = self.second.as_ref().map(|(name, gaussians)| (name.as_str(), gaussians));
+        Subject { title: &self.title, gaussians: &self.gaussians, look: self.look, notes: Some(&self.notes), second }
     }
 
     /// The photo of a shot as a JPEG or PNG file, if it has one that can be read.

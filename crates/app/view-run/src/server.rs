@@ -215,13 +215,14 @@ impl<'a> Server<'a> {
             _ if guard::value(query, "part") == Some("beginning") => self.scene_page.map(ScenePage::beginning),
             _ => None,
         };
+        let second = self.scene_page.and_then(|scene_page| scene_page.second.as_ref());
+        if let (Some("second"), Some((_, scene))) = (guard::value(query, "part"), second) {
+            return packed(scene);
+        }
         let Some(scene) = latest.as_ref().or(self.scene_page.map(|scene_page| &scene_page.gaussians)) else {
             return Ok(Answer::nothing());
         };
-        let mut bytes = Vec::new();
-        let ply = "ply".parse().expect("the format is in the table");
-        write_gaussians_to(&mut bytes, ply, &drawable(scene))?;
-        Ok(Answer::new("application/octet-stream", bytes))
+        packed(scene)
     }
 
     fn alike(&self, query: &str) -> Answer {
@@ -305,6 +306,14 @@ impl<'a> Server<'a> {
         let kept = dropped.iter().filter(|byte| **byte == 0).count();
         Ok(Answer::text(200, format!("Saved {kept} Gaussians in {}.", path.display())))
     }
+}
+
+/// A scene as a PLY file.
+fn packed(scene: &Gaussians) -> Result<Answer, Error> {
+    let mut bytes = Vec::new();
+    let ply = "ply".parse().expect("the format is in the table");
+    write_gaussians_to(&mut bytes, ply, &drawable(scene))?;
+    Ok(Answer::new("application/octet-stream", bytes))
 }
 
 /// A direction of three numbers with commas between.

@@ -11,7 +11,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut look = Look::default();
     look.settings.antialiased = file.drawing.antialiased;
     let title = std::path::Path::new(&scene).file_name().map_or(scene.clone(), |name| name.to_string_lossy().into());
-    let subject = Subject { title: &title, gaussians: &file.gaussians, look, notes: None };
+    let subject = Subject { title: &title, gaussians: &file.gaussians, look, notes: None, second: None };
     let page = html(&subject, &[], HtmlOptions::default())?;
     weaver_io::write_text(&out, &page)?;
     println!("{out}: {:.1} MB", page.len() as f64 / 1e6);

@@ -45,7 +45,7 @@ pub struct HtmlOptions {
 ///     sh: vec![1.0, 0.0, -1.0],
 ///     degree: 0,
 /// };
-/// let subject = Subject { title: "<one> Gaussian", gaussians: &gaussians, look: Look::default(), notes: None };
+/// let subject = Subject { title: "<one> Gaussian", gaussians: &gaussians, look: Look::default(), notes: None, second: None };
 /// let page = html(&subject, &[], HtmlOptions::default())?;
 /// assert!(page.contains("<title>&lt;one&gt; Gaussian</title>"));
 /// # Ok::<(), weaver_view::ViewError>(())
@@ -71,6 +71,8 @@ pub fn film_html(
     let mut sum = Checksum::default();
     moments.iter().chain([&scene]).for_each(|text| sum.bytes(text.as_bytes()));
     sum.bytes(subject.title.as_bytes());
+    let second = subject.second.map(|(_, gaussians)| text(gaussians)).transpose()?;
+    second.iter().for_each(|text| sum.bytes(text.as_bytes()));
     let mut further = json!({ "length": scene.len() });
     if !moments.is_empty() {
         further["moments"] = moments.iter().map(String::len).collect();
@@ -79,7 +81,8 @@ pub fn film_html(
     let element =
         |id: &str, text: &str| format!("<script type=\"application/octet-stream\" id=\"{id}\">{text}</script>");
     let moments = moments.iter().enumerate().map(|(i, text)| element(&format!("moment-{i}"), text));
-    let scene: String = std::iter::once(element("scene", &scene)).chain(moments).collect();
+    let second = second.iter().map(|text| element("second-scene", text));
+    let scene: String = std::iter::once(element("scene", &scene)).chain(moments).chain(second).collect();
     let photo = |i: usize| shots[i].photo.as_deref().map(data_address);
     Parts { subject, shots, photo: &photo, further, scene: &scene, nonce: &sum.to_string(), connect: "'none'" }.page()
 }
@@ -89,7 +92,7 @@ pub fn film_html(
 pub struct ServedPage<'a> {
     /// A word that cannot be guessed, in this page and in its content security policy.
     pub nonce: &'a str,
-    /// The address of the scene, a PLY or SPZ file.
+    /// The address of the scene, a PLY or SPZ file; with `?part=second` of the scene over it, if the subject has one.
     pub scene: &'a str,
     /// The address of the photo of the shot with this number, if there is one.
     pub photo: &'a dyn Fn(usize) -> Option<String>,
@@ -190,6 +193,7 @@ impl Parts<'_> {
             "home": home.json(),
             "up": home.up(),
             "look": subject.look.json(),
+            "second": subject.second.map(|(name, _)| name),
             "cameras": cameras.collect::<Vec<_>>(),
         });
         for (key, value) in self.further.as_object().into_iter().flatten() {

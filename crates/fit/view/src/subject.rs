@@ -18,6 +18,8 @@ pub struct Subject<'a> {
     pub look: Look,
     /// Notes on it. The meters of a unit are those of [`Look::meters`].
     pub notes: Option<&'a Notes>,
+    /// A scene of this name that lies over it, right of a slider.
+    pub second: Option<(&'a str, &'a Gaussians)>,
 }
 
 /// Rules of drawing that a page follows.

@@ -329,6 +329,11 @@ async function request(about, part = "") {
   return { text, antialiased: about.look.antialiased };
 }
 
+/** The scene over the first one. */
+async function second(about) {
+  return about.source ? request(about, "?part=second") : { text: element("second-scene").textContent };
+}
+
 /** Puts all of a scene in the place of its beginning. */
 async function complete(page, about) {
   say("These are the Gaussians that show most. The others are being loaded.");
@@ -362,6 +367,7 @@ async function begin() {
   }
   const moment = about.moves ? new Moment(page) : null;
   if (about.beginning) await complete(page, about);
+  if (about.second) await page.second.open(about.second, () => second(about));
   if (about.live) new Live((bytes) => page.replace({ bytes }, Boolean(moment)), () => moment?.address() ?? "scene");
 }
 

@@ -1,4 +1,4 @@
-// A second scene over this one, cut by a slider: a file that is opened or dropped onto the page.
+// A second scene over this one, cut by a slider: one that the page came with, or a file that is opened or dropped onto it.
 
 import { Background } from "./background.js";
 import { Order } from "./order.js";
@@ -27,24 +27,29 @@ export class Second {
   /** Takes a file of Gaussians; one of JSON is a camera path. */
   async take(file) {
     if (file.name.endsWith(".json")) return this.page.keyframes.take(file.name, await file.text());
-    say(`Loading ${file.name}.`, true);
+    await this.open(file.name, async () => ({ bytes: await file.arrayBuffer() }));
+  }
+
+  /** Shows the scene of this name; `load` promises its bytes, or its text in base64. */
+  async open(name, load) {
+    say(`Loading ${name}.`, true);
     try {
       this.background ??= new Background();
-      const bytes = await file.arrayBuffer();
-      const scene = await this.background.call("load", { bytes }, [bytes]);
+      const source = await load();
+      const scene = await this.background.call("load", source, source.bytes ? [source.bytes] : []);
       if (this.renderer) this.renderer.setScene(scene);
       else this.renderer = new Renderer(this.canvas, scene);
       this.order ??= new Order(this.background, this.renderer, () => this.page.changed());
       this.order.row = null;
       this.scene = scene;
-      element("second-name").textContent = `${file.name}, ${scene.n.toLocaleString("en")} Gaussians, right of the slider.`;
+      element("second-name").textContent = `${name}, ${scene.n.toLocaleString("en")} Gaussians, right of the slider.`;
       element("comparing").open = true;
       element("remove-second").disabled = false;
       say("");
       this.cut();
       this.page.changed();
     } catch (error) {
-      say(`${file.name}: ${error.message}`, true);
+      say(`${name}: ${error.message}`, true);
     }
   }
 

@@ -122,7 +122,7 @@ fn triple(text: &str) -> Result<Triple, String> {
 
 fn after_help() -> String {
     let rows = SCENE_FORMATS.iter().map(|f| format!("  {:<11} {:<16} {}", f.name, f.file_name_end(), f.keeps));
-    let formats: Vec<String> = rows.collect();
+    let formats = rows.collect::<Vec<_>>().join("\n");
     let examples = [
         "convert scene.ply scene.spz",
         "convert scene.ply scene.sog --degree 1 --keep 500000",
@@ -133,7 +133,7 @@ fn after_help() -> String {
         "convert scene.ply turned.ply --rotate 180,0,0 --crop -2,-2,-2,2,2,2 --drop-floaters",
     ];
     let examples = examples.map(|example| format!("  splatweaver {example}")).join("\n");
-    format!("Formats, and what they keep:\n{}\n\nExamples:\n{examples}", formats.join("\n"))
+    format!("Formats, and what they keep:\n{formats}\n\nExamples:\n{examples}")
 }
 
 /// The name of a format that is written to one file.

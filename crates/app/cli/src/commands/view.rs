@@ -21,11 +21,15 @@ const MIXTURE: &str = "model.safetensors";
   splatweaver view scene
   splatweaver view scene.ply --cameras capture/transforms.json --open
   splatweaver view scene.spz --html scene.html
+  splatweaver view edited.ply scene.ply               one beside the other
   splatweaver view scene --port 8080                  at a port that `ssh -L` can be told before")]
 pub struct View {
     /// A file of Gaussians, or the folder of a result
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
+    /// Another file of Gaussians in the same coordinates, right of a slider
+    #[arg(value_name = "SECOND")]
+    pub second: Option<PathBuf>,
     /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file [default: the transforms.json of
     /// the folder]
     #[arg(long, value_name = "FILE")]
@@ -105,6 +109,9 @@ fn page(arguments: &View) -> Result<ScenePage, Failure> {
         return Err(Failure::Usage(format!("--expert: expected the folder of `dynamic train`, found {scene}")));
     }
     let mut page = files.page()?;
+    if let Some(path) = &arguments.second {
+        page.second = Some((path.display().to_string(), SceneFiles::of(path).page()?.gaussians));
+    }
     let coverage = Outcome::beside(scene.join("scene.ply")).map(|outcome| outcome.coverage).unwrap_or_default();
     page.shots.iter_mut().for_each(|shot| shot.coverage = coverage.of(&shot.name));
     page.look.meters = meters.or(page.look.meters);

@@ -97,6 +97,19 @@ fn the_error_of_a_photo_is_a_picture() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
+/// A page that comes with two scenes shows both.
+#[test]
+fn a_page_comes_with_a_second_scene() {
+    let Some(browser) = Browser::start("a_page_with_two") else { return };
+    browser.resize(900, 600, false);
+    browser.open_page(&Written::both(&cloud(600, 1, 1), ("b.ply", &cloud(700, 0, 9))).address());
+    browser.wait(&format!(
+        "{QUIET} && document.getElementById('second-name').textContent.startsWith('b.ply, 700 Gaussians') && splatweaver.second.order?.row"
+    ));
+    assert!(browser.is("!document.getElementById('second').hidden && splatweaver.scene.n === 600"));
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
 /// A file that is dropped onto the page is drawn over its scene, right of the slider.
 #[test]
 fn a_second_scene_lies_over_the_first() {

@@ -24,7 +24,7 @@ fn shots(names: &[&str]) -> Vec<Shot> {
 fn names_of_any_kind_are_shown_as_text() {
     let Some(browser) = Browser::start("names_of_any_kind") else { return };
     let scene = cloud(50, 0, 1);
-    let subject = Subject { title: ODD, gaussians: &scene, look: Look::default(), notes: None };
+    let subject = Subject { title: ODD, gaussians: &scene, look: Look::default(), notes: None, second: None };
     let written = Written::text(&html(&subject, &shots(&[ODD, "b"]), HtmlOptions::default()).unwrap());
     browser.open_page(&written.address());
     assert_eq!(browser.text("document.title"), ODD);
@@ -38,7 +38,7 @@ fn names_of_any_kind_are_shown_as_text() {
 fn a_page_that_was_cut_off_says_so() {
     let Some(browser) = Browser::start("a_page_that_was_cut_off") else { return };
     let scene = cloud(500, 1, 1);
-    let subject = Subject { title: "scene", gaussians: &scene, look: Look::default(), notes: None };
+    let subject = Subject { title: "scene", gaussians: &scene, look: Look::default(), notes: None, second: None };
     let page = html(&subject, &[], HtmlOptions::default()).unwrap();
     let start = page.find(" id=\"scene\"").unwrap();
     for share in [0.3, 0.9] {
@@ -75,7 +75,7 @@ fn a_browser_without_webgl_shows_a_picture() {
 #[test]
 fn the_same_arguments_give_the_same_bytes() {
     let scene = cloud(200, 2, 5);
-    let subject = Subject { title: "scene", gaussians: &scene, look: Look::default(), notes: None };
+    let subject = Subject { title: "scene", gaussians: &scene, look: Look::default(), notes: None, second: None };
     for lossless in [false, true] {
         let page = || html(&subject, &shots(&["a", "b"]), HtmlOptions { lossless }).unwrap();
         assert!(page() == page());
@@ -85,10 +85,10 @@ fn the_same_arguments_give_the_same_bytes() {
 #[test]
 fn a_scene_of_nothing_has_a_page() {
     let nothing = weaver_scene::Gaussians::default();
-    let subject = Subject { title: "nothing", gaussians: &nothing, look: Look::default(), notes: None };
+    let subject = Subject { title: "nothing", gaussians: &nothing, look: Look::default(), notes: None, second: None };
     assert!(html(&subject, &[], HtmlOptions::default()).is_ok());
     let lame = weaver_scene::Gaussians { means: vec![[0.0; 3]], ..nothing };
-    let subject = Subject { title: "lame", gaussians: &lame, look: Look::default(), notes: None };
+    let subject = Subject { title: "lame", gaussians: &lame, look: Look::default(), notes: None, second: None };
     assert!(html(&subject, &[], HtmlOptions::default()).is_err());
 }
 
@@ -97,7 +97,7 @@ fn a_scene_of_nothing_has_a_page() {
 fn what_rounding_would_tear_apart_is_kept_as_it_is() {
     let near = cloud(300, 1, 1);
     let size = |scene: &weaver_scene::Gaussians, lossless: bool| {
-        let subject = Subject { title: "scene", gaussians: scene, look: Look::default(), notes: None };
+        let subject = Subject { title: "scene", gaussians: scene, look: Look::default(), notes: None, second: None };
         html(&subject, &[], HtmlOptions { lossless }).unwrap().len()
     };
     assert!(size(&near, false) + 20_000 < size(&near, true));
@@ -121,7 +121,7 @@ fn scenes_of_any_unit_have_a_page() {
         let mut large = near.clone();
         large.means.as_flattened_mut().iter_mut().for_each(|x| *x *= unit);
         large.log_scales.as_flattened_mut().iter_mut().for_each(|s| *s += unit.ln());
-        let subject = Subject { title: "scene", gaussians: &large, look: Look::default(), notes: None };
+        let subject = Subject { title: "scene", gaussians: &large, look: Look::default(), notes: None, second: None };
         let page = |lossless| html(&subject, &[], HtmlOptions { lossless }).unwrap();
         // Every coordinate is below the limit of the format times three.
         assert_eq!(page(false) == page(true), unit > 3e6, "{unit}");
@@ -136,7 +136,7 @@ proptest! {
     fn no_name_changes_the_page(title in ".{0,40}", name in "[<>/!a-z{}\"'-]{0,30}") {
         let scene = cloud(3, 0, 1);
         let of = |title: &str, name: &str| {
-            let subject = Subject { title, gaussians: &scene, look: Look::default(), notes: None };
+            let subject = Subject { title, gaussians: &scene, look: Look::default(), notes: None, second: None };
             html(&subject, &shots(&[name]), HtmlOptions::default()).unwrap()
         };
         let (plain, odd) = (of("t", "n"), of(&title, &name));

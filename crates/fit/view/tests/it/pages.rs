@@ -17,13 +17,20 @@ impl Written {
     }
 
     pub fn page(gaussians: &Gaussians, look: Look, shots: &[Shot], lossless: bool) -> Self {
-        let subject = Subject { title: "scene", gaussians, look, notes: None };
+        let subject = Subject { title: "scene", gaussians, look, notes: None, second: None };
         Self::text(&html(&subject, shots, HtmlOptions { lossless }).unwrap())
+    }
+
+    /// Writes a page of a scene and a second one with its name.
+    pub fn both(gaussians: &Gaussians, second: (&str, &Gaussians)) -> Self {
+        let subject = Subject { title: "a.ply", gaussians, look: Look::default(), notes: None, second: Some(second) };
+        Self::text(&html(&subject, &[], HtmlOptions::default()).unwrap())
     }
 
     /// Writes a page of a scene that moves, which begins with the first of its moments.
     pub fn film(moments: &[Gaussians]) -> Self {
-        let subject = Subject { title: "film", gaussians: &moments[0], look: Look::default(), notes: None };
+        let subject =
+            Subject { title: "film", gaussians: &moments[0], look: Look::default(), notes: None, second: None };
         Self::text(&film_html(&subject, moments, &[], HtmlOptions::default()).unwrap())
     }
 

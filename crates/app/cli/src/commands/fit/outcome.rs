@@ -16,8 +16,7 @@ pub fn print(outcome: &Outcome, folder: &Path, json: bool, console: &mut Console
     let mut outputs = vec![folder.join("scene.ply"), folder.join("report.html")];
     outputs.extend(Some(folder.join(VIEW)).filter(|view| view.is_file()));
     let look = outputs.get(2).map_or(String::new(), |view| format!("\nlook: {}", view.display()));
-    let (table, gaussians) = (outcome.table(), outcome.gaussians);
-    let (scene, report) = (outputs[0].display(), outputs[1].display());
-    let text = format!("{table}{gaussians} Gaussians: {scene}\nreport: {report}{look}");
+    let (table, scene, report) = (outcome.table(), outputs[0].display(), outputs[1].display());
+    let text = format!("{table}{} Gaussians: {scene}\nreport: {report}{look}", outcome.gaussians);
     console.answer(json, &outputs, outcome, &text)
 }
