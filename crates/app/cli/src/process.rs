@@ -35,8 +35,7 @@ pub fn process(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     #[cfg(unix)]
     handle_file_size_limit();
     let (mut stdout, mut stderr) = (io::stdout(), io::stderr());
-    let terminal = stderr.is_terminal();
-    let mut console = Console::new(&mut stdout, &mut stderr, terminal);
+    let mut console = Console::new(&mut stdout, &mut stderr, io::stderr().is_terminal());
     let run = AssertUnwindSafe(|| run(arguments, &mut console, &INTERRUPT));
     panic::catch_unwind(run).unwrap_or(1)
 }

@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::printable::printable;
-use crate::progress::ProgressForm;
+use crate::progress_form::ProgressForm;
 use serde::Serialize;
 use serde_json::json;
 use std::io::Write;
@@ -15,7 +15,7 @@ pub struct Console<'a> {
     pub stdout: &'a mut (dyn Write + Send),
     /// For progress, notes and errors.
     pub stderr: &'a mut (dyn Write + Send),
-    /// How progress is shown on standard error; [`Json`](ProgressForm::Json) makes every line of it an object.
+    /// The form of progress on standard error; [`Json`](ProgressForm::Json) makes every line of it an object.
     pub progress: ProgressForm,
     /// Receives each finished part of a job, in place of a bar or of lines.
     pub watcher: Option<&'a mut (dyn FnMut(&Part) + Send + 'a)>,

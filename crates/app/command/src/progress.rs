@@ -1,7 +1,7 @@
 //! Progress of a command: a bar on a terminal, a line every few seconds elsewhere, or objects of JSON for a program.
 
 use crate::printable::printable;
-use crate::{Console, Part};
+use crate::{Console, Part, ProgressForm};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde_json::json;
 use std::fmt::Write;
@@ -13,18 +13,6 @@ const PAUSE: Duration = Duration::from_secs(5);
 /// Time between objects of JSON.
 const SHORT_PAUSE: Duration = Duration::from_millis(200);
 const BAR: &str = "{prefix} {wide_bar} {pos}/{len}  {rate}  {eta} left  {msg}";
-
-/// The form in which a command tells of its progress.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum ProgressForm {
-    /// A bar, for a terminal.
-    Bar,
-    /// A line every five seconds.
-    Lines,
-    /// An object of JSON a line, for programs: `{"progress":"fit","done":3,"total":40,"note":""}` at most five times a
-    /// second, `{"note":""}`, `{"warning":""}` and `{"error":""}`.
-    Json,
-}
 
 /// Counts the parts of a job that are done.
 #[derive(Debug)]

@@ -57,6 +57,7 @@ pub fn reference(program: &clap::Command) -> String {
         "# Flags\n\nEvery command with what it takes; generated from the program's own definition. `splatweaver COMMAND --help` prints the same with examples. \
          [Conventions](conventions.md#flags) explain the flags that several commands have.\n",
     );
+    add("Every command".into(), program, &mut page);
     for command in program.get_subcommands().filter(|command| !command.is_hide_set()) {
         add(command.get_name().to_string(), command, &mut page);
         for second in command.get_subcommands() {

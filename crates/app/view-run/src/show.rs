@@ -139,7 +139,7 @@ fn open(address: &str, console: &mut Console) {
 mod tests {
     use super::*;
 
-    /// Promise (view): a page that would be too large shows merged Gaussians.
+    /// Promise (scenes): a page that would be too large shows merged Gaussians.
     #[test]
     fn large_pages_show_merged_gaussians() {
         let gaussians = Gaussians {

@@ -53,23 +53,20 @@ impl PredictReport {
         json!({ "gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks })
     }
 
-    /// The figures in words, if there are Gaussians.
-    pub fn text(&self) -> Option<String> {
+    /// The figures in words, and the files in the folder of the results with a word for each; `others` were made
+    /// besides.
+    pub fn text(&self, folder: &Path, others: &[(&str, &str)]) -> String {
         let (gaussians, per_pixel) = (self.gaussians, self.gaussians_per_pixel);
-        let text = |psnr| {
+        let figures = self.psnr.map(|psnr| {
             format!("{gaussians} Gaussians, {per_pixel:.3} per pixel; the input views come back at {psnr:.2} dB")
+        });
+        let found: &[_] = match self.psnr {
+            Some(_) => &[("scene", "scene.ply")],
+            None => &[("points", "points.ply"), ("cameras", "transforms.json")],
         };
-        self.psnr.map(text)
-    }
-
-    /// The files in the folder of the results that users look for, each with a word for it.
-    pub fn files(&self, folder: &Path) -> Vec<(&'static str, PathBuf)> {
-        let found = match self.psnr {
-            Some(_) => vec![("scene", "scene.ply")],
-            None => vec![("points", "points.ply"), ("cameras", "transforms.json")],
-        };
-        let files = found.into_iter().map(|(word, name)| (word, folder.join(name)));
-        files.chain([("overview", self.overview.clone())]).collect()
+        let files = found.iter().chain(&[("overview", "overview.png")]).chain(others);
+        let lines = files.map(|(word, name)| format!("{word}: {}", folder.join(name).display()));
+        figures.into_iter().chain(lines).collect::<Vec<_>>().join("\n")
     }
 }
 

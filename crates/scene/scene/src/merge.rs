@@ -31,8 +31,8 @@ impl Gaussians {
     /// S = (w_1 S_1 + w_2 S_2) / W + w_1 w_2 / W^2 (m_1 - m_2)(m_1 - m_2)^T
     /// ```
     /// and the opacity that keeps the mass W, at most 0.999. The cost of merging is an upper bound of the information
-    /// that is lost, `(W ln|S| - w_1 ln|S_1| - w_2 ln|S_2|) / 2` (Runnalls, "Kullback-Leibler approach to Gaussian mixture
-    /// reduction", 2007, eq. 21), and `10 w_1 w_2 / W |rgb_1 - rgb_2|^2` for the colors. Covariances count as
+    /// that is lost, `(W ln|S| - w_1 ln|S_1| - w_2 ln|S_2|) / 2` (Runnalls, "Kullback-Leibler approach to Gaussian
+    /// mixture reduction", 2007), and `10 w_1 w_2 / W |rgb_1 - rgb_2|^2` for the colors. Covariances count as
     /// thicker by 0.03 of the root of their trace.
     ///
     /// In each round a Gaussian is merged with one of its six nearest neighbors at most. The result does not depend on
@@ -165,7 +165,7 @@ impl Part {
         }
     }
 
-    /// What merging both loses.
+    /// The loss of merging both.
     fn cost(a: &Self, b: &Self) -> f64 {
         let both = Self::merged(a, b);
         let lost = both.mass * both.log_volume - a.mass * a.log_volume - b.mass * b.log_volume;

@@ -153,9 +153,13 @@ fn go_on(
         read::note_shortfall(&row.picture, asked, row.gaussians, row.reset, console);
     }
     if !complete {
-        let resume = ShellCommand::new("splatweaver image fit --resume").path(path);
-        console.note(&format!("saved; to go on: {resume}"));
-        return Ok(());
+        let resume = ShellCommand::new("splatweaver image fit --resume").path(&path);
+        let text = format!("saved; to go on: {resume}");
+        return if json {
+            console.answer(json, &[&path], json!({ "complete": false }), &text)
+        } else {
+            console.print(&text)
+        };
     }
     let page = report::of_run(run.job.rows(), &run.folder)?;
     run.folder.report(&page)?;

@@ -128,7 +128,6 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let request =
         AlignRequest { gaussians: &gaussians, background, settings, photos: &photos, options, loss, rasterizer };
     let aligned = align_photos(&request, &out, &mut ConsoleObserver::new(console))?;
-    let cameras = arguments.out.join("transforms.json");
-    let text = || format!("{aligned}cameras: {}", cameras.display());
+    let text = || format!("{aligned}cameras: {}", arguments.out.join("transforms.json").display());
     console.print(&if arguments.json { aligned.json() } else { text() })
 }

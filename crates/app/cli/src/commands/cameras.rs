@@ -52,12 +52,14 @@ pub fn run(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
         ..CamerasRequest::new(&*arguments.out)
     };
     let found = cameras(&arguments.photos, &request, &mut ConsoleObserver::new(console))?;
+    if arguments.json {
+        return console.print(&serde_json::to_string_pretty(&found.summary())?);
+    }
     if let Some(file) = &arguments.compare {
         let compared = CameraComparison::of(&found, file)?;
         let (file, of, photos) = (file.display(), found.paths.len(), compared.photos);
         console.print(&format!("beside {file}: {photos} of {of} photos; {compared}"))?;
     }
-    let outputs = ["transforms.json", "points.png"].map(|name| arguments.out.join(name));
-    let text = format!("cameras: {}\npoints: {}", outputs[0].display(), outputs[1].display());
-    console.answer(arguments.json, &outputs, found.summary(), &text)
+    let out = |name: &str| arguments.out.join(name).display().to_string();
+    console.print(&format!("cameras: {}\npoints: {}", out("transforms.json"), out("points.png")))
 }

@@ -198,13 +198,12 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     }
     let figures = report.json();
     write_text(out.file(FIGURES)?, &format!("{figures:#}\n"))?;
-    let mut files = report.files(&arguments.out);
-    let others = [("looks", "looks.png", arguments.light.light.is_some()), ("look", VIEW, viewed)];
-    files.extend(others.iter().filter(|(.., made)| *made).map(|(word, name, _)| (*word, arguments.out.join(name))));
-    let lines = files.iter().map(|(word, path)| format!("{word}: {}", path.display()));
-    let text = report.text().into_iter().chain(lines).collect::<Vec<_>>().join("\n");
-    let outputs: Vec<_> = files.iter().map(|(_, path)| path).collect();
-    console.answer(arguments.json, &outputs, figures, &text)
+    if arguments.json {
+        return console.print(&format!("{figures:#}"));
+    }
+    let others = [(arguments.light.light.is_some(), ("looks", "looks.png")), (viewed, ("look", VIEW))];
+    let made: Vec<_> = others.into_iter().filter_map(|(made, file)| made.then_some(file)).collect();
+    console.print(&report.text(&arguments.out, &made))
 }
 
 /// The network that is asked for.

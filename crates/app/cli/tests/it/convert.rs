@@ -30,7 +30,7 @@ fn folder() -> tempfile::TempDir {
 fn every_pair_of_formats() {
     let folder = folder();
     let file = |name: &str, extension: &str| match extension {
-        "meta.json" => format!("{name}/meta.json"),
+        "meta.json" | "lod-meta.json" => format!("{name}/{extension}"),
         extension => format!("{name}.{extension}"),
     };
     let written: Vec<_> = SCENE_FORMATS.iter().filter(|format| format.is_written()).collect();

@@ -100,7 +100,8 @@ fn a_scene_is_written_in_every_format() {
     weaver_io::write_gaussians(named("scene.ply"), &splats()).unwrap();
     let mut from = named("scene.ply");
     for format in weaver_io::SCENE_FORMATS.into_iter().filter(|format| format.is_written()) {
-        let to = named(&format!("other{}", format.file_name_end().replace("meta", "/meta")));
+        let place = if format.writes_one_file() { "other" } else { "other/" };
+        let to = named(&format!("{place}{}", format.file_name_end()));
         let done = splatweaver(&[&"convert", &from, &to]).fine();
         assert!(done.stdout.starts_with("2 Gaussians, ") && done.stdout.contains(format.keeps), "{}", done.stdout);
         let back = weaver_io::read_gaussians(&to).unwrap();

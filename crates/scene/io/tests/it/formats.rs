@@ -232,9 +232,6 @@ fn files_of_other_tools_survive_writing() {
     }
 }
 
-/// A scene that a format cannot hold is refused by name, and the file that was there stays.
-///
-/// Promise (files): a scene that its format cannot hold replaces nothing, in every format.
 /// Files of a folder and of folders in it, with their content.
 fn files_in(folder: &std::path::Path) -> Vec<(std::path::PathBuf, Vec<u8>)> {
     let paths = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
@@ -247,6 +244,9 @@ fn files_in(folder: &std::path::Path) -> Vec<(std::path::PathBuf, Vec<u8>)> {
     files
 }
 
+/// A scene that a format cannot hold is refused by name, and the file that was there stays.
+///
+/// Promise (files): a scene that its format cannot hold replaces nothing, in every format.
 #[test]
 fn what_cannot_be_read_again_replaces_nothing() {
     let one = |mean: f32, log_scale: f32| Gaussians {

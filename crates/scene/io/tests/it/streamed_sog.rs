@@ -46,7 +46,7 @@ fn corner(value: &Value) -> [f32; 3] {
     serde_json::from_value(value.clone()).unwrap()
 }
 
-/// Promise (formats): levels of a streamed scene hold what their boxes say, and its finest level is the scene.
+/// Promise (kept): levels of a streamed scene hold what their boxes say, and its finest level is the scene.
 #[test]
 fn levels_are_where_the_tree_says() {
     let folder = tempfile::tempdir().unwrap();

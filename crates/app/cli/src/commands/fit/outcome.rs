@@ -13,10 +13,11 @@ pub fn conclude(outcome: &Outcome, interrupt: &Interrupt) {
 
 /// Prints the quality of a scene, for people or as JSON.
 pub fn print(outcome: &Outcome, folder: &Path, json: bool, console: &mut Console) -> Result<(), Failure> {
-    let mut outputs = vec![folder.join("scene.ply"), folder.join("report.html")];
-    outputs.extend(Some(folder.join(VIEW)).filter(|view| view.is_file()));
-    let look = outputs.get(2).map_or(String::new(), |view| format!("\nlook: {}", view.display()));
-    let (table, scene, report) = (outcome.table(), outputs[0].display(), outputs[1].display());
-    let text = format!("{table}{} Gaussians: {scene}\nreport: {report}{look}", outcome.gaussians);
-    console.answer(json, &outputs, outcome, &text)
+    if json {
+        return console.print(&serde_json::to_string_pretty(outcome)?);
+    }
+    let path = |name: &str| folder.join(name).display().to_string();
+    let look = if folder.join(VIEW).is_file() { format!("\nlook: {}", path(VIEW)) } else { String::new() };
+    let (table, scene, report) = (outcome.table(), path("scene.ply"), path("report.html"));
+    console.print(&format!("{table}{} Gaussians: {scene}\nreport: {report}{look}", outcome.gaussians))
 }
