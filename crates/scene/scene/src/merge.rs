@@ -21,8 +21,8 @@ const SWEEPS: usize = 8;
 type Symmetric = [f64; 6];
 
 impl Gaussians {
-    /// The scene with at most `count` Gaussians, or one fewer than a merge can make: neighbors are merged, those first
-    /// whose merging changes least.
+    /// The scene with `count` Gaussians, at least one: neighbors are merged, those first whose merging changes least.
+    /// More are left only where Gaussians have numbers that are not finite, which stay as they are.
     ///
     /// Two Gaussians with means m, covariances S, coefficients c and masses w, the opacity times the area from the
     /// broadest side, become one with the moments of both. With W = w_1 + w_2,
@@ -36,7 +36,7 @@ impl Gaussians {
     /// thicker by 0.03 of the root of their trace.
     ///
     /// In each round a Gaussian is merged with one of its six nearest neighbors at most. The result does not depend on
-    /// the number of threads. Gaussians whose numbers are not finite are left as they are.
+    /// the number of threads.
     ///
     /// ```
     /// use weaver_scene::Gaussians;

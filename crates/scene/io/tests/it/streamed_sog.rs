@@ -98,6 +98,13 @@ fn malformed_levels_are_refused() {
             edited(&path, |d| d["tree"]["lods"]["0"]["count"] = 301.into()),
             "a range of the 300 Gaussians of 0_0/meta.json",
         ),
+        (
+            edited(&path, |d| {
+                let leaf = d["tree"].clone();
+                d["tree"] = serde_json::json!({ "bound": leaf["bound"], "children": [leaf, leaf] });
+            }),
+            "expected each Gaussian of 0_0/meta.json in one leaf",
+        ),
         (edited(&path, |d| d["tree"] = 3.into()), "the keys of streamed SOG"),
     ];
     for (error, expected) in refused {

@@ -87,6 +87,7 @@ pub(super) fn decoded_finest(path: &Path, data: &[u8], files: Files) -> Result<S
     let mut spans = Vec::new();
     document.tree.finest(&mut spans);
     let mut scenes: BTreeMap<usize, SceneFile> = BTreeMap::new();
+    let mut taken: BTreeMap<usize, usize> = BTreeMap::new();
     let mut parts = Vec::new();
     for Span { file, offset, count } in spans {
         let name = document.file(path, file)?;
@@ -99,6 +100,13 @@ pub(super) fn decoded_finest(path: &Path, data: &[u8], files: Files) -> Result<S
             let expected = format!("a range of the {} Gaussians of {name}", scene.gaussians.len());
             Error::invalid(path, format!("{LOD_META}, tree"), expected, format!("{count} from {offset}"))
         })?;
+        // A small tree must not ask for the same Gaussians again and again.
+        let taken = taken.entry(file).or_default();
+        *taken += count;
+        if *taken > scene.gaussians.len() {
+            let expected = format!("each Gaussian of {name} in one leaf");
+            return Err(Error::invalid(path, format!("{LOD_META}, tree"), expected, "some in several"));
+        }
         parts.push(scene.gaussians.slice(rows));
     }
     if let Some(name) = &document.environment {
