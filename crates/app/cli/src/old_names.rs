@@ -4,7 +4,9 @@ use std::ffi::OsString;
 use weaver_command::{OldName, current_names};
 
 /// All old names.
-pub const OLD: [OldName; 22] = [
+pub const OLD: [OldName; 24] = [
+    OldName::renamed("fit", "--clean", &[]),
+    OldName::renamed("reconstruct", "--clean", &[]),
     OldName::renamed("fit", "--size", &["--long-side"]),
     OldName::renamed("fit", "--views", &["--max-photos"]),
     OldName::renamed("fit", "--all", &["--hold-out", "none"]),

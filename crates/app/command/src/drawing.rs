@@ -1,11 +1,15 @@
 //! How a file of Gaussians is drawn: by flags, else as the summary beside it says that it was made.
 
-use crate::Failure;
+use crate::camera_files::{self, Size};
+use crate::{Failure, memory};
 use serde_json::Value;
 use std::path::Path;
 use weaver_io::{Drawing, SceneFile, read_scene};
 use weaver_scene::Gaussians;
 use weaver_splat::RasterSettings;
+
+/// Longest side of the pictures that contributions are of: a Gaussian that shows at this size shows at any.
+const LONG_SIDE: usize = 640;
 
 /// Options of drawing a scene, from the command line or from a summary.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,6 +47,20 @@ impl DrawingOptions {
             ..default
         };
         Ok((self.background.or(summary.background).unwrap_or([1.0; 3]), settings))
+    }
+
+    /// Contributions of the Gaussians of a scene to pictures by the cameras of a file, at most 640 pixels each.
+    pub fn contributions(
+        self,
+        gaussians: &Gaussians,
+        cameras: &Path,
+        (scene, drawing): (&Path, Drawing),
+    ) -> Result<Vec<f32>, Failure> {
+        let mut cameras = camera_files::read(cameras, Size::default())?;
+        cameras.iter_mut().for_each(|frame| frame.camera = frame.camera.shrunk(LONG_SIDE));
+        memory::check(memory::of_pictures(&cameras, 1), "smaller cameras reduce it")?;
+        let (background, settings) = self.beside(scene, drawing)?;
+        Ok(weaver_fit::contributions(gaussians, cameras.iter().map(|frame| frame.camera), background, &settings)?)
     }
 
     /// Reads the summary.json in the scene's folder. There need not be one, and it need not say anything: a run of

@@ -57,6 +57,14 @@ impl Failure {
         Self::Error(text.into().into())
     }
 
+    /// The failure as the error of a function that the caller hands over.
+    pub fn into_error(self) -> Box<dyn Error + Send + Sync> {
+        match self {
+            Self::Error(error) => error,
+            other => other.line().unwrap_or_default().into(),
+        }
+    }
+
     /// The process's exit code.
     pub fn exit_code(&self) -> u8 {
         match self {

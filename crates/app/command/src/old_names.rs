@@ -17,7 +17,7 @@ pub struct OldName {
 }
 
 impl OldName {
-    /// A word with another name now.
+    /// A word with another name now; without one it says what is the default.
     pub const fn renamed(command: &'static str, word: &'static str, now: &'static [&'static str]) -> Self {
         Self { command, word, value: None, now }
     }
@@ -70,7 +70,10 @@ pub fn current_names(words: Vec<OsString>, old: &[OldName]) -> (Vec<OsString>, V
             out.push(word);
             continue;
         };
-        notes.push(format!("note: `{name}` is called `{}` now", now.join(" ")));
+        notes.push(match now.is_empty() {
+            true => format!("note: `{name}` is what happens without it now"),
+            false => format!("note: `{name}` is called `{}` now", now.join(" ")),
+        });
         out.extend(now.iter().map(OsString::from));
         if *of != SWITCH && expected.is_some() {
             // The value is among the new words.

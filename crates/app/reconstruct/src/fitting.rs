@@ -3,11 +3,13 @@
 use crate::budget::most_gaussians;
 use crate::keeping::Keeping;
 use crate::loaded::{Loaded, load};
+use crate::outcome::Cleaning;
 use crate::{Error, RunFile, RunSettings};
+use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-use weaver_fit::{Fit, FitRasterizer, Judge};
+use weaver_fit::{CleaningRules, Fit, FitRasterizer, Judge};
 use weaver_io::safetensors::Tensors;
 use weaver_ranks::{Alone, Ranks, agreed_text};
 use weaver_run::{Folder, Job, Log, Rhythm, Save, Scalar, StepReport};
@@ -23,8 +25,8 @@ pub(crate) struct Fitting {
     /// The pace, where the run is to end in its time. A resumed run leaves out the steps written down before, and no
     /// more.
     pub keeping: Option<Keeping>,
-    /// Mean PSNR of held-out photos before and after the scene was cleaned, dB.
-    pub cleaning: Option<[f64; 2]>,
+    /// Gaussians that were removed at the end.
+    pub cleaning: Option<Cleaning>,
     /// Seconds of earlier sessions.
     before: f64,
     started: Instant,
@@ -38,7 +40,7 @@ const RECORDS: usize = 500;
 pub(crate) const HELD_OUT: &str = "held_out";
 /// Where a checkpoint has the seconds that were spent before it.
 const SECONDS: &str = "seconds";
-/// Where a checkpoint has the PSNR before and after cleaning.
+/// Where a checkpoint has the Gaussians that were removed at the end.
 const CLEANING: &str = "cleaning";
 
 /// Next action of the processes that share a run, chosen by the first one.
@@ -146,6 +148,15 @@ impl Fitting {
         &self.capture.fit
     }
 
+    /// Removes Gaussians that no photo needs.
+    fn clean(&mut self) -> Result<(), Error> {
+        let before = self.glances()?;
+        let removed = self.capture.fit.clean(&CleaningRules::default())?;
+        let held_out = before.zip(self.glances()?).map(|(before, after)| [before, after]);
+        self.cleaning = (removed.count() > 0).then_some(Cleaning { removed, held_out });
+        Ok(())
+    }
+
     /// Steps of the most passes through the photos that the run may make.
     pub fn most_steps(&self) -> Option<usize> {
         let round = self.fit().photos().div_ceil(self.settings.fit.views_per_step);
@@ -168,16 +179,14 @@ impl Job for Fitting {
     fn step(&mut self) -> Result<StepReport, Error> {
         self.announce(Next::Step);
         let before = self.fit().steps_done();
-        let cleans = self.fit().is_cleaning_due();
-        let unclean = if cleans { self.glances()? } else { None };
         let weaver_fit::StepReport { step, loss, psnr, gaussians, pairs, .. } = self.capture.fit.step()?;
         let mut scalars = vec![
             Scalar::mean("psnr", psnr),
             Scalar::last("gaussians", gaussians as f64),
             Scalar::mean("pairs", pairs as f64 / 1e6),
         ];
-        if cleans {
-            self.cleaning = unclean.zip(self.glances()?).map(|(before, after)| [before, after]);
+        if self.settings.fit.clean && step >= self.settings.fit.steps {
+            self.clean()?;
         }
         scalars.extend(self.look(before)?.map(|psnr| Scalar::last(HELD_OUT, psnr)));
         Ok(StepReport { step, of: self.steps()[1], loss, scalars, ..StepReport::default() })
@@ -187,8 +196,8 @@ impl Job for Fitting {
         self.capture.fit.fetch()?;
         let mut state = self.fit().state();
         state.metadata.insert(SECONDS.into(), format!("{:.3}", self.seconds()));
-        if let Some([before, after]) = self.cleaning {
-            state.metadata.insert(CLEANING.into(), format!("{before} {after}"));
+        if let Some(cleaning) = &self.cleaning {
+            state.metadata.insert(CLEANING.into(), json!(cleaning).to_string());
         }
         Ok(state)
     }
@@ -196,8 +205,8 @@ impl Job for Fitting {
     fn restore(&mut self, state: &Tensors) -> Result<(), Error> {
         self.capture.fit.restore(state)?;
         self.before = state.metadata.get(SECONDS).and_then(|s| s.parse().ok()).unwrap_or(0.0);
-        let cleaning = state.metadata.get(CLEANING).and_then(|text| text.split_once(' '));
-        self.cleaning = cleaning.and_then(|(before, after)| Some([before.parse().ok()?, after.parse().ok()?]));
+        // An older version wrote something else there.
+        self.cleaning = state.metadata.get(CLEANING).and_then(|text| serde_json::from_str(text).ok());
         Ok(())
     }
 

@@ -4,6 +4,7 @@
 //! - [`cameras()`] estimates cameras alone, [`fit()`] fits a capture, and [`resume`] goes on with a fit.
 //! - [`align_photos`] finds the cameras of further photos of a finished scene; [`SceneComparison`] judges a scene by
 //!   the photos of a capture.
+//! - [`clean()`] removes what the photos of a capture do not need from a scene of any origin.
 //! - [`SurfaceOptions`] make a mesh of a scene, and [`TexturePhotos`] paint it.
 //! - [`self_test()`] measures the machine, for reports of faults.
 //! - [`Run`] is a fit of a capture on disk, [`RunSettings`] its settings, [`plan`](fn@plan) its memory.
@@ -30,6 +31,7 @@ mod align;
 pub mod blocks;
 mod budget;
 mod cameras;
+mod clean;
 mod compressed;
 mod coverage;
 mod demo;
@@ -66,6 +68,7 @@ mod view;
 pub use align::{AlignRequest, AlignedPhoto, AlignedPhotos, align_photos, claim_alignment, closest_views};
 pub use budget::{Budget, Work};
 pub use cameras::{CameraComparison, CamerasRequest, EstimatedCameras, cameras};
+pub use clean::clean;
 pub use coverage::Coverage;
 pub use error::Error;
 pub use fit::{FitContext, FitRequest, GivenGaussians, fit, resume};

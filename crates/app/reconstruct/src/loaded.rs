@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto, PosedPhotos};
 use weaver_data::some_of;
-use weaver_fit::{ColorAgreement, Density, Fit, FitRasterizer, FitSettings, Rates, mean_color};
+use weaver_fit::{ColorAgreement, Density, Exposure, Fit, FitRasterizer, FitSettings, Rates, mean_color};
 use weaver_geometry::{Camera, geodesy};
 use weaver_io::ScratchFile;
 use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
@@ -162,7 +162,7 @@ pub(crate) fn prepare(
     }
     let strategy = settings.fit.density.strategy();
     let mut fit = Fit::with(rasterizer, strategy, training, &start.gaussians, settings.fit.clone())?;
-    fit.begin_exposures(&colors.gains);
+    fit.begin_exposures(colors.gains.iter().map(|gains| Exposure::of_gains(*gains)));
     if let Some(level) = settings.compress {
         compressed::train_for(&mut fit, level);
     }

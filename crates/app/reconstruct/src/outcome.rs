@@ -116,13 +116,7 @@ pub struct Cleaning {
 
 impl fmt::Display for Cleaning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Cleaned { unseen, harmful, contradicted, unneeded } = self.removed;
-        let count = self.removed.count();
-        write!(
-            f,
-            "{count} Gaussians were removed: {unseen} that no photo shows, {harmful} that make photos worse, \
-             {contradicted} that one photo needs and the others contradict, {unneeded} that photos do without"
-        )?;
+        write!(f, "{}", self.removed)?;
         match self.held_out {
             Some([before, after]) => write!(f, "; held-out photos: {before:.2} dB before, {after:.2} dB after"),
             None => Ok(()),

@@ -115,7 +115,7 @@ impl Request {
             seed: 0,
             compress: None,
             html: true,
-            clean: false,
+            clean: true,
             frames: None,
             matching: EstimatePhotosOptions::default(),
             placing: Placing::default(),

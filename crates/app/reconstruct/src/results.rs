@@ -4,7 +4,7 @@ use crate::compressed;
 use crate::fitting::Fitting;
 use crate::judged::Judged;
 use crate::loaded::{Loaded, Origin};
-use crate::outcome::{Cleaning, Outcome, PoseChange, Views};
+use crate::outcome::{Outcome, PoseChange, Views};
 use crate::run::{MODEL, TRANSIENTS, file_of_scene};
 use crate::{Error, Run, report, view};
 use rayon::prelude::*;
@@ -12,7 +12,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_fit::{Exposure, Judge, Quality};
+use weaver_fit::{CleaningRules, Exposure, Judge, Quality};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::colmap::{Model, Point};
@@ -107,7 +107,7 @@ impl Fitting {
             background: self.settings.fit.background,
             exposures: self.exposures(test),
             transients: self.transients(),
-            cleaning: self.cleaned(),
+            cleaning: self.cleaning,
             coverage: self.capture.coverage.clone(),
             outliers: Vec::new(),
             missing: Vec::new(),
@@ -137,11 +137,6 @@ impl Fitting {
     fn transients(&self) -> BTreeMap<String, f64> {
         let fit = self.fit();
         (0..fit.photos()).filter_map(|i| Some((fit.photo(i).name.clone(), fit.transients(i)?.part()))).collect()
-    }
-
-    fn cleaned(&self) -> Option<Cleaning> {
-        let removed = self.fit().cleaned();
-        (removed.count() > 0).then_some(Cleaning { removed, held_out: self.cleaning })
     }
 
     /// Writes the transients of photos as masks: white counts, black was left out.
@@ -315,7 +310,9 @@ impl Fitting {
         let [draw, compare] = seconds;
         let views = self.fit().photos().min(JUDGED) + self.capture.held_out.len();
         let of_view = draw + compare / rayon::current_num_threads() as f64;
-        Ok([1.3 * draw * self.looks() as f64, 0.3 + 1.8 * of_view * views as f64])
+        let cleans = self.settings.fit.clean;
+        let cleaning = if cleans { self.fit().seconds_of_cleaning(&CleaningRules::default())? } else { 0.0 };
+        Ok([1.3 * draw * self.looks() as f64, 0.3 + 1.8 * of_view * views as f64 + cleaning])
     }
 }
 

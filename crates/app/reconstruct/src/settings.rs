@@ -183,9 +183,10 @@ impl RunSettings {
         }
     }
 
-    /// Default settings of a fit: transients, which single photos show, are left out.
+    /// Default settings of a fit: transients, which single photos show, are left out, and at the end the Gaussians that
+    /// no photo needs.
     pub fn usual_fit() -> FitSettings {
-        FitSettings { transients: true, ..FitSettings::default() }
+        FitSettings { transients: true, clean: true, ..FitSettings::default() }
     }
 
     /// Checks that every number is in its range, as the command line does: settings may come from a file.

@@ -19,17 +19,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     let settings = FitSettings { steps, gaussians, background: mean_color(&training), ..FitSettings::default() };
     let initial = init::from_points(&capture.points, &settings)?;
     let mut fit = Fit::new(training.clone(), &initial, settings.clone())?;
-    while fit.steps_done() < steps * 4 / 5 {
+    while fit.steps_done() < steps {
         fit.step()?;
     }
     let state = fit.state();
-    println!("  rise  bound others part | unseen harmful contradicted unneeded   left      dB     SSIM  seconds");
-    let rules = |rise, bound, others, part| CleaningRules { rise, bound, others, rounds: 1, part };
+    println!("  rise others rounds | unseen lone harmful contradicted unneeded   left      dB     SSIM  seconds");
+    let usual = CleaningRules::default();
     let tried = [
         None,
-        Some(rules(0.0, 0.05, f64::INFINITY, 0.15)),
-        Some(rules(0.0, 0.05, 0.5, 0.15)),
-        Some(rules(0.001, 0.05, 0.5, 0.15)),
+        Some(CleaningRules { rise: 0.0, others: f64::INFINITY, rounds: 1, ..usual }),
+        Some(CleaningRules { rise: 0.0, ..usual }),
+        Some(usual),
+        Some(CleaningRules { rounds: 8, ..usual }),
     ];
     let mut first = None;
     for rules in tried {
@@ -38,15 +39,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         let before = fit.gaussians().len();
         let cleaned = rules.map(|rules| fit.clean(&rules)).transpose()?.unwrap_or_default();
         let seconds = start.elapsed().as_secs_f64();
-        while fit.steps_done() < steps {
-            fit.step()?;
-        }
         let [psnr, ssim] = judge(&mut fit, &test)?;
         let [first_psnr, first_ssim] = *first.get_or_insert([psnr, ssim]);
         println!(
-            "{} | {:7} {:7} {:12} {:8} {:6.3} {psnr:.3} {:+7.3} {:+8.4} {seconds:8.1}",
-            rules.map_or("none".into(), |r| format!("{:6} {:6} {:6} {:4}", r.rise, r.bound, r.others, r.part)),
+            "{} | {:6} {:4} {:7} {:12} {:8} {:6.3} {psnr:.3} {:+7.3} {:+8.4} {seconds:8.1}",
+            rules.map_or("none               ".into(), |r| format!("{:6} {:6} {:6}", r.rise, r.others, r.rounds)),
             cleaned.unseen,
+            cleaned.lone,
             cleaned.harmful,
             cleaned.contradicted,
             cleaned.unneeded,

@@ -2,11 +2,14 @@
 
 use crate::FitError;
 use crate::cleaned::{Cleaned, Reason};
-use crate::evidence::{Drawn, Evidence, Witness, error, evidence};
+use crate::evidence::{Drawn, Evidence, Witness, error, evidence, shown_in};
 use crate::fit::Fit;
-use crate::strategy::Moment;
+use crate::population::Population;
+use crate::rates::Rates;
+use crate::strategy::StrategyKind;
 use std::time::Instant;
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
+use weaver_scene::forms;
 use weaver_splat::RasterError;
 
 /// Pixels of all photos together that Gaussians are judged by, about: more photos are evenly spread ones of them.
@@ -21,105 +24,138 @@ const LEAST_PHOTOS: usize = 24;
 const CAUTION: f64 = 2.0;
 /// Part of what all photos lose by a Gaussian that one of them may gain, where they do not agree.
 const NEEDED: f64 = 0.1;
-/// Part of a run after which it cleans by itself: Gaussians come and go no more, and what is left of the run heals.
-pub(crate) const MOMENT: f64 = 0.8;
+/// Part of all harm that the worst Gaussians do.
+const WORST: f64 = 0.5;
+/// Part of its opacity below which a Gaussian has faded.
+const FADED: f32 = 0.1;
+/// Photos from which a Gaussian that a single one shows goes: of fewer, much of a scene is in one alone.
+const MANY: usize = 12;
 
-/// Rules of cleaning.
+/// Rules of cleaning. Errors of photos are squared ones, and rises of them parts of each photo's own: a photo that is
+/// met badly has no more to say than others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CleaningRules {
-    /// The sum of the rises may be this part of the error of the photos.
+    /// The rises by Gaussians that photos hardly need may add up to this, in the mean over the photos.
     pub rise: f64,
-    /// The error itself may rise by this part, or everything stays: Gaussians that look alike are missed more together
-    /// than one by one.
+    /// The errors themselves may rise by this in the mean, or everything stays: Gaussians that look alike are missed
+    /// more together than one by one.
     pub bound: f64,
     /// A Gaussian that one photo needs goes where the others are worse with it by more than this part of what the one
     /// gains.
     pub others: f64,
     /// Rounds: where some hide others that look like them, the evidence of each alone says nothing of all of them.
     pub rounds: usize,
-    /// The part of the Gaussians that a round takes at most, but for those that no photo shows.
+    /// The part of the Gaussians that a round takes at most, but for those that one photo shows, or none.
     pub part: f64,
+    /// Steps of opacities alone before the first round. Gaussians whose opacity falls below a tenth go, all others are
+    /// again as they were: where junk lies before junk and the scene behind it, each photo blames all of them.
+    pub fading: usize,
 }
 
 impl Default for CleaningRules {
     fn default() -> Self {
-        Self { rise: 0.002, bound: 0.002, others: 0.5, rounds: 4, part: 0.1 }
+        Self { rise: 0.002, bound: 0.002, others: 0.5, rounds: 2, part: 0.15, fading: 0 }
     }
 }
 
 impl CleaningRules {
-    /// Rules within a run, whose further steps heal: one round.
-    const IN_A_RUN: Self = Self { rise: 0.0, bound: 0.0, others: 0.5, rounds: 1, part: 0.15 };
+    /// Rules for a scene that was not fitted to these photos a moment ago, or has been changed since.
+    pub const ANY_SCENE: Self = Self { rise: 0.002, bound: 0.002, others: 0.5, rounds: 8, part: 0.15, fading: 400 };
 }
 
 impl Fit {
-    /// Removes Gaussians that no photo needs, by the photos alone: those that no photo shows, those without which the
-    /// photos are met better or as well, and those that one photo needs although the others see through their place.
-    /// Of neighbors one alone goes in a round. Of many photos, or large ones, some are asked. Nothing is removed where
-    /// no photo shows anything, nor where the photos are met too badly then.
+    /// Removes Gaussians that no photo needs, by the photos alone: those that no photo shows, or a single one of many;
+    /// those without which the photos are met better or as well; and those that one photo needs although the others
+    /// see through their place. Of neighbors one alone goes in a round. Of many photos, or large ones, some are asked.
+    /// Nothing is removed where no photo shows anything, nor where the photos are met too badly then.
     ///
     /// # Errors
     /// When the rasterizer refuses.
     pub fn clean(&mut self, rules: &CleaningRules) -> Result<Cleaned, FitError> {
         self.fetch()?;
         let photos = self.asked();
-        let mut cleaned = Cleaned::default();
-        // What rises is shared by the rounds.
-        let [mut allowed, mut bound] = [f64::INFINITY; 2];
-        for round in 0..rules.rounds {
+        let count = photos.len() as f64;
+        let mut cleaned = Cleaned { harmful: self.fade(rules.fading)?, ..Cleaned::default() };
+        let mut bound = f64::INFINITY;
+        for round in 1..=rules.rounds {
             let found = self.judged(&photos, evidence)?;
-            bound = bound.min((1.0 + rules.bound) * found.error);
-            allowed = allowed.min((1.0 + rules.rise) * found.error);
-            let rise = (allowed - found.error).max(0.0) / (rules.rounds - round) as f64;
-            let reasons = reasons(&found, photos.len() == self.photos(), rise, rules, &self.neighbors());
             // A scene that lies outside all photos is not judged by them.
-            let shown = found.photos.iter().any(|photos| *photos > 0);
-            if !shown || reasons.iter().flatten().next().is_none() {
+            if found.photos.iter().all(|photos| *photos == 0) {
                 break;
             }
-            let before = self.population.clone();
-            self.keep(&reasons.iter().map(Option::is_none).collect::<Vec<_>>());
-            let after = self.judged(&photos, error)?;
-            if after > bound {
+            bound = bound.min(found.error + rules.bound * count);
+            let part = if round < rules.rounds {
+                Part::Worst
+            } else {
+                Part::All { shown: self.shown_by(&photos, &found)?, many: self.photos() >= MANY }
+            };
+            let all = reasons(&found, &part, rules, &self.neighbors());
+            // Where a photo is alone with all of its part of the scene, that part stays.
+            let not_lone = all.iter().map(|reason| reason.filter(|reason| *reason != Reason::Lone)).collect();
+            for reasons in [all, not_lone] {
+                let before = self.population.clone();
+                self.keep(&reasons.iter().map(Option::is_none).collect::<Vec<_>>());
+                if self.judged(&photos, error)? <= bound {
+                    reasons.into_iter().flatten().for_each(|reason| cleaned.add(reason));
+                    break;
+                }
                 self.population = before;
                 self.keep(&vec![true; self.population.len()]);
-                break;
             }
-            reasons.into_iter().flatten().for_each(|reason| cleaned.add(reason));
         }
+        self.changed();
         Ok(cleaned)
     }
 
-    /// True if the next step of a run that [cleans](crate::FitSettings::clean) will do so before anything else.
-    pub fn is_cleaning_due(&self) -> bool {
-        let Moment { since, step, steps, .. } = self.moment();
-        self.settings.clean && (since..=step).contains(&((MOMENT * steps as f64).ceil() as usize))
-    }
-
-    /// Gaussians that the run removed so far by [cleaning](crate::FitSettings::clean).
-    pub fn cleaned(&self) -> Cleaned {
-        self.cleaned
-    }
-
-    /// Cleans if that is due.
-    pub(crate) fn clean_in_a_run(&mut self) -> Result<(), FitError> {
-        if self.is_cleaning_due() {
-            let cleaned = self.clean(&CleaningRules::IN_A_RUN)?;
-            let (before, now) = (self.cleaned.row(), cleaned.row());
-            self.cleaned = Cleaned::of(std::array::from_fn(|i| before[i] + now[i]));
-            self.changed();
-        }
-        Ok(())
-    }
-
-    /// Seconds that cleaning within a run takes, by a few of the photos.
-    pub(crate) fn seconds_of_cleaning(&self) -> Result<f64, FitError> {
+    /// Seconds that [cleaning](Self::clean) takes, by a few of the photos and the Gaussians as they are.
+    ///
+    /// # Errors
+    /// When the rasterizer refuses.
+    pub fn seconds_of_cleaning(&self, rules: &CleaningRules) -> Result<f64, FitError> {
         let photos = self.asked();
         let few = &photos[..photos.len().min(TIMED)];
         let start = Instant::now();
         self.judged(few, evidence)?;
         self.judged(few, error)?;
-        Ok(start.elapsed().as_secs_f64() * photos.len() as f64 / few.len() as f64)
+        Ok(start.elapsed().as_secs_f64() * (photos.len() * rules.rounds) as f64 / few.len() as f64)
+    }
+
+    /// The number of photos that show each Gaussian, as [`Evidence::photos`] but of all of them: pictures of those that
+    /// were not asked are small. Only 0, 1 and more are told apart.
+    fn shown_by(&self, asked: &[usize], found: &Evidence) -> Result<Vec<u32>, FitError> {
+        let mut shown = found.photos.clone();
+        let others = (0..self.photos()).filter(|photo| asked.binary_search(photo).is_err());
+        let others: Vec<_> = others.map(|photo| (self.camera(photo), self.photo(photo).model())).collect();
+        let scene = &self.population.to_gaussians(0).to_activated();
+        let drawn = Drawn { scene, background: self.settings.background, raster: &self.raster };
+        Ok(shown_in(drawn, &others, &mut shown).map(|()| shown)?)
+    }
+
+    /// Removes Gaussians that fade where opacities alone are fitted for so many steps, and returns their number.
+    fn fade(&mut self, steps: usize) -> Result<usize, FitError> {
+        if steps == 0 {
+            return Ok(0);
+        }
+        let opacity = |logits: &[f32]| logits.iter().map(|logit| forms::opacity(*logit)).collect::<Vec<f32>>();
+        let before = opacity(&self.population.to_gaussians(0).opacity_logits);
+        let after = self.without_a_trace(|fit| {
+            let settings = &mut fit.settings;
+            (settings.steps, settings.thinned) = (steps, Vec::new());
+            (settings.coarse_until, settings.sh_interval, settings.dropout) = (0.0, 0.0, 0.0);
+            (settings.poses.refine, settings.transients) = (false, false);
+            (settings.density.strategy, settings.density.opacity_weight) = (StrategyKind::Keep, 0.0);
+            let still = Rates { means: 0.0, scales: 0.0, quats: 0.0, sh: 0.0, exposure: 0.0, ..Rates::default() };
+            settings.rates = Rates { power: 0.0, end: 1.0, ..still };
+            let strategy = std::mem::replace(&mut fit.strategy, settings.density.strategy());
+            let rounding = fit.rounding.take();
+            fit.population = Population::new(&fit.population.to_gaussians(0));
+            let done = (0..steps).try_for_each(|_| fit.step().map(drop)).and_then(|()| fit.fetch());
+            (fit.strategy, fit.rounding) = (strategy, rounding);
+            done.map(|()| opacity(&fit.population.to_gaussians(0).opacity_logits))
+        })?;
+        let keep: Vec<bool> = before.iter().zip(&after).map(|(before, after)| *after >= FADED * before).collect();
+        self.keep(&keep);
+        Ok(keep.iter().filter(|keep| !**keep).count())
     }
 
     /// Keeps some Gaussians, without statistics.
@@ -163,16 +199,19 @@ impl Fit {
     }
 }
 
-/// The Gaussians to remove in a round, `[N]`, by the evidence of all photos or of some: those with the most against
-/// them first, of neighbors one alone; then those that are needed least, as long as the error rises by no more than
-/// `rise`.
-fn reasons(
-    found: &Evidence,
-    all_asked: bool,
-    rise: f64,
-    rules: &CleaningRules,
-    neighbors: &[u32],
-) -> Vec<Option<Reason>> {
+/// What a round removes.
+#[derive(Debug)]
+enum Part {
+    /// Those that do the most harm, and half of all of it: junk before a Gaussian makes that one look harmful, too, or
+    /// hides it.
+    Worst,
+    /// All, with the number of photos that show each, and whether there are many photos.
+    All { shown: Vec<u32>, many: bool },
+}
+
+/// The Gaussians to remove in a round, `[N]`: those with the most against them first, of neighbors one alone; then
+/// those that are needed least.
+fn reasons(found: &Evidence, part: &Part, rules: &CleaningRules, neighbors: &[u32]) -> Vec<Option<Reason>> {
     let Evidence { rise: rises, square, most, photos, .. } = found;
     // The sum of what photos say, and by how much the sum of others like them may be worse.
     let cautious = |sum: f64, square: f64, photos: u32| {
@@ -182,35 +221,42 @@ fn reasons(
     let reason = |i: usize| {
         let all = cautious(rises[i], square[i], photos[i]);
         let others = cautious(rises[i] - most[i], square[i] - most[i] * most[i], photos[i].saturating_sub(1));
-        match () {
-            () if photos[i] == 0 && !all_asked => None,
-            () if photos[i] == 0 => Some((f64::NEG_INFINITY, i, Reason::Unseen)),
-            () if rises[i] < 0.0 && (all < 0.0 || most[i] <= NEEDED * -rises[i]) => {
-                Some((rises[i], i, Reason::Harmful))
-            }
-            () if photos[i] > 2 && others < -rules.others * most[i] => Some((others, i, Reason::Contradicted)),
-            () => Some((all, i, Reason::Unneeded)),
+        match part {
+            Part::All { shown, .. } if shown[i] == 0 => Some((f64::NEG_INFINITY, i, Reason::Unseen)),
+            Part::All { shown, many: true } if shown[i] == 1 => Some((f64::NEG_INFINITY, i, Reason::Lone)),
+            // Photos that were not asked may show it.
+            _ if photos[i] == 0 => None,
+            _ if rises[i] < 0.0 && (all < 0.0 || most[i] <= NEEDED * -rises[i]) => Some((rises[i], i, Reason::Harmful)),
+            _ if photos[i] > 2 && others < -rules.others * most[i] => Some((others, i, Reason::Contradicted)),
+            Part::All { .. } => Some((all, i, Reason::Unneeded)),
+            Part::Worst => None,
         }
     };
     let mut order: Vec<(f64, usize, Reason)> = (0..rises.len()).filter_map(reason).collect();
     let last = |reason| reason == Reason::Unneeded;
     order.sort_unstable_by(|a, b| last(a.2).cmp(&last(b.2)).then(a.0.total_cmp(&b.0)).then(a.1.cmp(&b.1)));
+    let harm: f64 = order.iter().map(|(against, ..)| against).filter(|against| **against < 0.0).sum();
     let (mut reasons, mut taken) = (vec![None; rises.len()], vec![false; rises.len()]);
-    let (mut sum, mut left) = (0.0, (rules.part * rises.len() as f64) as usize);
+    let (mut done, mut needed, mut left) = (0.0, 0.0, (rules.part * rises.len() as f64) as usize);
     for (against, i, reason) in order {
+        if matches!(reason, Reason::Unseen | Reason::Lone) {
+            reasons[i] = Some(reason);
+            continue;
+        }
         let near = &neighbors[i * NEIGHBORS..][..NEIGHBORS];
-        match reason {
-            Reason::Unseen => {}
-            _ if left == 0 => break,
-            _ if near.iter().any(|other| taken[*other as usize]) => continue,
-            Reason::Unneeded if sum + against > rise => break,
-            Reason::Unneeded => sum += against,
-            Reason::Harmful | Reason::Contradicted => {}
+        if left == 0 || matches!(part, Part::Worst) && done < WORST * harm {
+            break;
         }
-        if reason != Reason::Unseen {
-            (taken[i], left) = (true, left - 1);
+        if near.iter().any(|other| taken[*other as usize]) {
+            continue;
         }
-        reasons[i] = Some(reason);
+        if reason == Reason::Unneeded {
+            needed += against;
+            if needed > rules.rise * found.asked as f64 {
+                break;
+            }
+        }
+        (done, left, taken[i], reasons[i]) = (done + against, left - 1, true, Some(reason));
     }
     reasons
 }

@@ -2,11 +2,15 @@
 
 use std::borrow::Cow;
 use weaver_geometry::Camera;
-use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Photo};
+use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Model, Photo};
 use weaver_splat::{Compared, Images, RasterError, RasterSettings, Workspace, rasterize};
 
 /// Sum of weights from which a photo shows a Gaussian, pixels.
 const SHOWN: f32 = 0.02;
+/// Longest side of pictures that only say which Gaussians show, pixels.
+const SMALL: usize = 200;
+/// Squared error of a photo that is met to the last bit.
+const LEAST: f64 = 1e-9;
 
 /// A photo that Gaussians are judged by.
 #[derive(Clone, Debug)]
@@ -20,7 +24,8 @@ pub(crate) struct Witness<'a> {
     pub exposure: [f32; 12],
 }
 
-/// Sums over the pixels of all photos, `[N]`, squared and over the channels.
+/// Sums over photos, `[N]`. A rise is that of the squared error over the pixels and channels of a photo, as a part of
+/// it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Evidence {
     /// Rise of the error without the Gaussian alone; below 0 where the photos are met better without it.
@@ -31,7 +36,9 @@ pub(crate) struct Evidence {
     pub most: Vec<f64>,
     /// Number of photos that show it.
     pub photos: Vec<u32>,
-    /// Error of all photos.
+    /// Number of photos.
+    pub asked: usize,
+    /// Sum of the logarithms of the photos' squared errors.
     pub error: f64,
 }
 
@@ -47,17 +54,24 @@ pub(crate) struct Drawn<'a> {
 pub(crate) fn evidence(drawn: Drawn<'_>, witnesses: &[Witness<'_>]) -> Result<Evidence, RasterError> {
     let count = drawn.scene.opacities.len();
     let zeros = vec![0.0; count];
-    let mut all =
-        Evidence { rise: zeros.clone(), square: zeros.clone(), most: zeros, photos: vec![0; count], error: 0.0 };
+    let mut all = Evidence {
+        rise: zeros.clone(),
+        square: zeros.clone(),
+        most: zeros,
+        photos: vec![0; count],
+        asked: witnesses.len(),
+        error: 0.0,
+    };
     let (mut rises, mut shown, mut workspace) = (vec![0.0_f32; count], vec![0.0_f32; count], Workspace::new());
     for witness in witnesses {
         let view = draw(drawn, witness, &mut workspace)?;
-        all.error += view.square();
+        let square = view.square().max(LEAST);
+        all.error += square.ln();
         let View { image, error, counts } = &view;
         let map = std::array::from_fn(|i| witness.exposure[4 * (i / 3) + i % 3]);
         workspace.removal(&Compared { image, error, counts, map }, &mut rises, &mut shown)?;
         for i in (0..count).filter(|i| shown[*i] > SHOWN) {
-            let rise = f64::from(rises[i]);
+            let rise = f64::from(rises[i]) / square;
             all.rise[i] += rise;
             all.square[i] += rise * rise;
             all.most[i] = all.most[i].max(rise);
@@ -67,10 +81,29 @@ pub(crate) fn evidence(drawn: Drawn<'_>, witnesses: &[Witness<'_>]) -> Result<Ev
     Ok(all)
 }
 
-/// The error of all photos alone.
+/// Adds the pictures that show each Gaussian, `[N]`, with small ones in place of a camera's own.
+pub(crate) fn shown_in(drawn: Drawn<'_>, cameras: &[(Camera, Model)], shown: &mut [u32]) -> Result<(), RasterError> {
+    let count = drawn.scene.opacities.len();
+    let (mut sums, mut largest, mut workspace) = (vec![0.0; count], vec![0.0; count], Workspace::new());
+    for (camera, model) in cameras {
+        let small = camera.shrunk(SMALL);
+        let pixels = small.width * small.height;
+        let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+        let rows = CameraRows::new(&[small]);
+        let cameras = CameraSlices { model: *model, ..rows.as_slices(&drawn.background) };
+        rasterize(&drawn.scene.as_slices(), &cameras, drawn.raster, &mut workspace, images)?;
+        workspace.contributions(&mut sums, &mut largest)?;
+        let least = SHOWN * pixels as f32 / (camera.width * camera.height) as f32;
+        shown.iter_mut().zip(&sums).for_each(|(shown, sum)| *shown += u32::from(*sum > least));
+    }
+    Ok(())
+}
+
+/// [`Evidence::error`] alone.
 pub(crate) fn error(drawn: Drawn<'_>, witnesses: &[Witness<'_>]) -> Result<f64, RasterError> {
     let mut workspace = Workspace::new();
-    witnesses.iter().map(|witness| Ok(draw(drawn, witness, &mut workspace)?.square())).sum()
+    witnesses.iter().map(|witness| Ok(draw(drawn, witness, &mut workspace)?.square().max(LEAST).ln())).sum()
 }
 
 /// The scene as a witness sees it.

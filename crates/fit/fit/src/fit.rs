@@ -1,7 +1,6 @@
 //! The optimization.
 
 use crate::FitError;
-use crate::cleaned::Cleaned;
 use crate::comparison::Buffers;
 use crate::device_fit::FitRasterizer;
 use crate::exposure::Exposure;
@@ -57,14 +56,12 @@ pub struct StepTimings {
     pub density: Duration,
     /// The search for transients.
     pub search: Duration,
-    /// Cleaning.
-    pub cleaning: Duration,
 }
 
 impl StepTimings {
     /// Time of periodic work, which happens as often in a short run as in a long one.
     pub(crate) fn rounds(&self) -> Duration {
-        self.density + self.search + self.cleaning
+        self.density + self.search
     }
 }
 
@@ -89,8 +86,6 @@ pub struct Fit {
     pub(crate) population: Population,
     pub(crate) statistics: Vec<GaussianStatistics<f32>>,
     pub(crate) strategy: Box<dyn Strategy>,
-    /// Gaussians that cleaning within the run removed.
-    pub(crate) cleaned: Cleaned,
     pub(crate) step: usize,
     /// The first number that `step` stands for: those before it may be left out.
     pub(crate) since: usize,
@@ -161,7 +156,6 @@ impl Fit {
             statistics: vec![GaussianStatistics::default(); population.len()],
             population,
             strategy,
-            cleaned: Cleaned::default(),
             step: 0,
             since: 0,
             extent,
@@ -243,14 +237,14 @@ impl Fit {
         self.exposures.get(photo)
     }
 
-    /// Begins the color corrections of photos with these gains, as [`ColorAgreement`](crate::ColorAgreement) finds
-    /// them. Nothing happens where colors are not corrected.
+    /// Begins with these color corrections of photos, such as gains that [`ColorAgreement`](crate::ColorAgreement)
+    /// finds. Nothing happens where colors are not corrected.
     ///
     /// # Panics
     /// Unless there are as many as photos.
-    pub fn begin_exposures(&mut self, gains: &[[f32; 3]]) {
-        assert_eq!(gains.len(), self.photos.len(), "gains for each photo");
-        self.exposures.iter_mut().zip(gains).for_each(|(exposure, gains)| *exposure = Exposure::of_gains(*gains));
+    pub fn begin_exposures(&mut self, corrections: impl ExactSizeIterator<Item = Exposure>) {
+        assert_eq!(corrections.len(), self.photos.len(), "a correction of each photo");
+        self.exposures.iter_mut().zip(corrections).for_each(|(exposure, correction)| *exposure = correction);
     }
 
     /// The size of the scene: how far the cameras are apart, world units.
@@ -312,9 +306,6 @@ impl Fit {
         }
         let moment = self.moment();
         self.remove_worthless(&moment)?;
-        let start = Instant::now();
-        self.clean_in_a_run()?;
-        self.timings.cleaning = start.elapsed();
         let views = self.settings.views_per_step;
         let photo = self.photo_of(step * views);
         let level = self.settings.level(fraction);

@@ -57,8 +57,8 @@ pub struct FitSettings {
     /// ([`Transients`](crate::Transients)).
     #[serde(default)]
     pub transients: bool,
-    /// True if Gaussians that no photo needs are removed after four fifths of the run
-    /// ([`Fit::clean`](crate::Fit::clean)).
+    /// True if a run ends without the Gaussians that no photo needs ([`Fit::clean`](crate::Fit::clean)), which is up to
+    /// whoever lets it run.
     #[serde(default)]
     pub clean: bool,
     /// Steps that are left out, as where a run would not have ended in its time: each entry holds from its step on, in

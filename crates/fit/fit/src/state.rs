@@ -1,6 +1,5 @@
 //! The state of a fit from which it goes on.
 
-use crate::cleaned::Cleaned;
 use crate::exposure::Exposure;
 use crate::fit::Fit;
 use crate::population::{Field, Population};
@@ -52,9 +51,6 @@ impl Fit {
         put(&mut state, "transients.hidden", 1, hidden);
         put(&mut state, "near", 1, vec![self.raster.near]);
         put(&mut state, "step", 1, vec![self.step as u64]);
-        if self.cleaned != Cleaned::default() {
-            put(&mut state, "cleaned", 4, self.cleaned.row().to_vec());
-        }
         if self.since < self.step {
             put(&mut state, "since", 1, vec![self.since as u64]);
         }
@@ -92,8 +88,6 @@ impl Fit {
         let transients = transients_of(state, self.photos.len())?;
         let step = state.values::<u64>("step", &[1, 1])?[0] as usize;
         let since = state.values::<u64>("since", &[1, 1]).map_or(step, |since| since[0] as usize);
-        let cleaned = state.values::<u64>("cleaned", &[1, 4]).ok().and_then(|row| row.try_into().ok());
-        self.cleaned = cleaned.map_or(Cleaned::default(), Cleaned::of);
         self.raster.near = near[0];
         (self.step, self.since) = (step, since);
         self.population = Population::from_fields(fields, degree);

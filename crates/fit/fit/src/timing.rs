@@ -1,7 +1,6 @@
 //! Number of steps that fit into a time.
 
 use crate::FitError;
-use crate::cleaning::MOMENT;
 use crate::fit::Fit;
 use std::time::Instant;
 
@@ -84,24 +83,13 @@ impl Rehearsal {
 
     /// Times a run of so many steps, which leaves no trace.
     fn of_steps(fit: &mut Fit, steps: usize) -> Result<Self, FitError> {
-        let kept = (fit.population.clone(), fit.statistics.clone());
-        let of_photos = (fit.exposures.clone(), fit.poses.clone(), fit.transients.clone());
-        let settings = fit.settings.clone();
-        let result = Self::timed(fit, steps);
-        (fit.population, fit.statistics) = kept;
-        (fit.exposures, fit.poses, fit.transients) = of_photos;
-        fit.settings = settings;
-        (fit.step, fit.since) = (0, 0);
-        fit.changed();
-        result
+        fit.without_a_trace(|fit| Self::timed(fit, steps))
     }
 
     fn timed(fit: &mut Fit, steps: usize) -> Result<Self, FitError> {
         // The first step meets cold memory.
         fit.step()?;
         fit.settings.steps = steps;
-        // Cleaning takes as long in a run of any length: some of its work stands for all.
-        let cleans = std::mem::take(&mut fit.settings.clean);
         (fit.step, fit.since) = (0, 0);
         let mut seconds = [[0.0; PARTS]; 2];
         while fit.step < steps {
@@ -112,12 +100,28 @@ impl Rehearsal {
             seconds[0][tenth] += start.elapsed().as_secs_f64() - rounds;
             seconds[1][tenth] += rounds;
         }
-        if cleans {
-            seconds[1][(MOMENT * PARTS as f64) as usize] += fit.seconds_of_cleaning()?;
-        }
         let sums = seconds.map(|tenths| tenths.iter().sum::<f64>());
         let shares = [0, 1].map(|i| seconds[i].map(|tenth| if sums[i] > 0.0 { tenth / sums[i] } else { 0.0 }));
         Ok(Self { step: sums[0] / steps as f64, rounds: sums[1], shares })
+    }
+}
+
+impl Fit {
+    /// Does work from the first step on, and is then as before.
+    pub(crate) fn without_a_trace<T>(
+        &mut self,
+        work: impl FnOnce(&mut Self) -> Result<T, FitError>,
+    ) -> Result<T, FitError> {
+        let of_scene = (self.population.clone(), self.statistics.clone(), self.settings.clone());
+        let of_photos = (self.exposures.clone(), self.poses.clone(), self.transients.clone());
+        let moment = (self.step, self.since);
+        (self.step, self.since) = (0, 0);
+        let result = work(self);
+        (self.population, self.statistics, self.settings) = of_scene;
+        (self.exposures, self.poses, self.transients) = of_photos;
+        (self.step, self.since) = moment;
+        self.changed();
+        result
     }
 }
 

@@ -70,6 +70,8 @@ fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
+/// Opacity below which a Gaussian changes no pixel.
+const LEAST_OPACITY: f32 = 1.0 / 255.0;
 /// Neighbors by which a floater is recognized.
 const NEIGHBORS: usize = 8;
 /// Standard deviations of the logarithm of a distance beyond which a Gaussian is a floater.
@@ -83,6 +85,25 @@ impl Gaussians {
     /// Numbers of the Gaussians whose centers lie in a region, in their order.
     pub fn inside(&self, region: &Region) -> Vec<usize> {
         (0..self.len()).filter(|&i| region.contains(self.means[i])).collect()
+    }
+
+    /// Numbers of the Gaussians that can show, in their order: those with an opacity of at least 1/255, below which
+    /// nothing is drawn.
+    ///
+    /// ```
+    /// use weaver_scene::{Gaussians, forms};
+    /// let two = Gaussians {
+    ///     means: vec![[0.0; 3]; 2],
+    ///     log_scales: vec![[-1.0; 3]; 2],
+    ///     quats: vec![[1.0, 0.0, 0.0, 0.0]; 2],
+    ///     opacity_logits: vec![forms::opacity_logit(0.003), forms::opacity_logit(0.5)],
+    ///     sh: vec![0.0; 6],
+    ///     degree: 0,
+    /// };
+    /// assert_eq!(two.visible(), [1]);
+    /// ```
+    pub fn visible(&self) -> Vec<usize> {
+        (0..self.len()).filter(|&i| forms::opacity(self.opacity_logits[i]) >= LEAST_OPACITY).collect()
     }
 
     /// The opacity of each Gaussian times the area that it covers from its broadest side, `opacity * s_1 * s_2` of the

@@ -2,20 +2,21 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
-use weaver_command::camera_files::{self, Size};
-use weaver_command::{Console, ConsoleObserver, DrawingOptions, Failure, Output, memory, positive};
+use weaver_command::{Console, ConsoleObserver, DrawingOptions, Failure, Output, positive};
 use weaver_geometry::Similarity;
 use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_io::{Conversion, ConvertError, ConvertedCameras, Drawing, Keep, SCENE_FORMATS, SceneFormat, Score};
+use weaver_io::{Conversion, ConvertError, ConvertedCameras, Keep, SCENE_FORMATS, SceneFormat, Score};
 use weaver_io::{convert, convert_cameras, is_cameras};
+use weaver_reconstruct::{Outcome, clean};
 use weaver_scene::{Gaussians, Region};
 
 /// Writes files of Gaussians in another format, or cameras; the names of files select the formats.
 ///
 /// Cameras of Metashape (XML), RealityScan (CSV), Bundler, OpenSfM, COLMAP or a transforms.json become a
 /// transforms.json, by that name, or a folder with one and a COLMAP model with points in sparse/0; --rotate, --scale
-/// and --translate move them. Of scenes, several inputs are joined. Changes happen in this order: --rotate,
+/// and --translate move them. Of scenes, several inputs are joined. Changes happen in this order: --clean, --rotate,
 /// --scale, --translate, --crop, --drop-floaters, --keep, --merge, --degree.
 #[derive(Args, Debug)]
 #[command(after_help = after_help(), override_usage = "splatweaver convert [OPTIONS] <IN>... <OUT>")]
@@ -38,6 +39,9 @@ pub struct Convert {
     /// Keeps Gaussians with their center in a box (X,Y,Z,X,Y,Z: two corners) or a sphere (X,Y,Z,RADIUS)
     #[arg(long, value_name = "BOX|SPHERE", allow_hyphen_values = true)]
     pub crop: Option<Region>,
+    /// Leaves out what the photos of --cameras do not need; without them, what cannot show or is far from all others
+    #[arg(long)]
+    pub clean: bool,
     /// Leaves out Gaussians that are unusually far from all others
     #[arg(long)]
     pub drop_floaters: bool,
@@ -50,9 +54,9 @@ pub struct Convert {
     /// The score that they are judged by
     #[arg(long, value_enum, value_name = "SCORE", default_value_t, requires = "keep")]
     pub by: ScoreName,
-    /// Cameras of the scene as it is read, for --by contribution: transforms.json, a folder with a COLMAP model, or a
-    /// RealEstate10K file
-    #[arg(long, value_name = "FILE", required_if_eq("by", "contribution"), requires = "keep", conflicts_with_all = ["rotate", "scale", "translate"])]
+    /// Cameras of the scene as it is read, for --clean and --by contribution: transforms.json, a folder with a COLMAP
+    /// model, or a RealEstate10K file
+    #[arg(long, value_name = "FILE", required_if_eq("by", "contribution"), conflicts_with_all = ["rotate", "scale", "translate"])]
     pub cameras: Option<PathBuf>,
     /// Largest degree of spherical harmonics that stays
     #[arg(long, value_name = "0..4", value_parser = clap::value_parser!(u8).range(0..=4))]
@@ -65,15 +69,10 @@ pub struct Convert {
 impl Convert {
     /// Checks that no flag is given that cameras have no use for.
     fn check_cameras(&self) -> Result<(), Failure> {
-        let Self { crop, drop_floaters, keep, merge, cameras, degree, .. } = self;
-        if crop.is_some()
-            || *drop_floaters
-            || keep.is_some()
-            || merge.is_some()
-            || cameras.is_some()
-            || degree.is_some()
-        {
-            let flags = "--crop, --drop-floaters, --keep, --merge, --cameras, --degree";
+        let Self { clean, crop, drop_floaters, keep, merge, cameras, degree, .. } = self;
+        let chosen = crop.is_some() || keep.is_some() || merge.is_some();
+        if chosen || *clean || *drop_floaters || cameras.is_some() || degree.is_some() {
+            let flags = "--clean, --crop, --drop-floaters, --keep, --merge, --cameras, --degree";
             return Err(Failure::Usage(format!("{flags}: expected Gaussians, found cameras")));
         }
         Ok(())
@@ -110,13 +109,9 @@ pub enum ScoreName {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triple(pub [f64; 3]);
 
-fn numbers(text: &str) -> Option<Vec<f64>> {
-    let numbers = text.split(',').map(|part| part.trim().parse().ok().filter(|x: &f64| x.is_finite()));
-    numbers.collect()
-}
-
 fn triple(text: &str) -> Result<Triple, String> {
-    let three = numbers(text).and_then(|numbers| numbers.try_into().ok());
+    let numbers = text.split(',').map(|part| part.trim().parse().ok().filter(|x: &f64| x.is_finite()));
+    let three = numbers.collect::<Option<Vec<f64>>>().and_then(|numbers| numbers.try_into().ok());
     three.map(Triple).ok_or_else(|| "expected three numbers, as in 0,0,90".into())
 }
 
@@ -152,14 +147,26 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
     }
     // A folder is for cameras.
     weaver_io::check_output_file(to, from)?;
+    if arguments.cameras.is_some() && !arguments.clean && !matches!(arguments.by, ScoreName::Contribution) {
+        return Err(Failure::Usage("--cameras: expected --clean or --by contribution with it".into()));
+    }
     let contribution = |gaussians: &Gaussians, drawing| {
         let cameras = arguments.cameras.as_deref().expect("clap requires cameras for this score");
-        contributions(gaussians, cameras, (&from[0], drawing)).map_err(|failure| match failure {
-            Failure::Error(error) => error,
-            other => other.line().unwrap_or_default().into(),
-        })
+        DrawingOptions::default().contributions(gaussians, cameras, (&from[0], drawing)).map_err(Failure::into_error)
+    };
+    let removed = Cell::new(None);
+    let clean = |gaussians: Gaussians, drawing| {
+        let Some(capture) = &arguments.cameras else {
+            let visible = gaussians.select(&gaussians.visible());
+            return Ok(visible.select(&visible.without_floaters()));
+        };
+        let drawn = DrawingOptions::default().beside(&from[0], drawing).map_err(Failure::into_error)?;
+        let (left, cleaned) = clean(&gaussians, capture, drawn, Outcome::beside(&from[0]).as_ref())?;
+        removed.set(Some(cleaned));
+        Ok(left)
     };
     let conversion = Conversion {
+        clean: arguments.clean.then_some(&clean),
         moved: arguments.movement(),
         crop: arguments.crop,
         drop_floaters: arguments.drop_floaters,
@@ -174,10 +181,12 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
     };
     let written = match convert(from, to, &conversion, &mut ConsoleObserver::new(console)) {
         Err(error @ ConvertError::Nothing { .. }) => return Err(Failure::message(format!("--{error}"))),
-        Err(ConvertError::Score(error)) => return Err(Failure::Error(error)),
+        Err(ConvertError::Caller(error)) => return Err(Failure::Error(error)),
         converted => converted?,
     };
-    if written.gaussians != written.read {
+    if let Some(cleaned) = removed.get() {
+        console.note(&cleaned.to_string());
+    } else if written.gaussians != written.read {
         console.note(&format!("{} of {} Gaussians stay", written.gaussians, written.read));
     }
     console.answer(arguments.json, &[to], written.json(from, to), &written.text(to))
@@ -191,20 +200,4 @@ fn convert_one(from: &Path, arguments: &Convert, console: &mut Console) -> Resul
     let ConvertedCameras { photos, points, .. } = &converted;
     let text = format!("cameras of {photos} photos, {points} points: {}", to.display());
     console.answer(arguments.json, &[to], converted.json(from, to), &text)
-}
-
-/// Longest side of the pictures: a Gaussian that shows at this size shows at any.
-const LONG_SIDE: usize = 640;
-
-/// Contributions of Gaussians to the pictures of the cameras of a file.
-fn contributions(
-    gaussians: &Gaussians,
-    cameras: &Path,
-    (scene, drawing): (&Path, Drawing),
-) -> Result<Vec<f32>, Failure> {
-    let mut cameras = camera_files::read(cameras, Size::default())?;
-    cameras.iter_mut().for_each(|frame| frame.camera = frame.camera.shrunk(LONG_SIDE));
-    memory::check(memory::of_pictures(&cameras, 1), "smaller cameras reduce it")?;
-    let (background, settings) = DrawingOptions::default().beside(scene, drawing)?;
-    Ok(weaver_fit::contributions(gaussians, cameras.iter().map(|frame| frame.camera), background, &settings)?)
 }

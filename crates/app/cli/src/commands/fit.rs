@@ -142,9 +142,9 @@ pub struct Fit {
     /// Strategy by which Gaussians are added, removed and moved [default: split]
     #[arg(long, value_parser = choice(StrategyKind::ALL), help_heading = SCENE)]
     pub strategy: Option<StrategyKind>,
-    /// Removes Gaussians that no photo needs, after four fifths of the run
+    /// Keeps Gaussians that no photo needs; else they are removed at the end
     #[arg(long, help_heading = SCENE, conflicts_with = "resume")]
-    pub clean: bool,
+    pub keep_all: bool,
     /// Further files of the scene, in formats that `splatweaver convert --help` lists; may be repeated
     #[arg(long = "also", value_parser = scene_format(), value_name = "FORMAT", help_heading = SCENE)]
     pub formats: Vec<SceneFormat>,
@@ -333,7 +333,7 @@ fn fit_settings(arguments: &Fit) -> Result<(FitSettings, BTreeSet<ByPhotos>, Opt
     fit.antialiased = arguments.antialiased.unwrap_or(fit.antialiased);
     fit.exposure = arguments.exposure.unwrap_or(fit.exposure);
     fit.background = arguments.background.map_or(fit.background, |color| color.0);
-    fit.clean |= arguments.clean;
+    fit.clean &= !arguments.keep_all;
     fit.poses.refine |= arguments.refine_cameras;
     if arguments.refine_focal && !fit.poses.refine {
         return Err(Failure::Usage("--refine-focal: expected --refine-cameras with it".into()));

@@ -68,9 +68,9 @@ pub struct Reconstruct {
     /// Writes no view.html, the page to look at the scene
     #[arg(long)]
     pub no_html: bool,
-    /// Removes Gaussians that no photo needs, after four fifths of the run
+    /// Keeps Gaussians that no photo needs; else they are removed at the end
     #[arg(long, help_heading = FIT)]
-    pub clean: bool,
+    pub keep_all: bool,
     #[command(flatten)]
     pub live: LiveFlag,
     #[command(flatten)]
@@ -115,7 +115,7 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
         seed: arguments.seed,
         compress: arguments.compress,
         html: !arguments.no_html,
-        clean: arguments.clean,
+        clean: !arguments.keep_all,
         frames: arguments.estimate.clip.most(),
         matching: arguments.estimate.matching.into(),
         placing: (&arguments.estimate.placing).into(),

@@ -69,7 +69,7 @@ class ReconstructOptions(_Placing, total=False):
     hold_out: Union[str, int]
     #: Level of scene.wsz that the end of the fit is trained for.
     compress: float
-    clean: bool
+    keep_all: bool
     no_html: bool
     live: bool
     #: Port of the page that follows; needs live.
@@ -104,7 +104,7 @@ class FitOptions(_Matching, total=False):
     also: Sequence[str]
     #: Level of scene.wsz that the end of the fit is trained for.
     compress: float
-    clean: bool
+    keep_all: bool
     no_html: bool
     live: bool
     #: Port of the page that follows; needs live.

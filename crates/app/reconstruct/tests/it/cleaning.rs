@@ -40,6 +40,7 @@ fn what_is_removed_is_told() {
     assert!(cleaning.removed.unseen >= hidden && cleaning.held_out.is_some(), "{cleaning}");
     assert_eq!(whole.gaussians, given.len() - cleaning.removed.count());
     assert_eq!(scene("stopped", true, 18).cleaning, whole.cleaning);
+    assert_eq!(scene("ended", true, 20).cleaning, whole.cleaning);
     let without = scene("without", false, 0);
     assert_eq!((without.cleaning, without.gaussians), (None, given.len()));
 }

@@ -23,7 +23,7 @@ use std::path::Path;
 use std::time::Instant;
 use things::Things;
 use weaver_data::posed::{self, PosedOptions, PosedPhoto, PosedPhotos};
-use weaver_fit::{ColorAgreement, Fit, FitSettings, Judge, Photo, Quality, init, mean_color};
+use weaver_fit::{ColorAgreement, Exposure, Fit, FitSettings, Judge, Photo, Quality, init, mean_color};
 use weaver_scene::Gaussians;
 use weaver_stereo::{Stereo, StereoSettings};
 
@@ -178,7 +178,7 @@ fn fit([capture, judged]: [&PosedPhotos; 2], variant: &Variant, base: Value) -> 
     let agreement = ColorAgreement::of(&training, &capture.points, &visible);
     settings.exposure |= variant.by_colors && agreement.differ();
     let mut fit = Fit::new(training, &initial, settings)?;
-    fit.begin_exposures(&agreement.gains);
+    fit.begin_exposures(agreement.gains.iter().map(|gains| Exposure::of_gains(*gains)));
     let (mut pairs, steps) = (0, fit.settings().steps);
     while fit.steps_done() < steps {
         pairs = fit.step()?.pairs;

@@ -1,7 +1,7 @@
 //! Scenes without what no photo needs.
 
-use crate::scenes::{cloud, finish, photos, plain};
-use weaver_fit::{Cleaned, CleaningRules, Fit, FitSettings, StrategyKind};
+use crate::scenes::{camera, cloud, photos, plain};
+use weaver_fit::{Cleaned, CleaningRules, Fit, StrategyKind};
 use weaver_scene::{Gaussians, Photo};
 
 fn clean(photos: Vec<Photo>, scene: &Gaussians) -> (Gaussians, Cleaned) {
@@ -77,36 +77,49 @@ fn off(photos: &[Photo], scene: &Gaussians) -> f64 {
     squares.clone().sum::<f64>() / squares.count() as f64
 }
 
-/// Promise (fits): a run removes what no photo needs before its last fifth; stopped before or after that, it goes on to
-/// the same bits, and knows what it removed.
+/// Of a scene that is not its photos' any more, all junk goes at once, and what stays is as it was.
+///
+/// Promise of `planted_junk_goes`.
 #[test]
-fn a_run_cleans_its_scene() {
+fn junk_before_junk_fades() {
     let scene = cloud(40, 3);
-    // Where no photo sees it, it does not move.
-    let behind = [0.0, 0.0, -5.0];
-    let planted = with(&scene, behind, -1.0, 3.0);
-    let begun = |clean: bool| {
-        let settings = FitSettings { clean, ..plain(StrategyKind::Keep, 10, planted.len()) };
-        Fit::new(photos(4, &scene), &planted, settings).unwrap()
+    let photos = photos(4, &scene);
+    let rules = CleaningRules { rise: 0.0, ..CleaningRules::ANY_SCENE };
+    let cleaned = |scene: &Gaussians| {
+        let mut fit = Fit::new(photos.clone(), scene, plain(StrategyKind::Keep, 10, scene.len())).unwrap();
+        let before = fit.settings().clone();
+        let cleaned = fit.clean(&rules).unwrap();
+        assert_eq!((fit.settings(), fit.steps_done()), (&before, 0));
+        (fit.gaussians(), cleaned)
     };
-    let mut unclean = begun(false);
-    finish(&mut unclean);
-    assert_eq!((unclean.gaussians().len(), unclean.cleaned()), (planted.len(), Cleaned::default()));
-    let mut whole = begun(true);
-    let mut states = Vec::new();
-    while whole.steps_done() < 10 {
-        states.push((whole.state(), whole.is_cleaning_due()));
-        whole.step().unwrap();
-    }
-    let due = states.iter().filter(|(_, due)| *due).count();
-    assert!(due == 1 && states[8].1, "due once, before the last fifth");
-    assert!(!whole.gaussians().means.contains(&behind) && unclean.gaussians().means.contains(&behind));
-    assert!(whole.cleaned().unseen == 1 && whole.gaussians().len() == planted.len() - whole.cleaned().count());
-    for stopped in [7, 8, 9] {
-        let mut resumed = begun(true);
-        resumed.restore(&states[stopped].0).unwrap();
-        finish(&mut resumed);
-        assert_eq!(resumed.gaussians(), whole.gaussians(), "stopped after {stopped}");
-        assert_eq!(resumed.cleaned(), whole.cleaned(), "stopped after {stopped}");
-    }
+    let (clean, _) = cleaned(&scene);
+    let junk: Vec<[f32; 3]> = (0..6_u8).map(|i| [0.02 * f32::from(i), 0.0, 0.7 + 0.2 * f32::from(i)]).collect();
+    let planted = junk.iter().fold(clean.clone(), |scene, mean| with(&scene, *mean, -2.0, 1.0));
+    let (left, removed) = cleaned(&planted);
+    assert!(junk.iter().all(|mean| !left.means.contains(mean)), "{removed}");
+    assert!(left.len() + 2 >= clean.len(), "{removed}");
+    let rows: Vec<usize> = (0..clean.len()).filter(|i| left.means.contains(&clean.means[*i])).collect();
+    assert_eq!(left, clean.select(&rows));
+}
+
+/// Promise (fits): a Gaussian that one of many photos shows alone goes, and stays where photos are few.
+#[test]
+fn what_one_photo_shows_goes_where_there_are_many() {
+    let scene = cloud(40, 3);
+    let cleaned = |count: usize| {
+        // One more photo looks the other way, at a single Gaussian.
+        let mean = [0.0, 0.0, -3.0];
+        let planted = with(&scene, mean, -2.0, 0.0);
+        let mut all = photos(count, &planted);
+        let away = camera(0.0, std::f64::consts::PI);
+        let image = &crate::scenes::render(&planted, &[away])[0];
+        let rgb: Vec<u8> = image.iter().map(|x| (255.0 * x).round().clamp(0.0, 255.0) as u8).collect();
+        all.push(Photo { camera: away, rgb: rgb.into(), ..all[0].clone() });
+        let mut fit = Fit::new(all, &planted, plain(StrategyKind::Keep, 10, planted.len())).unwrap();
+        let cleaned = fit.clean(&CleaningRules { bound: f64::INFINITY, ..CleaningRules::default() }).unwrap();
+        (fit.gaussians().means.contains(&mean), cleaned.lone)
+    };
+    assert_eq!(cleaned(6), (true, 0));
+    let (stays, lone) = cleaned(14);
+    assert!(!stays && lone >= 1, "{stays} {lone}");
 }

@@ -56,7 +56,7 @@ fn exposures_of_neighbors() {
     }
     let settings = FitSettings { exposure: true, ..plain(StrategyKind::Keep, 120, 60) };
     let mut fit = Fit::new(photos, &scene, settings).expect("a fit");
-    fit.begin_exposures(&gains.map(|gain| [gain / 0.8; 3]));
+    fit.begin_exposures(gains.into_iter().map(|gain| Exposure::of_gains([gain / 0.8; 3])));
     finish(&mut fit);
     let gain = |exposure: &Exposure| (0..3).map(|c| exposure.matrix[5 * c]).sum::<f32>() / 3.0;
     let own: [f32; 6] = std::array::from_fn(|i| gain(fit.exposure(i).expect("an exposure")));

@@ -14,8 +14,10 @@ use weaver_geometry::Similarity;
 use weaver_scene::{Difference, Gaussians, Region, forms};
 
 /// Changes of a scene, in the order of the fields.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Conversion<'a> {
+    /// Leaves out Gaussians of the scene as it is read.
+    pub clean: Option<&'a CleanOf<'a>>,
     /// Turns, scales and moves.
     pub moved: Option<Similarity>,
     /// The region of the centers that stay.
@@ -30,6 +32,13 @@ pub struct Conversion<'a> {
     pub merge: Option<Keep>,
     /// Largest degree of spherical harmonics that stays.
     pub degree: Option<usize>,
+}
+
+impl fmt::Debug for Conversion<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { moved, crop, keep, merge, degree, .. } = self;
+        write!(f, "Conversion {{ {moved:?}, {crop:?}, {keep:?}, {merge:?}, {degree:?}, .. }}")
+    }
 }
 
 /// Number of Gaussians that stay.
@@ -68,6 +77,9 @@ impl FromStr for Keep {
         some.ok_or_else(|| "expected a number of Gaussians, or a share above 0.0 up to 1.0".into())
     }
 }
+
+/// A choice of Gaussians by the caller.
+pub type CleanOf<'a> = dyn Fn(Gaussians, Drawing) -> Result<Gaussians, Box<dyn StdError + Send + Sync>> + 'a;
 
 /// A score of each Gaussian that a caller computes.
 pub type ScoreOf<'a> = dyn Fn(&Gaussians, Drawing) -> Result<Vec<f32>, Box<dyn StdError + Send + Sync>> + 'a;
@@ -113,9 +125,9 @@ pub enum ConvertError {
         /// Corners of the box of their centers.
         corners: [[f32; 3]; 2],
     },
-    /// The caller's score failed.
+    /// The caller's score or choice failed.
     #[error(transparent)]
-    Score(Box<dyn StdError + Send + Sync>),
+    Caller(Box<dyn StdError + Send + Sync>),
 }
 
 /// A scene that was converted.
@@ -189,8 +201,11 @@ pub fn convert(
     observe: &mut dyn Observe,
 ) -> Result<Converted, ConvertError> {
     let format = SceneFormat::of(to)?;
-    let (read, drawing) = joined(from, observe)?;
+    let (mut read, drawing) = joined(from, observe)?;
     let count = read.len();
+    if let Some(clean) = conversion.clean {
+        read = Box::new(clean(read.into_all()?, drawing).map_err(ConvertError::Caller)?);
+    }
     let mut gaussians = conversion.changed(read);
     // Where each Gaussian goes its own way, the scene passes through in blocks.
     if conversion.chooses() || !format.writes_blocks() {
@@ -261,7 +276,7 @@ impl Conversion<'_> {
             let values = match &self.by {
                 Score::Importance => gaussians.importance(),
                 Score::Opacity => gaussians.opacity_logits.iter().map(|logit| forms::opacity(*logit)).collect(),
-                Score::Of(score) => score(&gaussians, drawing).map_err(ConvertError::Score)?,
+                Score::Of(score) => score(&gaussians, drawing).map_err(ConvertError::Caller)?,
             };
             if count == 0 && !gaussians.is_empty() {
                 return Err(nothing("keep", "a share that leaves Gaussians", &gaussians));
