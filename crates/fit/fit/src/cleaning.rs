@@ -12,8 +12,6 @@ use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_scene::forms;
 use weaver_splat::RasterError;
 
-/// Pixels of all photos together that Gaussians are judged by, about: more photos are evenly spread ones of them.
-const PIXELS: usize = 16 << 20;
 /// Photos whose work is timed to know that of all.
 const TIMED: usize = 2;
 /// Gaussians nearest to one, itself among them, of which one goes in a round.
@@ -47,6 +45,8 @@ pub struct CleaningRules {
     pub rounds: usize,
     /// The part of the Gaussians that a round takes at most, but for those that one photo shows, or none.
     pub part: f64,
+    /// Pixels of all photos together that Gaussians are judged by, about: of more, evenly spread photos are asked.
+    pub pixels: usize,
     /// Steps of opacities alone before the first round. Gaussians whose opacity falls below a tenth go, all others are
     /// again as they were: where junk lies before junk and the scene behind it, each photo blames all of them.
     pub fading: usize,
@@ -54,13 +54,14 @@ pub struct CleaningRules {
 
 impl Default for CleaningRules {
     fn default() -> Self {
-        Self { rise: 0.002, bound: 0.002, others: 0.5, rounds: 2, part: 0.15, fading: 0 }
+        Self { rise: 0.002, bound: 0.002, others: 0.5, rounds: 2, part: 0.15, pixels: 32 << 20, fading: 0 }
     }
 }
 
 impl CleaningRules {
     /// Rules for a scene that was not fitted to these photos a moment ago, or has been changed since.
-    pub const ANY_SCENE: Self = Self { rise: 0.002, bound: 0.002, others: 0.5, rounds: 8, part: 0.15, fading: 400 };
+    pub const ANY_SCENE: Self =
+        Self { rise: 0.002, bound: 0.002, others: 0.5, rounds: 8, part: 0.15, pixels: 32 << 20, fading: 400 };
 }
 
 impl Fit {
@@ -73,7 +74,7 @@ impl Fit {
     /// When the rasterizer refuses.
     pub fn clean(&mut self, rules: &CleaningRules) -> Result<Cleaned, FitError> {
         self.fetch()?;
-        let photos = self.asked();
+        let photos = self.asked(rules);
         let count = photos.len() as f64;
         let mut cleaned = Cleaned { harmful: self.fade(rules.fading)?, ..Cleaned::default() };
         let mut bound = f64::INFINITY;
@@ -112,7 +113,7 @@ impl Fit {
     /// # Errors
     /// When the rasterizer refuses.
     pub fn seconds_of_cleaning(&self, rules: &CleaningRules) -> Result<f64, FitError> {
-        let photos = self.asked();
+        let photos = self.asked(rules);
         let few = &photos[..photos.len().min(TIMED)];
         let start = Instant::now();
         self.judged(few, evidence)?;
@@ -174,10 +175,10 @@ impl Fit {
     }
 
     /// The photos to ask, evenly spread.
-    fn asked(&self) -> Vec<usize> {
+    fn asked(&self, rules: &CleaningRules) -> Vec<usize> {
         let all = self.photos();
         let pixels = |photo: usize| self.photo(photo).camera.width * self.photo(photo).camera.height;
-        let most = (all * PIXELS / (0..all).map(pixels).sum::<usize>()).clamp(LEAST_PHOTOS.min(all), all);
+        let most = (all * rules.pixels / (0..all).map(pixels).sum::<usize>()).clamp(LEAST_PHOTOS.min(all), all);
         (0..most).map(|i| i * all / most).collect()
     }
 

@@ -2,6 +2,7 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
+use serde_json::json;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, ConsoleObserver, DrawingOptions, Failure, Output, positive};
@@ -184,12 +185,15 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
         Err(ConvertError::Caller(error)) => return Err(Failure::Error(error)),
         converted => converted?,
     };
+    let mut answer = written.json(from, to);
     if let Some(cleaned) = removed.get() {
         console.note(&cleaned.to_string());
-    } else if written.gaussians != written.read {
+        answer["cleaned"] = json!(cleaned);
+    }
+    if written.gaussians != written.read {
         console.note(&format!("{} of {} Gaussians stay", written.gaussians, written.read));
     }
-    console.answer(arguments.json, &[to], written.json(from, to), &written.text(to))
+    console.answer(arguments.json, &[to], answer, &written.text(to))
 }
 
 /// Converts cameras.

@@ -57,7 +57,7 @@ fn frames() -> Vec<Frame> {
 }
 
 /// A folder with scene.ply, and in `capture` its pictures by these settings, with `held_out` listed for the test.
-fn folder(settings: &RasterSettings, held_out: &[&str]) -> tempfile::TempDir {
+pub fn folder(settings: &RasterSettings, held_out: &[&str]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let capture = folder.path().join("capture");
     std::fs::create_dir(&capture).unwrap();

@@ -7,6 +7,7 @@ mod bench;
 mod blocks;
 mod capture;
 mod checkpoints;
+mod clean;
 #[cfg(unix)]
 mod clip;
 mod command;

@@ -11,4 +11,5 @@ mod perceptual;
 mod photometric;
 mod shapes;
 mod ssim;
+mod surfaces;
 mod weights;
