@@ -26,6 +26,8 @@ const NEEDED: f64 = 0.1;
 const WORST: f64 = 0.5;
 /// Part of its opacity below which a Gaussian has faded.
 const FADED: f32 = 0.1;
+/// Photos that have to show a Gaussian for judging it, where not all are asked: the others may need what these do not.
+const WITNESSES: u32 = 5;
 /// Photos from which a Gaussian that a single one shows goes: of fewer, much of a scene is in one alone.
 const MANY: usize = 12;
 
@@ -90,7 +92,8 @@ impl Fit {
             } else {
                 Part::All { shown: self.shown_by(&photos, &found)?, many: self.photos() >= MANY }
             };
-            let all = reasons(&found, &part, rules, &self.neighbors());
+            let witnesses = if photos.len() < self.photos() { WITNESSES } else { 1 };
+            let all = reasons((&found, witnesses), &part, rules, &self.neighbors());
             // Where a photo is alone with all of its part of the scene, that part stays.
             let not_lone = all.iter().map(|reason| reason.filter(|reason| *reason != Reason::Lone)).collect();
             for reasons in [all, not_lone] {
@@ -211,8 +214,13 @@ enum Part {
 }
 
 /// The Gaussians to remove in a round, `[N]`: those with the most against them first, of neighbors one alone; then
-/// those that are needed least.
-fn reasons(found: &Evidence, part: &Part, rules: &CleaningRules, neighbors: &[u32]) -> Vec<Option<Reason>> {
+/// those that are needed least. Those that fewer witnesses show stay.
+fn reasons(
+    (found, witnesses): (&Evidence, u32),
+    part: &Part,
+    rules: &CleaningRules,
+    neighbors: &[u32],
+) -> Vec<Option<Reason>> {
     let Evidence { rise: rises, square, most, photos, .. } = found;
     // The sum of what photos say, and by how much the sum of others like them may be worse.
     let cautious = |sum: f64, square: f64, photos: u32| {
@@ -225,8 +233,7 @@ fn reasons(found: &Evidence, part: &Part, rules: &CleaningRules, neighbors: &[u3
         match part {
             Part::All { shown, .. } if shown[i] == 0 => Some((f64::NEG_INFINITY, i, Reason::Unseen)),
             Part::All { shown, many: true } if shown[i] == 1 => Some((f64::NEG_INFINITY, i, Reason::Lone)),
-            // Photos that were not asked may show it.
-            _ if photos[i] == 0 => None,
+            _ if photos[i] < witnesses => None,
             _ if rises[i] < 0.0 && (all < 0.0 || most[i] <= NEEDED * -rises[i]) => Some((rises[i], i, Reason::Harmful)),
             _ if photos[i] > 2 && others < -rules.others * most[i] => Some((others, i, Reason::Contradicted)),
             Part::All { .. } => Some((all, i, Reason::Unneeded)),
