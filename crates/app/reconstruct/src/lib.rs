@@ -35,6 +35,7 @@ mod clean;
 mod compressed;
 mod coverage;
 mod demo;
+mod depths;
 mod error;
 mod fit;
 mod fitting;

@@ -1,6 +1,7 @@
 //! A capture, ready to be fitted.
 
 use crate::compressed;
+use crate::depths;
 use crate::matching::Matching;
 use crate::sources::Sources;
 use crate::start::{Seen, Start};
@@ -140,7 +141,10 @@ pub(crate) fn prepare(
             *distortion = distortion.and_then(|distortion| distortion.refocused(focal));
         }
     }
-    let seen = Seen { photos: &training, points: &capture.points, visible: &visible };
+    let uses_depth = settings.fit.surfaces.depth > 0.0;
+    let known = if uses_depth { depths::of_files(&settings.capture, &training, &origins)? } else { Vec::new() };
+    let finds_depth = uses_depth && known.is_empty();
+    let seen = Seen { photos: &training, points: &capture.points, visible: &visible, finds_depth };
     let start = Start::of(settings, seen, given)?;
     if by_photos(ByPhotos::Means) && settings.init == Initial::Dense {
         settings.fit.rates.means = Rates::means_on_surfaces(long_side);
@@ -163,11 +167,14 @@ pub(crate) fn prepare(
     let strategy = settings.fit.density.strategy();
     let mut fit = Fit::with(rasterizer, strategy, training, &start.gaussians, settings.fit.clone())?;
     fit.begin_exposures(colors.gains.iter().map(|gains| Exposure::of_gains(*gains)));
+    let Start { gaussians, coverage, searched, depths } = start;
+    for (photo, depth) in known.into_iter().chain(depths) {
+        fit.set_depth(photo, depth)?;
+    }
     if let Some(level) = settings.compress {
         compressed::train_for(&mut fit, level);
     }
     settings.by_photos.clear();
-    let Start { gaussians, coverage, searched } = start;
     let found = searched.then_some(gaussians);
     let (points, world) = (capture.points, capture.origin);
     Ok(Loaded { fit, held_out, origins, points, world, matching, colors, found, coverage, sources, remarks })

@@ -14,7 +14,7 @@ use weaver_clip::PhotoFiles;
 use weaver_data::capture::{HoldOut, MaskOptions};
 use weaver_data::posed::{CaptureCameras, Masked};
 use weaver_data::{EstimatePhotosOptions, Placing};
-use weaver_fit::{FitRasterizer, FitSettings};
+use weaver_fit::{FitRasterizer, FitSettings, Surfaces};
 use weaver_io::{Advice, Observe, OutputFolder, ShellCommand};
 use weaver_splat::CpuRasterizer;
 use weaver_view_run::Listener;
@@ -86,6 +86,8 @@ pub struct Request {
     pub html: bool,
     /// True if Gaussians that no photo needs are removed.
     pub clean: bool,
+    /// True if the depth of surfaces counts as well, for meshes.
+    pub surfaces: bool,
     /// The most frames of each clip; `None` takes as many as show something new.
     pub frames: Option<usize>,
     /// Options of estimated cameras.
@@ -116,6 +118,7 @@ impl Request {
             compress: None,
             html: true,
             clean: true,
+            surfaces: false,
             frames: None,
             matching: EstimatePhotosOptions::default(),
             placing: Placing::default(),
@@ -205,6 +208,9 @@ impl Request {
             (asked, planned) => asked.or(planned).unwrap_or(usual.gaussians),
         };
         settings.fit = FitSettings { gaussians, seed: settings.fit.seed, clean: self.clean, ..usual };
+        if self.surfaces {
+            settings.fit.surfaces = Surfaces::FOR_MESHES;
+        }
         settings.fit.check()?;
         let photos = planned(&settings, cameras)?.training;
         Ok((settings, photos))

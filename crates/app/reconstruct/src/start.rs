@@ -2,7 +2,7 @@
 
 use crate::{ByPhotos, Coverage, Error, Initial, RunSettings};
 use std::time::Instant;
-use weaver_fit::{FitError, FitSettings, init, sky};
+use weaver_fit::{FitError, FitSettings, KnownDepth, init, sky};
 use weaver_scene::{Gaussians, Photo, PointCloud};
 use weaver_stereo::{Stereo, StereoSettings};
 
@@ -12,6 +12,15 @@ pub(crate) struct Seen<'a> {
     pub photos: &'a [Photo],
     pub points: &'a PointCloud,
     pub visible: &'a [Vec<u32>],
+    /// True if the depth of photos is asked for: it is a loss, and no file has it.
+    pub finds_depth: bool,
+}
+
+impl Seen<'_> {
+    /// Depth is found between pinholes.
+    fn are_pinholes(&self) -> bool {
+        self.photos.iter().all(|photo| photo.lens.is_none())
+    }
 }
 
 /// Gaussians to begin with.
@@ -21,6 +30,8 @@ pub(crate) struct Start {
     pub coverage: Coverage,
     /// True if photos were searched for some of them: the run keeps them, to go on from.
     pub searched: bool,
+    /// Depth of photos that others agree about, by the number of the photo, where it is asked for.
+    pub depths: Vec<(usize, KnownDepth)>,
 }
 
 /// Photos whose depth is found, at most: each takes about half a second of a core, and few show the surfaces of many.
@@ -44,26 +55,35 @@ impl Start {
     /// # Errors
     /// When there is nothing to begin with.
     pub fn of(settings: &mut RunSettings, seen: Seen<'_>, given: Option<&Gaussians>) -> Result<Self, Error> {
-        if let Some(given) = given {
-            return Ok(Self { gaussians: init::from_gaussians(given, &settings.fit)?, ..Self::default() });
+        let start = match given {
+            Some(given) => Self { gaussians: init::from_gaussians(given, &settings.fit)?, ..Self::default() },
+            None => Self::before_sky(settings, seen)?,
+        };
+        let asked = seen.finds_depth && !seen.points.is_empty() && seen.are_pinholes();
+        if !asked || !start.depths.is_empty() {
+            return Ok(start);
         }
-        let Self { gaussians, coverage, searched } = Self::unbounded(settings, seen)?;
-        let gaussians = init::bounded(gaussians, seen.photos);
+        Ok(Self { depths: Found::search(settings, seen).depths(), ..start })
+    }
+
+    /// A start from photos and points, with a sky behind it.
+    fn before_sky(settings: &mut RunSettings, seen: Seen<'_>) -> Result<Self, Error> {
+        let start = Self::unbounded(settings, seen)?;
+        let gaussians = init::bounded(start.gaussians, seen.photos);
         // What is drawn at random stands everywhere.
         let asked = settings.by_photos.contains(&ByPhotos::Sky) && settings.init != Initial::Random;
         if !asked || seen.points.is_empty() {
-            return Ok(Self { gaussians, coverage, searched });
+            return Ok(Self { gaussians, ..start });
         }
         let shell = sky(seen.photos, &gaussians, &settings.fit);
-        let searched = searched || !shell.is_empty();
-        Ok(Self { gaussians: Gaussians::joined(&[gaussians, shell]), coverage, searched })
+        let searched = start.searched || !shell.is_empty();
+        Ok(Self { gaussians: Gaussians::joined(&[gaussians, shell]), searched, ..start })
     }
 
     fn unbounded(settings: &mut RunSettings, seen: Seen<'_>) -> Result<Self, Error> {
         let fit = settings.fit.clone();
         if settings.init == Initial::Auto && settings.by_photos.contains(&ByPhotos::Start) && !seen.points.is_empty() {
-            // Depth is found between pinholes.
-            let asked = seen.photos.len() >= FEWEST && seen.photos.iter().all(|photo| photo.lens.is_none());
+            let asked = seen.photos.len() >= FEWEST && seen.are_pinholes();
             let dense = if asked { Self::dense(settings, seen)? } else { Self::default() };
             settings.init = if dense.coverage.mean() >= COVERAGE { Initial::Dense } else { Initial::Points };
             return Ok(match settings.init {
@@ -72,7 +92,7 @@ impl Start {
             });
         }
         let gaussians = match settings.init {
-            Initial::Dense if seen.photos.iter().any(|photo| photo.lens.is_some()) => {
+            Initial::Dense if !seen.are_pinholes() => {
                 let expected = "points or random for photos that keep their lens".into();
                 return Err(FitError::Setting { key: "init", expected, found: "dense".into() }.into());
             }
@@ -87,15 +107,11 @@ impl Start {
 
     /// On the surface that photos agree about, those of them that show most, and on the points that it does not show.
     fn dense(settings: &mut RunSettings, seen: Seen<'_>) -> Result<Self, Error> {
-        let count = *settings.depth_photos.get_or_insert_with(|| photos_in_time(settings.minutes, seen));
+        let found = Found::search(settings, seen);
         let fit = &settings.fit;
-        let poses: Vec<_> = seen.photos.iter().map(|photo| photo.camera.pose).collect();
-        let chosen = weaver_stereo::best_photos(&poses, seen.points, seen.visible, count);
-        let photos: Vec<&Photo> = chosen.iter().map(|n| &seen.photos[*n]).collect();
-        let visible: Vec<Vec<u32>> = chosen.iter().map(|n| seen.visible[*n].clone()).collect();
-        let settings = StereoSettings { seed: fit.seed, ..StereoSettings::default() };
-        let stereo = Stereo::of(&photos, seen.points, &visible, &settings);
-        let names = photos.iter().map(|photo| photo.name.clone());
+        let depths = if seen.finds_depth { found.depths() } else { Vec::new() };
+        let Found { stereo, photos } = &found;
+        let names = photos.iter().map(|n| seen.photos[*n].name.clone());
         let coverage = Coverage(names.zip(stereo.coverage()).collect());
         let mut gaussians = stereo.surface().gaussians(init::room(fit));
         let points = stereo.unexplained();
@@ -110,7 +126,35 @@ impl Start {
             }
             gaussians = Gaussians::joined(&[gaussians, sparse]);
         }
-        Ok(Self { gaussians: init::from_gaussians(&gaussians, fit)?, coverage, searched: true })
+        Ok(Self { gaussians: init::from_gaussians(&gaussians, fit)?, coverage, searched: true, depths })
+    }
+}
+
+/// Depth that photos agree about.
+struct Found {
+    stereo: Stereo,
+    /// The numbers of the photos.
+    photos: Vec<usize>,
+}
+
+impl Found {
+    /// Finds the depth of the photos that show most.
+    fn search(settings: &mut RunSettings, seen: Seen<'_>) -> Self {
+        let count = *settings.depth_photos.get_or_insert_with(|| photos_in_time(settings.minutes, seen));
+        let poses: Vec<_> = seen.photos.iter().map(|photo| photo.camera.pose).collect();
+        let numbers = weaver_stereo::best_photos(&poses, seen.points, seen.visible, count);
+        let photos: Vec<&Photo> = numbers.iter().map(|n| &seen.photos[*n]).collect();
+        let visible: Vec<Vec<u32>> = numbers.iter().map(|n| seen.visible[*n].clone()).collect();
+        let settings = StereoSettings { seed: settings.fit.seed, ..StereoSettings::default() };
+        Self { stereo: Stereo::of(&photos, seen.points, &visible, &settings), photos: numbers }
+    }
+
+    fn depths(&self) -> Vec<(usize, KnownDepth)> {
+        let depth = |(at, number): (usize, &usize)| {
+            let (depth, size) = self.stereo.depth(at);
+            (*number, KnownDepth { size, depth })
+        };
+        self.photos.iter().enumerate().map(depth).collect()
     }
 }
 

@@ -48,6 +48,7 @@ impl Fit {
             && self.exposures.is_empty()
             && !self.settings.poses.refine
             && self.settings.dropout == 0.0
+            && !self.settings.surfaces.count()
             && self.settings.views_per_step == 1
     }
 

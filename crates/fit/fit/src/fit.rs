@@ -12,6 +12,7 @@ use crate::resident::Resident;
 use crate::rounding::Rounding;
 use crate::settings::FitSettings;
 use crate::strategy::{Moment, Strategy};
+use crate::surfaces::{KnownDepth, SurfaceBuffers};
 use crate::thinning::Thinning;
 use crate::transients::Transients;
 use std::sync::Arc;
@@ -83,6 +84,8 @@ pub struct Fit {
     pub(crate) exposures: Vec<Exposure>,
     /// Parts of each photo that no other shows.
     pub(crate) transients: Vec<Option<Transients>>,
+    /// Depth of each photo that is known beforehand.
+    pub(crate) depths: Vec<Option<KnownDepth>>,
     pub(crate) population: Population,
     pub(crate) statistics: Vec<GaussianStatistics<f32>>,
     pub(crate) strategy: Box<dyn Strategy>,
@@ -95,6 +98,7 @@ pub struct Fit {
     pub(crate) gradients: Gradients,
     pub(crate) rounding: Option<(f64, Box<dyn Rounding>)>,
     pub(crate) buffers: Buffers,
+    pub(crate) surfaces: SurfaceBuffers,
     pub(crate) timings: StepTimings,
     /// The processes that share the photos of a step.
     pub(crate) ranks: Arc<dyn Ranks>,
@@ -151,6 +155,7 @@ impl Fit {
             poses: photos.iter().map(|photo| photo.camera.pose).collect(),
             exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },
             transients: vec![None; photos.len()],
+            depths: vec![None; photos.len()],
             photos: photos.into_iter().map(|photo| Pyramid::kept(photo, settings.halvings)).collect(),
             order: Vec::new(),
             statistics: vec![GaussianStatistics::default(); population.len()],
@@ -164,6 +169,7 @@ impl Fit {
             gradients: Gradients::default(),
             rounding: None,
             buffers: Buffers::default(),
+            surfaces: SurfaceBuffers::default(),
             timings: StepTimings::default(),
             ranks: Arc::new(Alone),
             settings,
@@ -245,6 +251,16 @@ impl Fit {
     pub fn begin_exposures(&mut self, corrections: impl ExactSizeIterator<Item = Exposure>) {
         assert_eq!(corrections.len(), self.photos.len(), "a correction of each photo");
         self.exposures.iter_mut().zip(corrections).for_each(|(exposure, correction)| *exposure = correction);
+    }
+
+    /// Says what is known of the depth of a photo, for the loss of depth ([`Surfaces`](crate::Surfaces)).
+    ///
+    /// # Errors
+    /// [`FitError::Photo`] for depth of another shape than the photo's.
+    pub fn set_depth(&mut self, photo: usize, depth: KnownDepth) -> Result<(), FitError> {
+        depth.check(self.photo(photo))?;
+        self.depths[photo] = Some(depth);
+        Ok(())
     }
 
     /// The size of the scene: how far the cameras are apart, world units.

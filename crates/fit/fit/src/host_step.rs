@@ -9,12 +9,13 @@ use crate::gradients::GradientsMut;
 use crate::photos::at_level;
 use crate::population::Population;
 use crate::strategy::Moment;
+use crate::surfaces::{DrawnDepth, Facing, Surface};
 use crate::transients::counted;
 use std::mem::take;
 use std::time::Instant;
 use weaver_geometry::lens::LensCamera;
 use weaver_kernels::random::Stream;
-use weaver_scene::{CameraSlices, intrinsics_row, viewmat};
+use weaver_scene::{CameraSlices, GaussianSlices, intrinsics_row, viewmat};
 use weaver_splat::{Cotangents, GaussianStatistics, Gradients as RasterGradients, Images, Target};
 
 /// Outcome of a look at a photo, beside gradients with respect to the Gaussians.
@@ -108,17 +109,27 @@ impl Fit {
         let raster = self.raster;
         let buffers = &mut self.buffers;
         buffers.resize(height * width);
-        let gaussians = self.activated.slices(drawn.unwrap_or(&self.population));
+        let population = drawn.unwrap_or(&self.population);
+        let gaussians = self.activated.slices(population);
         let rate = self.settings.poses.rate_at(moment.fraction());
-        let depth = (rate > 0.0).then_some(&mut buffers.depth[..]);
-        let images = Images { image: &mut buffers.image, alpha: &mut buffers.alpha, depth, features: None };
-        let stats = self.session.forward(&gaussians, &cameras, &raster, images)?;
+        let (surfaces, known) = (&mut self.surfaces, self.depths[index].as_ref());
+        let has_surface = surfaces.begin(&self.settings.surfaces, moment.fraction(), known.is_some(), photo);
+        let depth = (rate > 0.0 || has_surface).then_some(&mut buffers.depth[..]);
+        let facing = Facing::new(population, gaussians.scales, &camera);
+        let (normals, picture) = surfaces.to_draw(&facing, [height, width]);
+        let with_normals = GaussianSlices { features: normals, ..gaussians };
+        let images = Images { image: &mut buffers.image, alpha: &mut buffers.alpha, depth, features: picture };
+        let stats = self.session.forward(&with_normals, &cameras, &raster, images)?;
         self.timings.forward += start.elapsed();
 
         let start = Instant::now();
         let mask = counted(photo, self.transients[index].as_ref());
         let seen = Compared { rgb: &photo.rgb, mask: mask.as_deref(), size: [height, width] };
-        let (loss, mse, exposure) = buffers.compare(&seen, self.exposures.get(index), self.settings.ssim_weight);
+        let (mut loss, mse, exposure) = buffers.compare(&seen, self.exposures.get(index), self.settings.ssim_weight);
+        if has_surface {
+            let drawn = DrawnDepth { depth: &buffers.depth, alpha: &buffers.alpha, camera: &camera };
+            loss += surfaces.compare(&drawn, known, self.settings.surfaces.off);
+        }
         if !loss.is_finite() {
             return Err(self.diverged(loss, index, moment));
         }
@@ -126,17 +137,22 @@ impl Fit {
 
         let start = Instant::now();
         let GradientsMut { means, quats, scales, opacities, sh } = to;
+        let Surface { normals, of_normals, of_picture, of_depth, of_alpha } = surfaces.to_pull_back();
         let targets = RasterGradients {
             means: Some(Target::write(means)),
-            quats: Some(Target::write(quats)),
+            quats: Some(Target::write(&mut *quats)),
             scales: Some(Target::write(scales)),
             opacities: Some(Target::write(opacities)),
             colors: Some(Target::write(sh)),
+            features: of_normals.map(Target::write),
             statistics,
             ..RasterGradients::default()
         };
-        let cotangents = Cotangents { image: Some(&buffers.gradient), ..Cotangents::default() };
-        self.session.backward(&gaussians, &cameras, &raster, &cotangents, targets)?;
+        let cotangents =
+            Cotangents { image: Some(&buffers.gradient), alpha: of_alpha, depth: of_depth, features: of_picture };
+        let with_normals = GaussianSlices { features: normals, ..gaussians };
+        self.session.backward(&with_normals, &cameras, &raster, &cotangents, targets)?;
+        surfaces.pull_back(&facing, quats);
         let twist = (rate > 0.0).then(|| {
             let Buffers { target, image, corrected, alpha, depth, .. } = &self.buffers;
             let image = if self.exposures.is_empty() { image } else { corrected };

@@ -44,6 +44,7 @@ mod sky;
 #[cfg(feature = "state")]
 mod state;
 pub mod strategy;
+mod surfaces;
 mod thinning;
 mod timing;
 mod transient_search;
@@ -71,6 +72,7 @@ pub use sky::sky;
 #[cfg(feature = "state")]
 pub use state::gaussians_of;
 pub use strategy::{Density, Moment, Regularizer, Strategy, StrategyKind};
+pub use surfaces::{KnownDepth, Surfaces};
 pub use thinning::Thinning;
 pub use timing::{Rehearsal, in_time, steps_in};
 pub use transients::Transients;

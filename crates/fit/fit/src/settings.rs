@@ -1,6 +1,6 @@
 //! Settings of a fit.
 
-use crate::{Density, FitError, Rates, Thinning};
+use crate::{Density, FitError, Rates, Surfaces, Thinning};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +57,9 @@ pub struct FitSettings {
     /// ([`Transients`](crate::Transients)).
     #[serde(default)]
     pub transients: bool,
+    /// Losses of surfaces.
+    #[serde(default)]
+    pub surfaces: Surfaces,
     /// True if a run ends without the Gaussians that no photo needs ([`Fit::clean`](crate::Fit::clean)), which is up to
     /// whoever lets it run.
     #[serde(default)]
@@ -104,6 +107,7 @@ impl Default for FitSettings {
             exposure: false,
             dropout: 0.0,
             transients: false,
+            surfaces: Surfaces::default(),
             clean: false,
             thinned: Vec::new(),
         }
@@ -251,6 +255,8 @@ impl FitSettings {
             ("poses.until", self.poses.until),
             ("poses.rate_end", self.poses.rate_end),
             ("rates.means_end", self.rates.means_end),
+            ("surfaces.normals_from", self.surfaces.normals_from),
+            ("surfaces.end", self.surfaces.end),
             ("rates.end", self.rates.end),
             ("rates.last", self.rates.last),
             ("background", f64::from(self.background[0])),
@@ -272,6 +278,8 @@ impl FitSettings {
             ("rates.power", self.rates.power),
             ("poses.rate", self.poses.rate),
             ("near", self.near),
+            ("surfaces.depth", self.surfaces.depth),
+            ("surfaces.normals", self.surfaces.normals),
             ("density.growth", self.density.growth),
             ("density.noise", self.density.noise),
             ("density.opacity_weight", f64::from(self.density.opacity_weight)),
@@ -282,6 +290,9 @@ impl FitSettings {
         }
         if !(self.initial_scale.is_finite() && self.initial_scale > 0.0) {
             return Err(FitError::setting("initial_scale", "a positive number", self.initial_scale));
+        }
+        if !(self.surfaces.off.is_finite() && self.surfaces.off > 0.0) {
+            return Err(FitError::setting("surfaces.off", "a positive number", self.surfaces.off));
         }
         let counts = [
             ("steps", self.steps),

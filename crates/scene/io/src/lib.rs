@@ -56,6 +56,7 @@ pub use lidar::scan::{LIDAR_FORMATS, LidarScan, read_lidar_scan, write_lidar_sca
 pub use observe::{Observe, Part, Stage, duration};
 pub use pictures::bitmap::Bitmap;
 pub use pictures::color::{false_color, label_color};
+pub use pictures::depth::DepthPicture;
 pub use pictures::exif::focal_35mm;
 pub use pictures::heif::{HeifPhoto, Turned};
 pub use pictures::image::{Background, Image};

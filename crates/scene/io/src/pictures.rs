@@ -2,6 +2,7 @@
 
 pub(crate) mod bitmap;
 pub(crate) mod color;
+pub(crate) mod depth;
 pub(crate) mod exif;
 pub(crate) mod heif;
 pub(crate) mod image;

@@ -4,6 +4,8 @@ use weaver_kernels::{Real, parallel};
 
 /// Rows of pixels of a task.
 const BAND: usize = 16;
+/// Largest over least depth of a pixel and its neighbors from which on they show no surface, but the edge of one.
+const JUMP: f64 = 1.05;
 /// Alpha from which on a pixel shows a surface.
 const OPAQUE: f64 = 0.5;
 
@@ -63,8 +65,8 @@ pub struct Relief<'a, T> {
 /// `loss = 1 / P sum of (alpha - N . n)`, with `n` the unit normal of the places of the four neighbors of a pixel,
 /// `(right - left) x (lower - upper)`, turned toward the camera.
 ///
-/// Pixels count whose neighbors and themselves have an alpha of at least 1/2; P is the number of all pixels, and alpha
-/// is a constant. Gradients are overwritten.
+/// Pixels count whose neighbors and themselves have an alpha of at least 1/2 and depths within 5 %; P is the number of
+/// all pixels, and alpha is a constant. Gradients are overwritten.
 ///
 /// Source: Huang et al., 2D Gaussian splatting for geometrically accurate radiance fields, 2024, equation 14.
 ///
@@ -167,7 +169,7 @@ impl<T: Real> Relief<'_, T> {
         self.ray(at).map(|x| x * self.depth[at])
     }
 
-    /// None at the border, and where a neighbor shows no surface.
+    /// None at the border, and where a neighbor shows no surface or another one.
     fn tangents(&self, at: usize) -> Option<Tangents<T>> {
         let [height, width] = self.size;
         let (row, column) = (at / width, at % width);
@@ -177,6 +179,11 @@ impl<T: Real> Relief<'_, T> {
         let near = [at, at - 1, at + 1, at - width, at + width];
         let least = T::from_f64(OPAQUE);
         if near.iter().any(|near| self.alpha[*near] < least) {
+            return None;
+        }
+        let depths = near.map(|near| self.depth[near]);
+        let (low, high) = depths.iter().fold((T::INFINITY, T::ZERO), |(low, high), z| (low.min(*z), high.max(*z)));
+        if high > T::from_f64(JUMP) * low {
             return None;
         }
         let [_, left, right, upper, lower] = near.map(|near| self.place(near));

@@ -19,7 +19,7 @@ use weaver_command::{
 };
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::{Lenses, Masked};
-use weaver_fit::{FitSettings, Judge, StrategyKind, bytes_per_step};
+use weaver_fit::{FitSettings, Judge, StrategyKind, Surfaces, bytes_per_step};
 use weaver_io::SceneFormat;
 use weaver_ranks::{Alone, Ranks};
 use weaver_reconstruct::{ByPhotos, FitContext, FitRequest, Pace, Run, RunSettings, resume};
@@ -145,6 +145,9 @@ pub struct Fit {
     /// Keeps Gaussians that no photo needs; else they are removed at the end
     #[arg(long, help_heading = SCENE, conflicts_with = "resume")]
     pub keep_all: bool,
+    /// Fits the depth of surfaces as well, for meshes: that of depth_file_path, else what photos agree about
+    #[arg(long, help_heading = SCENE, conflicts_with = "resume")]
+    pub surfaces: bool,
     /// Further files of the scene, in formats that `splatweaver convert --help` lists; may be repeated
     #[arg(long = "also", value_parser = scene_format(), value_name = "FORMAT", help_heading = SCENE)]
     pub formats: Vec<SceneFormat>,
@@ -334,6 +337,9 @@ fn fit_settings(arguments: &Fit) -> Result<(FitSettings, BTreeSet<ByPhotos>, Opt
     fit.exposure = arguments.exposure.unwrap_or(fit.exposure);
     fit.background = arguments.background.map_or(fit.background, |color| color.0);
     fit.clean &= !arguments.keep_all;
+    if arguments.surfaces {
+        fit.surfaces = Surfaces::FOR_MESHES;
+    }
     fit.poses.refine |= arguments.refine_cameras;
     if arguments.refine_focal && !fit.poses.refine {
         return Err(Failure::Usage("--refine-focal: expected --refine-cameras with it".into()));

@@ -71,6 +71,9 @@ pub struct Reconstruct {
     /// Keeps Gaussians that no photo needs; else they are removed at the end
     #[arg(long, help_heading = FIT)]
     pub keep_all: bool,
+    /// Fits the depth of surfaces as well, for meshes: that of depth_file_path, else what photos agree about
+    #[arg(long, help_heading = FIT)]
+    pub surfaces: bool,
     #[command(flatten)]
     pub live: LiveFlag,
     #[command(flatten)]
@@ -116,6 +119,7 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
         compress: arguments.compress,
         html: !arguments.no_html,
         clean: !arguments.keep_all,
+        surfaces: arguments.surfaces,
         frames: arguments.estimate.clip.most(),
         matching: arguments.estimate.matching.into(),
         placing: (&arguments.estimate.placing).into(),

@@ -70,6 +70,7 @@ class ReconstructOptions(_Placing, total=False):
     #: Level of scene.wsz that the end of the fit is trained for.
     compress: float
     keep_all: bool
+    surfaces: bool
     no_html: bool
     live: bool
     #: Port of the page that follows; needs live.
@@ -105,6 +106,7 @@ class FitOptions(_Matching, total=False):
     #: Level of scene.wsz that the end of the fit is trained for.
     compress: float
     keep_all: bool
+    surfaces: bool
     no_html: bool
     live: bool
     #: Port of the page that follows; needs live.

@@ -15,6 +15,7 @@ mod rounding;
 mod scenes;
 mod several_views;
 mod strategies;
+mod surfaces;
 mod thinning;
 mod timing;
 mod transients;

@@ -42,7 +42,9 @@ const INTRINSICS: [f64; 4] = [9.0, 11.0, 3.2, 2.7];
 impl Drawing {
     fn new(seed: u64, size: [usize; 2]) -> Self {
         let pixels = size[0] * size[1];
-        let depth = between(seed, 1.5, 2.5, pixels);
+        // Some stand behind the others, as beyond an edge.
+        let far = between(seed ^ 5, 0.0, 1.0, pixels).into_iter().map(|x| if x > 0.9 { 1.3 } else { 1.0 });
+        let depth = between(seed, 1.97, 2.03, pixels).into_iter().zip(far).map(|(z, far)| far * z).collect();
         // Some pixels are not opaque enough to count; none is at the edge of it.
         let alpha = between(!seed, 0.2, 1.0, pixels).into_iter().map(|a| if a < 0.3 { a } else { 0.6 + a / 3.0 });
         Self { depth, alpha: alpha.collect(), normals: between(seed ^ 7, -1.0, 1.0, 3 * pixels), size }
@@ -72,6 +74,10 @@ impl Drawing {
             for x in 1..width.max(1) - 1 {
                 let near = [(x, y), (x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)];
                 if near.iter().any(|(x, y)| self.alpha[y * width + x] < 0.5) {
+                    continue;
+                }
+                let depths = near.map(|(x, y)| self.depth[y * width + x]);
+                if depths.iter().any(|a| depths.iter().any(|b| *a > 1.05 * *b)) {
                     continue;
                 }
                 let [left, right, upper, lower] = [near[1], near[2], near[3], near[4]].map(|(x, y)| place(x, y));
