@@ -1,27 +1,29 @@
 //! Depth of photos that files know: `depth_file_path` of a capture's frames.
 
 use crate::Error;
-use crate::loaded::Origin;
 use rayon::prelude::*;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use weaver_fit::KnownDepth;
 use weaver_geometry::glam::DVec2;
 use weaver_geometry::lens::{Lens, LensCamera};
 use weaver_io::DepthPicture;
-use weaver_scene::Photo;
+use weaver_scene::{Frame, Photo};
 
 /// The entry of a frame that names its picture of depth, relative to the capture's folder.
 const KEY: &str = "depth_file_path";
 
-/// Depth of the pinhole photos whose frames name a picture of it, by the number of the photo, pixel by pixel of the photo
-/// as it is fitted. The picture has the shape of the photo's file, at any size.
+/// Longest side that depth is kept at, pixels: surfaces are smooth, and hundreds of photos take memory.
+const LONG_SIDE: usize = 400;
+
+/// Depth of the pinhole photos whose frames name a picture of it, by the number of the photo, for each pixel of the
+/// photo as it is fitted, shrunk to 400 pixels. The picture has the shape of the photo's file, at any size.
 ///
 /// # Errors
 /// When a picture cannot be read, or has another shape.
-pub(crate) fn of_files(
+pub(crate) fn of_files<'a>(
     capture: &Path,
     photos: &[Photo],
-    origins: &[Origin],
+    frame: impl Fn(usize) -> &'a Frame + Sync,
 ) -> Result<Vec<(usize, KnownDepth)>, Error> {
     let folder = if capture.is_dir() { capture } else { capture.parent().unwrap_or(capture) };
     let named = |number: usize| {
@@ -29,17 +31,24 @@ pub(crate) fn of_files(
         if photos[number].lens.is_some() {
             return None;
         }
-        let entry = origins[number].frame.extras.get(KEY)?;
-        serde_json::from_str::<String>(entry).ok().map(|name| (number, folder.join(name)))
+        frame(number).extras.get(KEY).map(|entry| (number, entry))
     };
-    let named: Vec<_> = (0..photos.len()).filter_map(named).collect();
-    let read = |(number, path): &(usize, PathBuf)| Ok((*number, of_file(path, &photos[*number], &origins[*number])?));
+    let named: Vec<(usize, &String)> = (0..photos.len()).filter_map(named).collect();
+    let read = |(number, entry): &(usize, &String)| {
+        let name: String = serde_json::from_str(entry).map_err(|_| Error::Photos {
+            capture: capture.to_path_buf(),
+            key: KEY,
+            expected: "the name of a file".into(),
+            found: entry.to_string(),
+        })?;
+        Ok((*number, of_file(&folder.join(name), &photos[*number], frame(*number))?))
+    };
     named.par_iter().map(read).collect()
 }
 
-fn of_file(path: &Path, photo: &Photo, origin: &Origin) -> Result<KnownDepth, Error> {
+fn of_file(path: &Path, photo: &Photo, frame: &Frame) -> Result<KnownDepth, Error> {
     let DepthPicture { width, height, depth } = DepthPicture::read(path)?;
-    let file = &origin.frame.camera;
+    let file = &frame.camera;
     // A picture that is shrunk may be off by a pixel.
     let factor = file.width as f64 / width.max(1) as f64;
     if depth.is_empty() || (height as f64 * factor - file.height as f64).abs() > 1.0 + factor {
@@ -50,9 +59,9 @@ fn of_file(path: &Path, photo: &Photo, origin: &Origin) -> Result<KnownDepth, Er
             found: format!("{width}x{height}"),
         });
     }
-    let distorted = LensCamera::new(*file, Some(Lens::of(origin.frame.distortion)));
-    let shown = photo.lens_camera();
-    let [rows, columns] = photo.size();
+    let distorted = LensCamera::new(*file, Some(Lens::of(frame.distortion)));
+    let camera = photo.camera.shrunk(LONG_SIDE);
+    let (shown, rows, columns) = (LensCamera::new(camera, None), camera.height, camera.width);
     let scale = DVec2::new(width as f64 / file.width as f64, height as f64 / file.height as f64);
     let at = |pixel: usize| {
         let center = DVec2::new((pixel % columns) as f64 + 0.5, (pixel / columns) as f64 + 0.5);

@@ -142,7 +142,11 @@ pub(crate) fn prepare(
         }
     }
     let uses_depth = settings.fit.surfaces.depth > 0.0;
-    let known = if uses_depth { depths::of_files(&settings.capture, &training, &origins)? } else { Vec::new() };
+    let known = if uses_depth {
+        depths::of_files(&settings.capture, &training, |photo| &origins[photo].frame)?
+    } else {
+        Vec::new()
+    };
     let finds_depth = uses_depth && known.is_empty();
     let seen = Seen { photos: &training, points: &capture.points, visible: &visible, finds_depth };
     let start = Start::of(settings, seen, given)?;
@@ -168,7 +172,13 @@ pub(crate) fn prepare(
     let mut fit = Fit::with(rasterizer, strategy, training, &start.gaussians, settings.fit.clone())?;
     fit.begin_exposures(colors.gains.iter().map(|gains| Exposure::of_gains(*gains)));
     let Start { gaussians, coverage, searched, depths } = start;
-    for (photo, depth) in known.into_iter().chain(depths) {
+    let by = if known.is_empty() { "as they agree about it" } else { "by depth_file_path" };
+    let depths: Vec<_> = known.into_iter().chain(depths).collect();
+    if uses_depth {
+        let count = depths.len();
+        remarks.push(format!("{}: the depth of {count} photos counts, {by}", settings.capture.display()));
+    }
+    for (photo, depth) in depths {
         fit.set_depth(photo, depth)?;
     }
     if let Some(level) = settings.compress {

@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// A drawn scene with its true depth.
 struct Place {
-    /// Whether they are held out.
+    /// Photos, and true for those that are held out.
     photos: Vec<(bool, Photo)>,
     depths: Vec<Vec<f32>>,
     points: PointCloud,
@@ -123,7 +123,8 @@ impl Place {
         Ok([psnr, 100.0 * errors[errors.len() / 2], 100.0 * within])
     }
 
-    /// Precision, recall and F-score of the mesh within [`NEAR`] of the scene's size, and its Chamfer distance, percent.
+    /// Precision, recall and F-score of the mesh within [`NEAR`] of the scene's size, and its Chamfer distance, all in
+    /// percent.
     fn mesh(&self, fit: &Fit) -> Result<[f64; 4], Box<dyn Error>> {
         let fitted = self.fitted();
         let cameras: Vec<_> = fitted.iter().map(|i| self.photos[*i].1.camera).collect();

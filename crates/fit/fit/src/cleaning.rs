@@ -12,7 +12,7 @@ use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_scene::forms;
 use weaver_splat::RasterError;
 
-/// Photos whose work is timed to know that of all.
+/// Photos whose work is timed, to know how long all take.
 const TIMED: usize = 2;
 /// Gaussians nearest to one, itself among them, of which one goes in a round.
 const NEIGHBORS: usize = 9;
@@ -28,6 +28,8 @@ const WORST: f64 = 0.5;
 const FADED: f32 = 0.1;
 /// Photos that have to show a Gaussian for judging it, where not all are asked: the others may need what these do not.
 const WITNESSES: u32 = 5;
+/// Steps of fading that take as long as a round, about.
+const ROUND: usize = 50;
 /// Photos from which a Gaussian that a single one shows goes: of fewer, much of a scene is in one alone.
 const MANY: usize = 12;
 
@@ -66,6 +68,13 @@ impl CleaningRules {
         Self { rise: 0.002, bound: 0.002, others: 0.5, rounds: 8, part: 0.15, pixels: 32 << 20, fading: 400 };
 }
 
+impl CleaningRules {
+    /// All the work, in parts that take about as long each.
+    pub fn parts(&self) -> usize {
+        self.fading + ROUND * self.rounds
+    }
+}
+
 impl Fit {
     /// Removes Gaussians that no photo needs, by the photos alone: those that no photo shows, or a single one of many;
     /// those without which the photos are met better or as well; and those that one photo needs although the others
@@ -75,12 +84,21 @@ impl Fit {
     /// # Errors
     /// When the rasterizer refuses.
     pub fn clean(&mut self, rules: &CleaningRules) -> Result<Cleaned, FitError> {
+        self.clean_watched(rules, |_| ())
+    }
+
+    /// The same, and tells how many of the [parts](CleaningRules::parts) are done.
+    ///
+    /// # Errors
+    /// As [`clean`](Self::clean).
+    pub fn clean_watched(&mut self, rules: &CleaningRules, mut done: impl FnMut(usize)) -> Result<Cleaned, FitError> {
         self.fetch()?;
         let photos = self.asked(rules);
         let count = photos.len() as f64;
-        let mut cleaned = Cleaned { harmful: self.fade(rules.fading)?, ..Cleaned::default() };
+        let mut cleaned = Cleaned { harmful: self.fade(rules.fading, &mut done)?, ..Cleaned::default() };
         let mut bound = f64::INFINITY;
         for round in 1..=rules.rounds {
+            done(rules.fading + ROUND * (round - 1));
             let found = self.judged(&photos, evidence)?;
             // A scene that lies outside all photos is not judged by them.
             if found.photos.iter().all(|photos| *photos == 0) {
@@ -108,6 +126,7 @@ impl Fit {
             }
         }
         self.changed();
+        done(rules.parts());
         Ok(cleaned)
     }
 
@@ -136,7 +155,7 @@ impl Fit {
     }
 
     /// Removes Gaussians that fade where opacities alone are fitted for so many steps, and returns their number.
-    fn fade(&mut self, steps: usize) -> Result<usize, FitError> {
+    fn fade(&mut self, steps: usize, done: &mut impl FnMut(usize)) -> Result<usize, FitError> {
         if steps == 0 {
             return Ok(0);
         }
@@ -153,9 +172,9 @@ impl Fit {
             let strategy = std::mem::replace(&mut fit.strategy, settings.density.strategy());
             let rounding = fit.rounding.take();
             fit.population = Population::new(&fit.population.to_gaussians(0));
-            let done = (0..steps).try_for_each(|_| fit.step().map(drop)).and_then(|()| fit.fetch());
+            let faded = (0..steps).try_for_each(|step| fit.step().map(|_| done(step + 1))).and_then(|()| fit.fetch());
             (fit.strategy, fit.rounding) = (strategy, rounding);
-            done.map(|()| opacity(&fit.population.to_gaussians(0).opacity_logits))
+            faded.map(|()| opacity(&fit.population.to_gaussians(0).opacity_logits))
         })?;
         let keep: Vec<bool> = before.iter().zip(&after).map(|(before, after)| *after >= FADED * before).collect();
         self.keep(&keep);
@@ -203,7 +222,7 @@ impl Fit {
     }
 }
 
-/// What a round removes.
+/// The part of a scene that a round removes.
 #[derive(Debug)]
 enum Part {
     /// Those that do the most harm, and half of all of it: junk before a Gaussian makes that one look harmful, too, or

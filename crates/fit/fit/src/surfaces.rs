@@ -1,4 +1,4 @@
-//! Losses of surfaces in a step: depth that is known, and normals of Gaussians that agree with the depth that they make.
+//! Losses of surfaces in a step: known depth, and normals of Gaussians that agree with the depth that they make.
 
 use crate::FitError;
 use crate::population::Population;
@@ -16,7 +16,7 @@ const GRAIN: usize = 1 << 12;
 /// Numbers of a normal.
 const CHANNELS: usize = 3;
 
-/// Losses of surfaces beside that of the photos. Both are off at 0, and where steps are taken on a device.
+/// Losses of surfaces beside the photos' own. Both are off at 0; else steps are not taken on a device.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Surfaces {
@@ -179,8 +179,7 @@ impl SurfaceBuffers {
         loss
     }
 
-    /// The normals as they were drawn, gradients with respect to the pictures, and room for that with respect to the
-    /// normals.
+    /// The normals as they were drawn, gradients with respect to the pictures, and room for the normals' gradient.
     pub fn to_pull_back(&mut self) -> Surface<'_> {
         let Self { weights: [depth, normal], normals, of_normals, of_picture, of_depth, of_alpha, .. } = self;
         let (counts, has_normals) = (*depth > 0.0 || *normal > 0.0, *normal > 0.0);
@@ -194,7 +193,7 @@ impl SurfaceBuffers {
         }
     }
 
-    /// Adds the gradient with respect to quaternions that the one with respect to normals leads to.
+    /// Adds the gradient with respect to quaternions.
     pub fn pull_back(&self, facing: &Facing<'_>, quats: &mut [f32]) {
         if self.weights[1] == 0.0 {
             return;
@@ -304,9 +303,9 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
+        #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
-        /// Promise (gradients): gradients of Gaussians' normals are those of finite differences, for quaternions of any
+        /// Promise (fits): finite differences confirm the gradients of Gaussians' normals, for quaternions of any
         /// length.
         #[test]
         fn gradients_of_normals(quat: [f64; 4], of: [f64; 3], axis in 0_usize..3) {

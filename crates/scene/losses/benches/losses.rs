@@ -3,7 +3,8 @@
 use criterion::Criterion;
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::Input;
-use weaver_losses::{Perceptual, Photometric, error_regression, laplacian_log_depth, mse, ssim};
+use weaver_losses::{Perceptual, Photometric, Relief, depth_loss, error_regression, laplacian_log_depth};
+use weaver_losses::{mse, normal_loss, ssim};
 
 fn losses(criterion: &mut Criterion) {
     let image =
@@ -71,6 +72,25 @@ fn perceptual(criterion: &mut Criterion) {
 }
 
 /// The fused loss beside the same of ops on the tape.
+fn surfaces(criterion: &mut Criterion) {
+    let (width, height) = (800, 600);
+    let pixels = width * height;
+    let between = |seed, low, high, count| -> Vec<f32> {
+        Input::uniform(seed, low, high, [count]).data.iter().map(|x| *x as f32).collect()
+    };
+    let (depth, known, alpha) = (between(1, 1.9, 2.0, pixels), between(2, 1.5, 2.5, pixels), vec![1.0; pixels]);
+    let normals = between(3, -1.0, 1.0, 3 * pixels);
+    let (mut of_depth, mut of_normals) = (vec![0.0; pixels], vec![0.0; 3 * pixels]);
+    criterion.bench_function(&format!("loss of depth of {width} x {height} and its gradient"), |bencher| {
+        bencher.iter(|| depth_loss(&depth, &known, 0.02, &mut of_depth));
+    });
+    let intrinsics = [700.0, 700.0, 400.0, 300.0];
+    let relief = Relief { depth: &depth, alpha: &alpha, normals: &normals, size: [height, width], intrinsics };
+    criterion.bench_function(&format!("loss of normals of {width} x {height} and its gradients"), |bencher| {
+        bencher.iter(|| normal_loss(&relief, &mut of_depth, &mut of_normals));
+    });
+}
+
 fn photometric(criterion: &mut Criterion) {
     for size @ [height, width] in [[256, 384], [720, 1280]] {
         let image = |seed| {
@@ -97,6 +117,7 @@ fn main() {
     let mut criterion = Criterion::default().configure_from_args();
     losses(&mut criterion);
     photometric(&mut criterion);
+    surfaces(&mut criterion);
     perceptual(&mut criterion);
     criterion.final_summary();
 }

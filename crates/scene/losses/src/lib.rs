@@ -2,8 +2,9 @@
 //!
 //! A loss is a function from tensors on a tape to a scalar on the same tape, or to one number per image that can be
 //! weighted. Its weight in a sum of losses, and when it is switched on, is left to the caller. A [metric](metrics) is a
-//! plain function of slices; so is the [photometric loss](Photometric) that Gaussians are fitted by, with its gradient, and so
-//! are the losses of surfaces, [`depth_loss`] and [`normal_loss`]. Without the default feature `tape` there are these two alone.
+//! plain function of slices; so is the [photometric loss](Photometric) that Gaussians are fitted by, with its gradient,
+//! and so are the losses of surfaces, [`depth_loss`] and [`normal_loss`]. Without the default feature `tape` there are
+//! these alone.
 
 mod color_map;
 pub mod metrics;

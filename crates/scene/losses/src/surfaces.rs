@@ -59,8 +59,8 @@ pub struct Relief<'a, T> {
     pub intrinsics: [f64; 4],
 }
 
-/// Disagreement of blended normals and those of the surface that depth describes, with gradients with respect to depth
-/// and normals:
+/// Disagreement of blended normals with the surface that depth describes, and gradients with respect to depth and
+/// normals:
 ///
 /// `loss = 1 / P sum of (alpha - N . n)`, with `n` the unit normal of the places of the four neighbors of a pixel,
 /// `(right - left) x (lower - upper)`, turned toward the camera.

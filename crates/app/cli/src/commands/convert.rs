@@ -9,7 +9,7 @@ use weaver_command::{Console, ConsoleObserver, DrawingOptions, Failure, Output, 
 use weaver_geometry::Similarity;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_io::{Conversion, ConvertError, ConvertedCameras, Keep, SCENE_FORMATS, SceneFormat, Score};
-use weaver_io::{convert, convert_cameras, is_cameras};
+use weaver_io::{Observe, convert, convert_cameras, is_cameras};
 use weaver_reconstruct::{Outcome, clean};
 use weaver_scene::{Gaussians, Region};
 
@@ -156,13 +156,13 @@ pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
         DrawingOptions::default().contributions(gaussians, cameras, (&from[0], drawing)).map_err(Failure::into_error)
     };
     let removed = Cell::new(None);
-    let clean = |gaussians: Gaussians, drawing| {
+    let clean = |gaussians: Gaussians, drawing, observe: &mut dyn Observe| {
         let Some(capture) = &arguments.cameras else {
             let visible = gaussians.select(&gaussians.visible());
             return Ok(visible.select(&visible.without_floaters()));
         };
         let drawn = DrawingOptions::default().beside(&from[0], drawing).map_err(Failure::into_error)?;
-        let (left, cleaned) = clean(&gaussians, capture, drawn, Outcome::beside(&from[0]).as_ref())?;
+        let (left, cleaned) = clean(&gaussians, capture, drawn, Outcome::beside(&from[0]).as_ref(), observe)?;
         removed.set(Some(cleaned));
         Ok(left)
     };

@@ -71,7 +71,7 @@ pub struct Reconstruct {
     /// Keeps Gaussians that no photo needs; else they are removed at the end
     #[arg(long, help_heading = FIT)]
     pub keep_all: bool,
-    /// Fits the depth of surfaces as well, for meshes: that of depth_file_path, else what photos agree about
+    /// Fits depth as well, for meshes: by depth_file_path of a transforms.json, else as photos agree about it
     #[arg(long, help_heading = FIT)]
     pub surfaces: bool,
     #[command(flatten)]

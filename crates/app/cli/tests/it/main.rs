@@ -15,6 +15,7 @@ mod compare;
 mod compress;
 mod configuration;
 mod convert;
+mod depth_files;
 mod device;
 mod divergence;
 mod dynamic;

@@ -79,7 +79,8 @@ impl FromStr for Keep {
 }
 
 /// A choice of Gaussians by the caller.
-pub type CleanOf<'a> = dyn Fn(Gaussians, Drawing) -> Result<Gaussians, Box<dyn StdError + Send + Sync>> + 'a;
+pub type CleanOf<'a> =
+    dyn Fn(Gaussians, Drawing, &mut dyn Observe) -> Result<Gaussians, Box<dyn StdError + Send + Sync>> + 'a;
 
 /// A score of each Gaussian that a caller computes.
 pub type ScoreOf<'a> = dyn Fn(&Gaussians, Drawing) -> Result<Vec<f32>, Box<dyn StdError + Send + Sync>> + 'a;
@@ -204,7 +205,7 @@ pub fn convert(
     let (mut read, drawing) = joined(from, observe)?;
     let count = read.len();
     if let Some(clean) = conversion.clean {
-        read = Box::new(clean(read.into_all()?, drawing).map_err(ConvertError::Caller)?);
+        read = Box::new(clean(read.into_all()?, drawing, observe).map_err(ConvertError::Caller)?);
     }
     let mut gaussians = conversion.changed(read);
     // Where each Gaussian goes its own way, the scene passes through in blocks.

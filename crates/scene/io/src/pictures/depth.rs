@@ -8,6 +8,8 @@ use std::path::Path;
 
 /// Units of 16-bit pictures in a world unit: they hold millimeters.
 const MILLIMETERS: f32 = 1000.0;
+/// The most pixels of an OpenEXR file, for which memory is taken at once.
+const MOST_PIXELS: usize = 1 << 28;
 /// Channels that programs give depth, in the order of their precedence; else a single one is taken.
 const CHANNELS: [&str; 6] = ["Z", "depth", "V", "Y", "R", "depth.Z"];
 
@@ -35,7 +37,7 @@ impl DepthPicture {
     }
 }
 
-/// What a picture is that is not of depth.
+/// The error of a picture that is not of depth.
 fn invalid(path: &Path, found: impl std::fmt::Display) -> Error {
     Error::invalid(path, "depth", "millimeters in 16 bits of gray, as PNG or TIFF, or world units in OpenEXR", found)
 }
@@ -54,6 +56,11 @@ fn millimeters(path: &Path) -> Result<DepthPicture> {
 }
 
 fn open_exr(path: &Path) -> Result<DepthPicture> {
+    let claims = exr::meta::MetaData::read_from_file(path, false);
+    let sizes = claims.iter().flat_map(|claims| &claims.headers).map(|header| header.layer_size.area());
+    if let Some(pixels) = sizes.max().filter(|pixels| *pixels > MOST_PIXELS) {
+        return Err(invalid(path, format!("{pixels} pixels")));
+    }
     let reader = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
     let layer = match reader.from_file(path) {
         Ok(image) => image.layer_data,

@@ -7,6 +7,7 @@ mod blocks;
 mod cameras;
 mod colmap;
 mod color_profiles;
+mod depth;
 mod exif;
 mod files;
 mod fixtures;

@@ -94,9 +94,9 @@ impl Drawing {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 8))]
 
-    /// Promise (gradients): the loss of normals is its formula, and its gradients are those of finite differences.
+    /// Promise (fits): the loss of normals is its formula, and its gradients are those of finite differences.
     #[test]
     fn normals(seed: u64, height in 1_usize..8, width in 1_usize..40) {
         let drawing = Drawing::new(seed, [height, width]);
