@@ -32,7 +32,7 @@ fn capture_with_depth(folder: &Path) {
 
 fn fit(folder: &Path, out: &str, flags: &str) -> Outcome {
     let size = "--steps 30 --gaussians 2000 --hold-out none --no-html -o";
-    line(&[&"fit", &folder, &size, &folder.join(out), &flags])
+    line(&[&"fit", &folder.join("capture"), &size, &folder.join(out), &flags])
 }
 
 /// Promise (files): depth that a capture's files have counts in `fit --surfaces`; a file that is missing, of another
@@ -41,18 +41,20 @@ fn fit(folder: &Path, out: &str, flags: &str) -> Outcome {
 fn depth_of_files_counts() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    capture_with_depth(folder);
+    let capture = folder.join("capture");
+    std::fs::create_dir(&capture).unwrap();
+    capture_with_depth(&capture);
     let fitted = fit(folder, "with", "--surfaces").fine();
     assert!(fitted.stderr.contains("the depth of 8 photos counts, by depth_file_path"), "{}", fitted.stderr);
-    let picture = folder.join("depth/03.png");
+    let picture = capture.join("depth/03.png");
     image_files::ImageBuffer::<image_files::Luma<u16>, Vec<u16>>::new(20, 20).save(&picture).unwrap();
     fit(folder, "shape", "--surfaces").refused(1, &["03.png: depth_file_path: expected the shape of the photo, 40x32"]);
     image_files::RgbImage::new(40, 32).save(&picture).unwrap();
     fit(folder, "colors", "--surfaces").refused(1, &["03.png: depth: expected millimeters"]);
     std::fs::remove_file(&picture).unwrap();
     fit(folder, "missing", "--surfaces").refused(1, &["03.png"]);
-    let file = folder.join("transforms.json");
-    capture::edit(&file, |text| text.replace("\"depth/05.png\"", "5"));
+    let file = capture.join("transforms.json");
+    crate::capture::edit(&file, |text| text.replace("\"depth/05.png\"", "5"));
     image_files::ImageBuffer::<image_files::Luma<u16>, Vec<u16>>::new(40, 32).save(&picture).unwrap();
     fit(folder, "number", "--surfaces").refused(1, &["depth_file_path: expected the name of a file, found 5"]);
     // Without the flag nobody asks for it.
