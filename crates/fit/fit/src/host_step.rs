@@ -116,7 +116,7 @@ impl Fit {
         let has_surface = surfaces.begin(&self.settings.surfaces, moment.fraction(), known.is_some(), photo);
         let depth = (rate > 0.0 || has_surface).then_some(&mut buffers.depth[..]);
         let facing = Facing::new(population, gaussians.scales, &camera);
-        let (normals, picture) = surfaces.to_draw(&facing, [height, width]);
+        let (normals, picture) = surfaces.drawn_normals(&facing, [height, width]);
         let with_normals = GaussianSlices { features: normals, ..gaussians };
         let images = Images { image: &mut buffers.image, alpha: &mut buffers.alpha, depth, features: picture };
         let stats = self.session.forward(&with_normals, &cameras, &raster, images)?;
@@ -137,7 +137,7 @@ impl Fit {
 
         let start = Instant::now();
         let GradientsMut { means, quats, scales, opacities, sh } = to;
-        let Surface { normals, of_normals, of_picture, of_depth, of_alpha } = surfaces.to_pull_back();
+        let Surface { normals, of_normals, of_picture, of_depth, of_alpha } = surfaces.surface();
         let targets = RasterGradients {
             means: Some(Target::write(means)),
             quats: Some(Target::write(&mut *quats)),

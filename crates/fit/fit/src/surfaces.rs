@@ -126,7 +126,7 @@ impl SurfaceBuffers {
     }
 
     /// The Gaussians' normals as features to blend, and room for their picture, where they count.
-    pub fn to_draw(
+    pub fn drawn_normals(
         &mut self,
         facing: &Facing<'_>,
         [height, width]: [usize; 2],
@@ -180,7 +180,7 @@ impl SurfaceBuffers {
     }
 
     /// The normals as they were drawn, gradients with respect to the pictures, and room for the normals' gradient.
-    pub fn to_pull_back(&mut self) -> Surface<'_> {
+    pub fn surface(&mut self) -> Surface<'_> {
         let Self { weights: [depth, normal], normals, of_normals, of_picture, of_depth, of_alpha, .. } = self;
         let (counts, has_normals) = (*depth > 0.0 || *normal > 0.0, *normal > 0.0);
         of_normals.resize(normals.len(), 0.0);
