@@ -245,6 +245,9 @@ fn remark(run: &Run, observe: &mut dyn Observe) {
     if !run.coverage().is_empty() {
         remark_coverage(run, observe);
     }
+    if let Some(depths) = run.depths() {
+        observe.note(depths);
+    }
     if let Some(found) = run.matching() {
         let (points, pixels) = (found.points, found.pixels);
         observe

@@ -42,6 +42,8 @@ pub(crate) struct Loaded {
     /// from them.
     pub found: Option<Gaussians>,
     pub coverage: Coverage,
+    /// A note about the photos whose depth counts, if any was asked for.
+    pub depths: Option<String>,
     /// Checksums of the inputs.
     pub sources: Sources,
     /// Remarks for the user.
@@ -173,12 +175,12 @@ pub(crate) fn prepare(
     fit.begin_exposures(colors.gains.iter().map(|gains| Exposure::of_gains(*gains)));
     let Start { gaussians, coverage, searched, depths } = start;
     let by = if known.is_empty() { "as they agree about it" } else { "by depth_file_path" };
-    let depths: Vec<_> = known.into_iter().chain(depths).collect();
-    if uses_depth {
-        let count = depths.len();
-        remarks.push(format!("{}: the depth of {count} photos counts, {by}", settings.capture.display()));
+    let known: Vec<_> = known.into_iter().chain(depths).collect();
+    if uses_depth && known.is_empty() {
+        remarks.push(format!("{}: no photo has a depth, and none is fitted", settings.capture.display()));
     }
-    for (photo, depth) in depths {
+    let depths = (!known.is_empty()).then(|| format!("the depth of {} photos counts, {by}", known.len()));
+    for (photo, depth) in known {
         fit.set_depth(photo, depth)?;
     }
     if let Some(level) = settings.compress {
@@ -187,5 +189,5 @@ pub(crate) fn prepare(
     settings.by_photos.clear();
     let found = searched.then_some(gaussians);
     let (points, world) = (capture.points, capture.origin);
-    Ok(Loaded { fit, held_out, origins, points, world, matching, colors, found, coverage, sources, remarks })
+    Ok(Loaded { fit, held_out, origins, points, world, matching, colors, found, coverage, depths, sources, remarks })
 }

@@ -239,6 +239,11 @@ impl Run {
         &self.0.job.capture.coverage
     }
 
+    /// A note about the photos whose depth counts, if any was asked for.
+    pub(crate) fn depths(&self) -> Option<&str> {
+        self.0.job.capture.depths.as_deref()
+    }
+
     /// Remarks for the user about how the capture was loaded.
     pub fn remarks(&self) -> &[String] {
         &self.0.job.capture.remarks
