@@ -112,9 +112,12 @@ impl Fit {
             };
             let witnesses = if photos.len() < self.photos() { WITNESSES } else { 1 };
             let all = reasons((&found, witnesses), &part, rules, &self.neighbors());
-            // Where a photo is alone with all of its part of the scene, that part stays.
-            let not_lone = all.iter().map(|reason| reason.filter(|reason| *reason != Reason::Lone)).collect();
-            for reasons in [all, not_lone] {
+            // Where a photo is alone with all of its part of the scene, that part stays; large Gaussians that make up for
+            // each other seem harmful one by one, and stay as well.
+            let without = |kept: &[Reason]| all.iter().map(|reason| reason.filter(|r| !kept.contains(r))).collect();
+            let not_lone: Vec<_> = without(&[Reason::Lone]);
+            let not_harmful = without(&[Reason::Lone, Reason::Harmful]);
+            for reasons in [all.clone(), not_lone, not_harmful] {
                 let before = self.population.clone();
                 self.keep(&reasons.iter().map(Option::is_none).collect::<Vec<_>>());
                 if self.judged(&photos, error)? <= bound {
