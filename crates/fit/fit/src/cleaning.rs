@@ -112,8 +112,8 @@ impl Fit {
             };
             let witnesses = if photos.len() < self.photos() { WITNESSES } else { 1 };
             let all = reasons((&found, witnesses), &part, rules, &self.neighbors());
-            // Where a photo is alone with all of its part of the scene, that part stays; large Gaussians that make up for
-            // each other seem harmful one by one, and stay as well.
+            // Where a photo is alone with all of its part of the scene, that part stays. Large Gaussians that make up
+            // for each other seem harmful one by one, and stay as well.
             let without = |kept: &[Reason]| all.iter().map(|reason| reason.filter(|r| !kept.contains(r))).collect();
             let not_lone: Vec<_> = without(&[Reason::Lone]);
             let not_harmful = without(&[Reason::Lone, Reason::Harmful]);
